@@ -1,0 +1,134 @@
+"""The cross-section: a polyline with named zones, and the measure lines across it.
+
+Points run from left to right with the air on the left of the direction of travel; vertical facings and
+overhangs are allowed. A vertex where the ground turns away by more than `SMOOTH_TURN_RAD` is a *corner* of
+the terrain; smaller turns are joints of a smooth surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+Array = np.ndarray
+
+SMOOTH_TURN_RAD = np.deg2rad(5.0)
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A checked cross-section.
+
+    Attributes
+    ----------
+    points_m : (n + 1, 2) vertices of the surface
+    zones : n zone names, one a facet
+    measure_lines : name -> (2, 2) end points
+
+    Raises ValueError on a zero-length facet, a self-crossing, a missing or empty zone name.
+    """
+
+    points_m: Array
+    zones: tuple[str, ...]
+    measure_lines: Mapping[str, Array] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        points_m: Sequence[Sequence[float]] | Array,
+        zones: Sequence[str],
+        measure_lines: Mapping[str, Sequence[Sequence[float]] | Array] | None = None,
+    ) -> None:
+        points = np.ascontiguousarray(points_m, float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            raise ValueError("points_m must be at least two [x, y] points")
+        if not np.isfinite(points).all():
+            raise ValueError("points_m must be finite numbers")
+        length = np.hypot(*np.diff(points, axis=0).T)
+        extent = float(np.ptp(points, axis=0).max())
+        if (length <= 1e-9 * extent).any():
+            i = int(np.argmin(length))
+            raise ValueError(f"facet {i} (from point {i} to point {i + 1}) has zero length")
+        if points[-1, 0] <= points[0, 0]:
+            raise ValueError("points_m must run from left to right (last x greater than first x)")
+        if len(zones) != len(points) - 1:
+            raise ValueError(f"zones must name every facet: {len(points) - 1} facets, {len(zones)} names")
+        for i, zone in enumerate(zones):
+            if not isinstance(zone, str) or not zone.strip():
+                raise ValueError(f"facet {i} has no zone name")
+        _refuse_crossing(points)
+        lines = {}
+        for name, ends in (measure_lines or {}).items():
+            line = np.asarray(ends, float)
+            if line.shape != (2, 2) or not np.isfinite(line).all() or np.allclose(line[0], line[1]):
+                raise ValueError(f"measure line {name} must be two different [x, y] points")
+            lines[name] = line
+        object.__setattr__(self, "points_m", points)
+        object.__setattr__(self, "zones", tuple(zones))
+        object.__setattr__(self, "measure_lines", lines)
+
+    @cached_property
+    def zone_names(self) -> tuple[str, ...]:
+        """Distinct zone names in order of first appearance; an index into it is a zone id."""
+        return tuple(dict.fromkeys(self.zones))
+
+    @cached_property
+    def zone_ids(self) -> Array:
+        """(n,) zone id of each facet."""
+        return np.array([self.zone_names.index(z) for z in self.zones], np.int64)
+
+    @cached_property
+    def tangents(self) -> Array:
+        """(n, 2) unit vectors along the facets."""
+        edge = np.diff(self.points_m, axis=0)
+        return edge / np.hypot(*edge.T)[:, None]
+
+    @cached_property
+    def normals(self) -> Array:
+        """(n, 2) unit normals, out of the ground."""
+        return np.column_stack([-self.tangents[:, 1], self.tangents[:, 0]])
+
+    @cached_property
+    def turns_rad(self) -> Array:
+        """(n + 1,) turning angle at each vertex, negative where the ground is convex; 0 at the two ends."""
+        before, after = self.tangents[:-1], self.tangents[1:]
+        cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+        return np.concatenate([[0.0], np.arctan2(cross, (before * after).sum(axis=1)), [0.0]])
+
+    def height_m(self, x_m: Array) -> Array:
+        """Highest surface height at positions `x_m`; NaN beside the cross-section."""
+        x = np.asarray(x_m, float)
+        height = np.full(x.shape, -np.inf)
+        for (x0, y0), (x1, y1) in zip(self.points_m[:-1], self.points_m[1:], strict=True):
+            inside = (x >= min(x0, x1)) & (x <= max(x0, x1))
+            y = np.full(x.shape, max(y0, y1)) if x0 == x1 else y0 + (x - x0) * (y1 - y0) / (x1 - x0)
+            height = np.where(inside, np.maximum(height, y), height)
+        return np.where(np.isfinite(height), height, np.nan)
+
+    def subdivided(self, pieces: int) -> Terrain:
+        """The same surface with each facet cut in `pieces` equal parts."""
+        step = np.arange(pieces) / pieces
+        start, edge = self.points_m[:-1], np.diff(self.points_m, axis=0)
+        points = (start[:, None] + step[None, :, None] * edge[:, None]).reshape(-1, 2)
+        zones = [z for z in self.zones for _ in range(pieces)]
+        return Terrain(np.vstack([points, self.points_m[-1]]), zones, self.measure_lines)
+
+
+def _refuse_crossing(points: Array) -> None:
+    import shapely
+
+    line = shapely.LineString(points)
+    if line.is_simple:
+        return
+    facets = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    tree = shapely.STRtree(facets)
+    for i, j in zip(*tree.query(facets, predicate="intersects"), strict=True):
+        if j > i + 1:
+            raise ValueError(f"the cross-section crosses itself: facets {i} and {j}")
+        if j == i + 1:
+            u, v = points[i + 1] - points[i], points[j + 1] - points[j]
+            if abs(u[0] * v[1] - u[1] * v[0]) <= 1e-12 * np.hypot(*u) * np.hypot(*v) and u @ v < 0:
+                raise ValueError(f"the cross-section folds back on itself: facets {i} and {j}")
+    raise ValueError("the cross-section crosses itself")

@@ -1,0 +1,134 @@
+"""The motion of one release as an engine left it: exact knots, impacts, the way it ended.
+
+Between two knots a block is either in flight (the ballistic parabola, exact) or in contact (cubic Hermite
+through positions and velocities of fine contact steps). Every engine returns tracks; sampling, measure lines,
+video and figures read them, so nothing downstream knows which engine ran.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+T, X, Y, THETA, VX, VY, OMEGA = range(7)
+STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+IMPACT_COLUMNS = (
+    "release", "block", "zone", "t_s", *STATE_NAMES,
+    "t_after_s", "x_after_m", "y_after_m", "theta_after_rad",
+    "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
+    "penetration_m", "force_N",
+)  # fmt: skip
+
+
+@dataclass
+class Track:
+    """One simulated release.
+
+    Attributes
+    ----------
+    knots : (n, 7) rows t_s, x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s; times never decrease (an
+        instantaneous rebound is two knots at one time)
+    flight : (n,) bool, True where the block flies freely from this knot to the next
+    impacts : one mapping an impact, keys of IMPACT_COLUMNS without release and block; an impact that had not
+        ended when the track stopped carries NaN after-values
+    stop : "rest" | "exit" (left the cross-section) | "time" (time limit)
+    energy_J : the audit's closing balance (see engines), empty if the engine keeps none
+    gravity_m_s2 : gravity that acted
+    """
+
+    release: int
+    block: str
+    knots: Array
+    flight: Array
+    impacts: list[dict[str, Any]]
+    stop: str
+    gravity_m_s2: float
+    energy_J: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last knot."""
+        return float(self.knots[-1, T])
+
+    def states(self, t_s: Array) -> Array:
+        """States at times `t_s`, shape (m, 6): x, y, theta, vx, vy, omega. Before the first knot the flight
+        is extended backwards; after the last the block stays where it stopped."""
+        t = np.asarray(t_s, float)
+        k = self.knots
+        if len(k) == 1:
+            out = np.repeat(k[:, 1:], t.size, axis=0)
+            out[:, 3:] = np.where((t > k[0, T])[:, None], 0.0, out[:, 3:])
+            return out
+        i = np.clip(np.searchsorted(k[:, T], t, side="right") - 1, 0, len(k) - 2)
+        a, b = k[i], k[i + 1]
+        return np.where(
+            (t > k[-1, T])[:, None],
+            np.concatenate([k[-1, 1:4], np.zeros(3)]),
+            np.where(
+                self.flight[i][:, None], ballistic(a, t - a[:, T], self.gravity_m_s2), _hermite(a, b, t)
+            ),
+        )
+
+    def crossings(self, line: Array) -> Array:
+        """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time."""
+        origin, along = line[0], line[1] - line[0]
+        normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+        side = (self.knots[:, 1:3] - origin) @ normal
+        found: list[Array] = []
+        for i in range(len(self.knots) - 1):
+            a, b = self.knots[i], self.knots[i + 1]
+            span = b[T] - a[T]
+            if span <= 0:
+                continue
+            if self.flight[i]:
+                times = _roots(-0.5 * self.gravity_m_s2 * normal[1], a[4:6] @ normal, side[i], span)
+                states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
+            elif side[i] * side[i + 1] < 0 or (side[i] == 0 != side[i + 1]):
+                times = [span * side[i] / (side[i] - side[i + 1])]
+                states = _hermite(a[None], b[None], np.array(times) + a[T])
+            else:
+                continue
+            for tau, state in zip(times, states, strict=True):
+                at = (state[:2] - origin) @ along / (along @ along)
+                if 0.0 <= at <= 1.0:
+                    found.append(np.concatenate([[a[T] + tau], state]))
+        return np.array(found).reshape(-1, 7)
+
+
+def ballistic(knot: Array, tau_s: Array, gravity_m_s2: float) -> Array:
+    """States (m, 6) a time `tau_s` (m,) after `knot` (m, 7) in free flight: x + v t - g t²/2, exact."""
+    tau = np.asarray(tau_s, float)[:, None]
+    out = np.empty((len(knot), 6))
+    out[:, :3] = knot[:, 1:4] + knot[:, 4:7] * tau
+    out[:, 3:] = knot[:, 4:7]
+    out[:, 1] -= 0.5 * gravity_m_s2 * tau[:, 0] ** 2
+    out[:, 4] -= gravity_m_s2 * tau[:, 0]
+    return out
+
+
+def _hermite(a: Array, b: Array, t: Array) -> Array:
+    span = np.where(b[:, T] > a[:, T], b[:, T] - a[:, T], 1.0)[:, None]
+    s = (t - a[:, T])[:, None] / span
+    p, q, v, w = a[:, 1:4], b[:, 1:4], a[:, 4:7] * span, b[:, 4:7] * span
+    pos = (
+        p * (1 + 2 * s) * (1 - s) ** 2 + v * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + w * s * s * (s - 1)
+    )
+    vel = ((q - p) * 6 * s * (1 - s) + v * (1 - s) * (1 - 3 * s) + w * s * (3 * s - 2)) / span
+    return np.concatenate([pos, vel], axis=1)
+
+
+def _roots(a: float, b: float, c: float, span: float) -> list[float]:
+    """Roots of a t² + b t + c in (0, span], in order; stable for small a."""
+    if a == 0.0:
+        roots = [] if b == 0.0 else [-c / b]
+    else:
+        disc = b * b - 4 * a * c
+        if disc <= 0.0:
+            return []
+        q = -0.5 * (b + np.copysign(np.sqrt(disc), b))
+        roots = sorted([q / a, c / q] if q != 0.0 else [0.0])
+    return [float(r) for r in roots if 0.0 < r <= span]

@@ -54,6 +54,13 @@ class Track:
         """Time of the last knot."""
         return float(self.knots[-1, T])
 
+    def shift_time(self, offset_s: float) -> None:
+        """Put the track on another clock: all times + `offset_s`."""
+        self.knots[:, T] += offset_s
+        for impact in self.impacts:
+            impact["t_s"] += offset_s
+            impact["t_after_s"] += offset_s
+
     def states(self, t_s: Array) -> Array:
         """States at times `t_s`, shape (m, 6): x, y, theta, vx, vy, omega. Before the first knot the flight
         is extended backwards; after the last the block stays where it stopped."""
@@ -66,7 +73,7 @@ class Track:
         i = np.clip(np.searchsorted(k[:, T], t, side="right") - 1, 0, len(k) - 2)
         a, b = k[i], k[i + 1]
         return np.where(
-            (t > k[-1, T])[:, None],
+            (t >= k[-1, T])[:, None],
             np.concatenate([k[-1, 1:4], np.zeros(3)]),
             np.where(
                 self.flight[i][:, None], ballistic(a, t - a[:, T], self.gravity_m_s2), _hermite(a, b, t)

@@ -1,0 +1,277 @@
+"""YAML to a checked model, with the place of every mistake.
+
+The file is composed to nodes only (no tag ever builds an object), so that each key and value keeps its line
+and column; pydantic checks the plain data, and its first complaint becomes one `InputError`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from rock2d.errors import InputError
+
+MAX_NODES = 500_000  # aliases of aliases can blow up a small file
+SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
+Path_ = tuple[str | int, ...]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Checked(BaseModel):
+    """A mapping of known keys, others refused; booleans, texts, nan and inf are not numbers."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: Any) -> Any:
+        if isinstance(data, dict) and cls.model_config.get("extra") == "forbid":
+            free = [key for key in cls.model_fields if key not in data]
+            for key in data:
+                if key not in cls.model_fields:
+                    known = ", ".join(cls.model_fields)
+                    raise mistake(f"unknown key{did_you_mean(key, free)}; known keys: {known}", key, at="key")
+        return data
+
+
+class Table(Checked):
+    """A mapping from names to values in which the name `default` must stand; every other name is free."""
+
+    model_config = ConfigDict(extra="allow")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_default(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "default" not in data:
+            for key in data:
+                if did_you_mean(key, ["default"]):
+                    raise mistake("unknown name; expected 'default' (did you mean 'default'?)", key, at="key")
+        return data
+
+    def named(self) -> dict[str, Any]:
+        """All entries, `default` first."""
+        return {"default": getattr(self, "default"), **(self.__pydantic_extra__ or {})}  # noqa: B009
+
+
+def mistake(message: str, *path: str | int, at: str = "value") -> PydanticCustomError:
+    """An error for a validator to raise: `path` leads from the model to the key that is wrong."""
+    return PydanticCustomError("mistake", "{message}", {"message": message, "path": path, "at": at})
+
+
+def did_you_mean(word: object, choices: Iterable[str]) -> str:
+    """ " (did you mean 'x'?)" for the choice closest to `word`, or an empty text if none is close."""
+    from rapidfuzz import fuzz, process
+
+    best = process.extract(
+        str(word), list(choices), scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1
+    )
+    return f" (did you mean {best[0][0]!r}?)" if best else ""
+
+
+def shown(value: object) -> str:
+    """A value as an error message quotes it: short, on one line."""
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value) if abs(value) < 10**50 else "a huge number"
+    text = f"{value:.12g}" if isinstance(value, float) else repr(str(value))
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Document:
+    """A YAML file as plain data that knows where each key and value stands.
+
+    Attributes
+    ----------
+    file : the path as the user gave it
+    data : dicts, lists, str, int, float, bool and None
+    """
+
+    def __init__(self, file: str | Path) -> None:
+        self.file = Path(file)
+        self._keys: dict[Path_, tuple[int, int]] = {}
+        self._values: dict[Path_, tuple[int, int]] = {(): (1, 1)}
+        self.data = self._read(read_text(self.file))
+
+    def error(self, message: str, *path: str | int, at: str = "value") -> InputError:
+        """An `InputError` at the value (or the key, `at="key"`) under `path`, or its nearest parent."""
+        for n in range(len(path), -1, -1):
+            own = path[:n]
+            place = self._keys.get(own) if at == "key" else self._values.get(own)
+            place = place or self._values.get(own)
+            if place:
+                break
+        dotted = ".".join(map(str, path))
+        return InputError(f"{dotted}: {message}" if dotted else message, self.file, *(place or (1, 1)))
+
+    def check(self, model: type[Model]) -> Model:
+        """The data as `model`; raises `InputError` on the first mistake (missing keys come last)."""
+        try:
+            return model.model_validate(self.data)
+        except ValidationError as error:
+            raise self._first(error) from None
+
+    def _first(self, error: ValidationError) -> InputError:
+        found = []
+        for item in error.errors(include_url=False):
+            path, value = self._locate(item["loc"])
+            context = item.get("ctx", {})
+            if item["type"] == "mistake":
+                path += tuple(context["path"])
+                problem = self.error(context["message"], *path, at=context["at"])
+            elif item["type"] == "missing":
+                problem = self.error(f"missing key {item['loc'][-1]!r}", *path, at="key")
+            else:
+                problem = self.error(_in_words(item["type"], item["msg"], context, value), *path)
+            found.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
+        return min(found, key=lambda entry: entry[:3])[3]
+
+    def _locate(self, loc: Path_) -> tuple[Path_, Any]:
+        """Path into the data for a pydantic location, which also holds the tags of unions."""
+        path, here = [], self.data
+        for step in loc:
+            if (isinstance(here, dict) and step in here) or (
+                isinstance(here, list) and isinstance(step, int) and step < len(here)
+            ):
+                here = here[step]  # type: ignore[index]
+                path.append(step)
+        return tuple(path), here
+
+    def _read(self, text: str) -> Any:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import MarkedYAMLError, YAMLError
+        from ruamel.yaml.reader import ReaderError
+
+        yaml = YAML(typ="safe", pure=True)
+        try:
+            root = yaml.compose(text)
+            if root is None:
+                raise InputError("the file is empty; expected keys and values", self.file, 1, 1)
+            return self._plain(root, (), (), yaml)
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+            what = " ".join(str(part) for part in (error.context, error.problem) if part)
+            raise InputError(f"not YAML: {what}", self.file, *place) from None
+        except ReaderError as error:
+            place = _place_in(text, error.position)
+            raise InputError("not YAML: a character that YAML does not allow", self.file, *place) from None
+        except RecursionError:
+            raise InputError("nested too deeply", self.file, 1, 1) from None
+        except (
+            YAMLError,
+            ArithmeticError,
+            AssertionError,
+            AttributeError,
+            LookupError,
+            TypeError,
+            ValueError,
+        ):
+            # the parser's own slips on garbage
+            raise InputError("not YAML that can be read", self.file, 1, 1) from None
+
+    def _plain(self, node: Any, path: Path_, above: tuple[int, ...], yaml: Any) -> Any:
+        line, column = node.start_mark.line + 1, node.start_mark.column + 1
+        self._values[path] = (line, column)
+        if id(node) in above:
+            raise InputError("an alias that contains itself", self.file, line, column)
+        if len(self._values) > MAX_NODES:
+            raise InputError(f"more than {MAX_NODES} values", self.file, line, column)
+        kind = str(node.tag).removeprefix("tag:yaml.org,2002:")
+        above = (*above, id(node))
+        if kind == "seq":
+            return [self._plain(item, (*path, i), above, yaml) for i, item in enumerate(node.value)]
+        if kind == "map":
+            out: dict[str, Any] = {}
+            for key_node, value_node in node.value:
+                place = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
+                key = key_node.value
+                if not isinstance(key, str):
+                    raise InputError("a key must be a single word", self.file, *place)
+                if key in out:
+                    first = self._keys[(*path, key)][0]
+                    message = f"key {shown(key)} stands twice (first in line {first})"
+                    raise InputError(message, self.file, *place)
+                self._keys[(*path, key)] = place
+                out[key] = self._plain(value_node, (*path, key), above, yaml)
+            return out
+        if not isinstance(node.value, str) or kind not in SCALARS:
+            raise InputError(f"tag {shown(str(node.tag))} is not allowed here", self.file, line, column)
+        if kind == "null":
+            return None
+        try:
+            if kind == "bool":
+                return yaml.constructor.construct_yaml_bool(node)
+            if kind == "int":
+                return yaml.constructor.construct_yaml_int(node)
+            if kind == "float":
+                return yaml.constructor.construct_yaml_float(node)
+        except (ValueError, KeyError, ArithmeticError):
+            raise InputError(f"{shown(node.value)} is not a {kind}", self.file, line, column) from None
+        return node.value
+
+
+def _in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
+    """Pydantic's complaint in the form "expected ..., found ..."."""
+    found = shown(value)
+    if kind == "float_type":
+        hint = "; write it without quotes" if isinstance(value, str) and _is_number(value) else ""
+        return f"expected a number, found {found}{hint}"
+    if kind in ("int_type", "int_from_float"):
+        return f"expected a whole number, found {found}"
+    if kind == "finite_number":
+        return f"expected a finite number, found {found}"
+    if kind == "bool_type":
+        return f"expected true or false, found {found}"
+    if kind == "string_type":
+        hint = "; put it in quotes" if isinstance(value, (int, float)) else ""
+        return f"expected text, found {found}{hint}"
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return f"expected a mapping (key: value), found {found}"
+    if kind == "list_type":
+        return f"expected a list, found {found}"
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
+        return f"expected {context.get('expected')}, found {found}{did_you_mean(value, choices)}"
+    if kind == "string_pattern_mismatch":
+        return f"expected a name of letters, digits, '_', '-' and '.', found {found}"
+    expected = re.sub(r"^(Input|Value|List|Dictionary|String) should (be|have)", r"expected", message)
+    return re.sub(r" after validation, not \d+$", "", expected) + f", found {found}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def read_text(file: str | Path) -> str:
+    """The text of a UTF-8 file; raises `InputError` if it is absent, no plain file or not UTF-8."""
+    try:
+        raw = Path(file).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", file) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        place = _place_in(raw[: error.start].decode("utf-8", "replace"), None)
+        raise InputError(f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place) from None
+
+
+def _place_in(text: str, position: int | None) -> tuple[int, int]:
+    before = text[:position]
+    return before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1

@@ -1,0 +1,392 @@
+"""The reference engine: blocks and cross-section as pymunk bodies, the contact law in collision handlers.
+
+What pymunk does: it holds the bodies and shapes, finds which facets a block comes near, and steps. What is
+replaced: its impulses (`process_collision = False`), by the elasto-plastic law, and its first-order
+integration of gravity, by the exact parabola. The handler only records the facets met; forces are then applied
+once a step, in a fixed order, so that a run is bit-identical wherever it runs. Exceptions inside callbacks,
+which pymunk swallows, are kept and raised after the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pymunk
+
+from rock2d.blocks import Block
+from rock2d.contact import ContactParameters, parameter_table
+from rock2d.engines import stepper
+from rock2d.geometry import block_arrays, terrain_arrays
+from rock2d.terrain import Terrain
+from rock2d.track import STATE_NAMES, Track
+
+BLOCK, GROUND = 1, 2
+MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
+EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
+LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
+
+# At rest: in contact for REST_WINDOW √(radius/g), within REST_BOX radii, dissipating less than REST_LOSS m g r.
+# The law has no damping below its thresholds, so what remains is an elastic tremor that goes on for ever.
+REST_WINDOW, REST_BOX, REST_LOSS = 2.0, 0.2, 1.0e-3
+
+
+PRESSED = 1e-6  # of the impact's peak force: below it the ground no longer presses
+
+
+class Knot(NamedTuple):
+    """State at one instant; sum of normal forces and largest penetration of the active contacts."""
+
+    time: float
+    q: np.ndarray
+    active: int = 0
+    force: float = 0.0
+    depth: float = 0.0
+
+
+class CallbackError(RuntimeError):
+    """An exception inside a pymunk callback, raised again where it can be seen."""
+
+
+class PymunkRelease:
+    """One block falling onto one cross-section in a pymunk space.
+
+    `state` is (x, y, θ, vx, vy, ω) in SI. A block that starts inside the ground is taken to be seated: its
+    contacts begin without force at the depth they have.
+    """
+
+    def __init__(
+        self,
+        block: Block,
+        terrain: Terrain,
+        parameters: Mapping[str, ContactParameters] | ContactParameters,
+        state: np.ndarray,
+        *,
+        gravity_m_s2: float = 9.81,
+        contact_step_s: float | None = None,
+    ) -> None:
+        self.block, self.terrain = block, terrain
+        self.gravity = float(gravity_m_s2)
+        self.table = parameter_table(parameters, terrain.zone_names)
+        self.contact_step = contact_step_s or stepper.contact_step_s(block, self.table)
+        self.q = np.array(state, float)
+        if self.q.shape != (6,) or not np.isfinite(self.q).all():
+            raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
+        self.time = 0.0
+        self.audit = np.zeros(3)
+        self._block, self._terrain = block_arrays(block), terrain_arrays(terrain, 10 * block.radius_m)
+        self._slots = stepper.new_slots(block)
+        found = stepper.new_slots(block)
+        self._scratch = (*found, stepper.scratch(stepper.slot_count(block)))
+        self._near: list[int] = []
+        self._met: list[int] = []
+        self._error: BaseException | None = None
+        self._kinks: list[Knot] = []
+        self._build_space()
+        self._start = self.mechanical_energy_J()
+        self._feel_ground()
+
+    def _build_space(self) -> None:
+        margin = MARGIN * self.block.radius_m
+        space = pymunk.Space()
+        space.collision_slop = 0.0
+        points = [tuple(map(float, p)) for p in self._terrain.points]
+        self._facet_of: dict[pymunk.Shape, int] = {}
+        for i, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):
+            facet = pymunk.Segment(space.static_body, a, b, margin)
+            facet.collision_type = GROUND
+            self._facet_of[facet] = i
+        body = pymunk.Body(self.block.mass_kg, self.block.inertia_kg_m2)
+        shape: pymunk.Shape
+        if self.block.shape == "circle":
+            shape = pymunk.Circle(body, self.block.radius_m)
+        else:
+            shape = pymunk.Poly(body, [tuple(map(float, p)) for p in self.block.outline()])
+        shape.collision_type = BLOCK
+        shape.filter = pymunk.ShapeFilter(group=1)
+        body.position_func = self._guarded(self._move)
+        body.velocity_func = self._guarded(self._set_velocity)
+        space.add(body, shape, *self._facet_of)
+        space.on_collision(BLOCK, GROUND, pre_solve=self._guarded(self._meet))
+        self.space, self.body, self._shape = space, body, shape
+        self._write_body()
+
+    # what pymunk calls back -------------------------------------------------------------------------------
+
+    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        def call(*args: Any) -> None:
+            try:
+                callback(*args)
+            except BaseException as error:  # pymunk would swallow it
+                self._error = self._error or error
+
+        return call
+
+    def _meet(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        """Handler of block against facet: no impulse of pymunk's, only note which facet is near."""
+        arbiter.process_collision = False
+        self._met.append(self._facet_of[arbiter.shapes[1]])
+
+    def _move(self, body: pymunk.Body, dt: float) -> None:
+        """Position update: the parabola in flight, the contact law near the ground."""
+        if self._near:
+            self._advance_contact(dt)
+        else:
+            q, g = self.q, self.gravity
+            q[0] += q[3] * dt
+            q[1] += q[4] * dt - 0.5 * g * dt * dt
+            q[2] += q[5] * dt
+            q[4] -= g * dt
+        if not np.isfinite(self.q).all():
+            raise FloatingPointError(f"the state is no longer finite at t = {self.time:.6f} s: {self.q}")
+        body.position = float(self.q[0]), float(self.q[1])
+        body.angle = float(self.q[2])
+
+    def _set_velocity(self, body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
+        """Velocity update: what the law and gravity left, nothing of the solver's."""
+        body.velocity = float(self.q[3]), float(self.q[4])
+        body.angular_velocity = float(self.q[5])
+
+    # ------------------------------------------------------------------------------------------------------
+
+    def _write_body(self) -> None:
+        self.body.position = float(self.q[0]), float(self.q[1])
+        self.body.angle = float(self.q[2])
+        self.body.velocity = float(self.q[3]), float(self.q[4])
+        self.body.angular_velocity = float(self.q[5])
+
+    def _feel_ground(self) -> None:
+        """Facets near the starting pose, asked of pymunk, and the depths of the contact points there."""
+        self.space.reindex_shapes_for_body(self.body)
+        near = [self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape]
+        self._near = sorted(near)
+        if near:
+            ints, reals = self._slots
+            found_i, found_r, _ = self._scratch
+            stepper.begin(
+                self.q, min(near), max(near) + 1, self._terrain, self._block, ints, reals, found_i, found_r
+            )
+
+    def _advance_contact(self, dt: float) -> None:
+        ints, reals = self._slots
+        gone = 0.0
+        while dt - gone > 1e-12 * dt:
+            gone += stepper.step(
+                self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._terrain, self._block,
+                self.table, ints, reals, *self._scratch, self.audit,
+            )  # fmt: skip
+            self._kinks.append(self.knot_now()._replace(time=self.time + gone))
+
+    def stride(self) -> float:
+        """The longest step in s that cannot pass through the ground unseen."""
+        if self._near:
+            return self.contact_step * self._ease()
+        limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
+        margin = MARGIN * self.block.radius_m
+        speed = math.hypot(self.q[3], self.q[4])
+        far = limit * (speed + 0.5 * self.gravity * limit) + 2 * self.block.radius_m
+        hit = self.space.point_query_nearest((self.q[0], self.q[1]), far, pymunk.ShapeFilter(group=1))
+        if hit is None:
+            return limit
+        # distance to the facets' margin, less a tenth of it: the handler must see the block in time
+        clear = hit.distance - self.block.radius_m + 0.9 * margin
+        if clear <= 0:
+            return self.contact_step
+        g = max(self.gravity, 1e-9)
+        return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
+
+    def _ease(self) -> float:
+        """Factor (1 to EASE_LIMIT) by which a contact step may grow as the motion dies down.
+
+        The scheme's energy error is of order energy × step⁴, so a step ∝ energy^(-1/4) keeps it constant.
+        """
+        q = self.q
+        moving = self.block.mass_kg * (q[3] ** 2 + q[4] ** 2) + self.block.inertia_kg_m2 * q[5] ** 2
+        energy = 0.5 * moving + stepper.stored_energy(*self._slots, self.table)
+        if energy <= 0:
+            return EASE_LIMIT
+        return float(min(EASE_LIMIT, max(1.0, (self._start["kinetic"] / energy) ** 0.25)))
+
+    def step(self) -> list[Knot]:
+        """One pymunk step. Returns the knots at its end and at the kinks of the law within it.
+
+        Raises CallbackError from whatever failed inside a pymunk callback.
+        """
+        dt = self.stride()
+        self._met.clear()
+        self._kinks.clear()
+        self.space.step(dt)
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
+        knots = self._kinks.copy() or [Knot(self.time + dt, self.q.copy())]
+        self.time += dt
+        self._near = sorted(set(self._met))
+        return knots
+
+    @property
+    def flying(self) -> bool:
+        """No facet near: the next step is a free flight."""
+        return not self._near
+
+    def pressure(self) -> tuple[float, float, int]:
+        """(sum of normal forces in N, largest penetration in m, active contacts) now."""
+        return stepper.pressure(*self._slots, self.table)
+
+    def knot_now(self) -> Knot:
+        """The present state as a knot."""
+        force, depth, active = self.pressure()
+        return Knot(self.time, self.q.copy(), active, force, depth)
+
+    def first_zone(self) -> str:
+        """Zone of the first active contact."""
+        ints, _ = self._slots
+        active = np.flatnonzero(ints[:, stepper.ACTIVE])
+        return self.terrain.zone_names[ints[active[0], stepper.ZONE]] if len(active) else ""
+
+    def mechanical_energy_J(self) -> dict[str, float]:
+        """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
+        m, q = self.block.mass_kg, self.q
+        return {
+            "kinetic": 0.5 * m * float(q[3] ** 2 + q[4] ** 2)
+            + 0.5 * self.block.inertia_kg_m2 * float(q[5] ** 2),
+            "potential": m * self.gravity * float(q[1]),
+            "elastic": float(stepper.stored_energy(*self._slots, self.table)),
+            "plastic": float(self.audit[stepper.PLASTIC]),
+            "friction": float(self.audit[stepper.FRICTION]),
+            "rolling": float(self.audit[stepper.ROLLING]),
+        }
+
+    def energy_balance(self) -> dict[str, float]:
+        """The audit: every share now, `initial` (kinetic, and potential above the lowest ground), `residual`.
+
+        residual = sum of all shares now - sum at the start; 0 if the audit closes.
+        """
+        now = self.mechanical_energy_J()
+        lowest = self.block.mass_kg * self.gravity * float(self.terrain.points_m[:, 1].min())
+        initial = self._start["kinetic"] + self._start["potential"] - lowest
+        return {**now, "initial": initial, "residual": sum(now.values()) - sum(self._start.values())}
+
+
+def run_pymunk(
+    block: Block,
+    terrain: Terrain,
+    parameters: Mapping[str, ContactParameters] | ContactParameters,
+    state: np.ndarray,
+    *,
+    release: int = 0,
+    gravity_m_s2: float = 9.81,
+    time_limit_s: float = 5.0,
+    contact_step_s: float | None = None,
+    impact_limit: int | None = None,
+) -> Track:
+    """Run one release until it rests, leaves the cross-section, or the time is over.
+
+    Parameters
+    ----------
+    parameters : contact law by zone, key "default" for the rest
+    state : (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s at t = 0
+    contact_step_s : contact step; default 1/20 rad of the stiffest contact oscillation
+    impact_limit : stop at the end of this many impacts
+
+    Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
+    """
+    sim = PymunkRelease(
+        block, terrain, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
+    )
+    radius = block.radius_m
+    scale = math.sqrt(radius / max(gravity_m_s2, 1e-9))
+    loss_limit = REST_LOSS * block.mass_kg * gravity_m_s2 * radius
+    x_exit = (terrain.points_m[0, 0], terrain.points_m[-1, 0])
+    knots: list[np.ndarray] = []
+    flight: list[bool] = []
+    log = _ImpactLog(sim)
+    log.add(sim.knot_now())
+    knots.append(np.concatenate([[0.0], sim.q]))
+    watch: list[float] = []  # start time, dissipation, x and y bounds of the present stay in contact
+    stop = "time"
+    while sim.time < time_limit_s:
+        free = sim.flying
+        for knot in sim.step():
+            flight.append(free or (knot.active == 0 and not log.open))
+            knots.append(np.concatenate([[knot.time], knot.q]))
+            log.add(knot)
+        x, y = sim.q[0], sim.q[1]
+        if not x_exit[0] <= x <= x_exit[1]:
+            stop = "exit"
+            break
+        if impact_limit is not None and len(log.impacts) >= impact_limit:
+            stop = "impacts"
+            break
+        lost = float(sim.audit.sum())
+        if not log.open:
+            watch = []
+        elif not watch:
+            watch = [sim.time, lost, x, x, y, y]
+        else:
+            watch[2:] = [min(watch[2], x), max(watch[3], x), min(watch[4], y), max(watch[5], y)]
+            if sim.time - watch[0] > REST_WINDOW * scale:
+                box = max(watch[3] - watch[2], watch[5] - watch[4])
+                if box < REST_BOX * radius and lost - watch[1] < loss_limit:
+                    stop = "rest"
+                    break
+                watch = []
+    log.close()
+    flight.append(True)
+    return Track(
+        release,
+        block.name,
+        np.array(knots),
+        np.array(flight),
+        log.impacts,
+        stop,
+        gravity_m_s2,
+        sim.energy_balance(),
+    )
+
+
+class _ImpactLog:
+    """Cuts the knots of a run into impacts.
+
+    An impact begins at the first touch and ends when the ground last presses before the block is clear of it
+    (not when it has climbed out of its own crater: gravity acts meanwhile, the law does not).
+    """
+
+    def __init__(self, sim: PymunkRelease) -> None:
+        self.sim = sim
+        self.impacts: list[dict[str, Any]] = []
+        self.open: dict[str, Any] | None = None
+        self._left: Knot | None = None  # where the ground ceased to press, unless it presses again
+
+    def add(self, knot: Knot) -> None:
+        if self.open is None:
+            if knot.active:
+                self.open = {"zone": self.sim.first_zone(), "t_s": knot.time}
+                self.open.update(zip(STATE_NAMES, map(float, knot.q), strict=True))
+                self.open.update(penetration_m=0.0, force_N=0.0)
+                self._left = None
+            return
+        self.open["penetration_m"] = max(self.open["penetration_m"], knot.depth)
+        self.open["force_N"] = max(self.open["force_N"], knot.force)
+        if knot.force > PRESSED * self.open["force_N"]:
+            self._left = None
+        elif self._left is None:
+            self._left = knot
+        if not knot.active:
+            self._end(self._left)
+
+    def close(self) -> None:
+        """The run is over: an impact that still presses has no state after."""
+        if self.open is not None:
+            self._end(self._left)
+
+    def _end(self, knot: Knot | None) -> None:
+        assert self.open is not None
+        values = [np.nan] * 7 if knot is None else [knot.time, *map(float, knot.q)]
+        for name, value in zip(("t_s", *STATE_NAMES), values, strict=True):
+            stem, _, unit = name.partition("_")
+            self.open[f"{stem}_after_{unit}"] = value
+        self.impacts.append(self.open)
+        self.open = None

@@ -1,0 +1,69 @@
+"""Folders: results that are either whole or not there, and paths that stay inside."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from rock2d.errors import InputError
+
+RESULT_MARKER = "rock2d_result.json"  # tells a result, which may be replaced, from anything else
+
+
+@contextmanager
+def atomic_folder(path: str | Path) -> Iterator[Path]:
+    """Give a temporary sibling folder to write into; it becomes `path` only if the block ends without error.
+
+    An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else
+    is refused with `InputError` at once. After an error or an interrupt `path` is as it was.
+    """
+    target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
+    if target.is_symlink() or (target.exists() and not target.is_dir()):
+        raise InputError("exists and is not a folder; choose another output folder", path)
+    if target.is_dir() and any(target.iterdir()) and not (target / RESULT_MARKER).is_file():
+        raise InputError("exists and is no rock2d result; choose another output folder", path)
+    token = secrets.token_hex(4)
+    partial = target.with_name(f".{target.name}.partial-{token}")
+    try:
+        partial.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", path) from None
+    try:
+        yield partial
+        (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
+        replaced = target.with_name(f".{target.name}.replaced-{token}")
+        if target.exists():
+            target.rename(replaced)
+        try:
+            partial.rename(target)
+        except BaseException:
+            if replaced.exists():
+                replaced.rename(target)
+            raise
+        shutil.rmtree(replaced, ignore_errors=True)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def path_inside(folder: str | Path, relative: str) -> Path:
+    """`folder`/`relative`; ValueError if that leaves `folder` (by "..", an absolute path or a link)."""
+    pure, windows = PurePosixPath(relative), PureWindowsPath(relative)
+    if not relative.strip() or "\0" in relative:
+        raise ValueError(f"expected a path inside {folder}, found {relative!r}")
+    if pure.is_absolute() or windows.drive or windows.root:
+        raise ValueError(f"expected a relative path inside {folder}, found an absolute one")
+    if ".." in pure.parts or ".." in windows.parts:
+        raise ValueError(f"expected a path inside {folder}, found '..'")
+    root = Path(folder).resolve()
+    try:
+        inside = (root / relative).resolve().is_relative_to(root)
+    except (OSError, RuntimeError):
+        inside = False
+    if not inside:
+        raise ValueError(f"expected a path inside {folder}, found a link that leads out of it")
+    return Path(folder) / relative

@@ -1,0 +1,111 @@
+"""Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.blocks import Block
+from rock2d.terrain import Terrain
+
+if TYPE_CHECKING:
+    from rock2d.scenario import Scenario
+
+Array = np.ndarray
+
+CLEAR_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
+BREAK_SIGMA = 5.0  # a frame this far from the fitted flight ends it
+
+
+@dataclass(frozen=True)
+class Start:
+    """Start of one release: its number, block, time in s, state (6,) in SI, and the frames it was fitted to."""
+
+    release: int
+    block: str
+    t_s: float
+    state: Array
+    frames: int = 0
+
+
+def starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
+    """Starts of all releases of a scenario, block after block.
+
+    Each release draws from its own stream (SeedSequence with spawn key (0, block, i)), so a start does not
+    depend on how many releases there are.
+    """
+    if scenario.experiment is not None:
+        return measured_starts(scenario, releases)
+    count = releases or scenario.releases
+    out = []
+    for b, name in enumerate(scenario.make_blocks()):
+        incident = scenario.incident_of(name)
+        for i in range(count):
+            generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, b, i)))
+            out.append(Start(b * count + i, name, 0.0, incident.draw(generator)))
+    return out
+
+
+def measured_starts(scenario: Scenario, releases: int | None = None) -> list[Start]:
+    """Starts of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
+    experiment = scenario.experiment
+    assert experiment is not None and experiment.trajectories is not None
+    source = scenario.incident["default"].from_experiment
+    assert source is not None
+    blocks, terrain = scenario.make_blocks(), scenario.terrain()
+    rows = experiment.trajectories.dropna()
+    out, taken = [], dict.fromkeys(blocks, 0)
+    for release, film in rows.groupby("release", sort=True):
+        name = str(film["block"].iloc[0])
+        if taken[name] >= (releases or scenario.releases) or len(film) < 3:
+            continue
+        taken[name] += 1
+        frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
+        sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
+        state, used = fit_first_flight(frames, blocks[name], terrain, experiment.gravity_m_s2, sigma)
+        out.append(Start(int(str(release)), name, float(frames[0, 0]), state, used))
+    return out
+
+
+def fit_first_flight(
+    frames: Array, block: Block, terrain: Terrain, gravity_m_s2: float, sigma: tuple[float, float]
+) -> tuple[Array, int]:
+    """State (6,) at the first of `frames` (n, 4: t, x, y, theta) and the number of frames that were used.
+
+    Least squares of free flight, x + v t - g t²/2 and θ + ω t, over the leading frames in which the block is
+    clear of the ground and which still lie on that flight (within BREAK_SIGMA of `sigma`: position in m, angle
+    in rad). A film that starts on the ground is fitted to its first three frames.
+    """
+    t = frames[:, 0] - frames[0, 0]
+    q = frames[:, 1:].copy()
+    q[:, 2] = np.unwrap(q[:, 2])
+    flat = q.copy()
+    flat[:, 1] += 0.5 * gravity_m_s2 * t**2
+    noise = np.maximum([sigma[0], sigma[0], sigma[1]], 1e-9)
+    count = 3
+    while count < len(t) and _clear(q[count], block, terrain, CLEAR_SIGMA * noise[0]):
+        guess, covariance = _line(t[:count], flat[:count])
+        spread = np.sqrt(1 + covariance[0, 0] + 2 * t[count] * covariance[0, 1] + t[count] ** 2 * covariance[1, 1])
+        miss = flat[count] - guess[0] - guess[1] * t[count]
+        if (np.abs(miss) > BREAK_SIGMA * noise * spread).any():
+            break
+        count += 1
+    fit, _ = _line(t[:count], flat[:count])
+    return fit.reshape(-1), count
+
+
+def _line(t: Array, values: Array) -> tuple[Array, Array]:
+    """Least-squares (2, k) intercepts and slopes, and their (2, 2) covariance for unit noise."""
+    design = np.column_stack([np.ones_like(t), t])
+    covariance = np.linalg.inv(design.T @ design)
+    return covariance @ design.T @ values, covariance
+
+
+def _clear(pose: Array, block: Block, terrain: Terrain, margin_m: float) -> bool:
+    import shapely
+
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    outline = block.outline() @ np.array([[c, s], [-s, c]]) + pose[:2]
+    return bool(shapely.Polygon(outline).distance(shapely.LineString(terrain.points_m)) > margin_m)

@@ -1,0 +1,75 @@
+"""A video file, written whole or not at all (VP9 in WebM, which browsers play; MPEG-4 if asked by suffix)."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from rock2d.errors import InputError
+
+Array = np.ndarray
+Progress = Callable[[int, int], None]
+
+_CODECS = {".webm": ("VP90", "VP9"), ".mp4": ("mp4v", "MPEG-4")}
+
+
+def write_video(
+    path: str | Path,
+    frames: Iterable[Array],
+    count: int,
+    fps: float,
+    size_px: tuple[int, int],
+    progress: Progress | None = None,
+) -> Path:
+    """Write `count` BGR `frames` (height, width, 3) of `size_px` (width, height) and return the path.
+
+    Written beside `path` and renamed at the end. Raises InputError if the suffix is neither .webm nor .mp4,
+    or the codec is missing from this OpenCV.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in _CODECS:
+        raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
+    code, codec = _CODECS[suffix]
+    other = next(s for s in _CODECS if s != suffix)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # the container is chosen by the suffix, so the unfinished file keeps it
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{suffix}")
+    writer = None
+    try:
+        writer = _opened(part, code, fps, size_px)
+        if not writer.isOpened():
+            raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
+        for done, frame in enumerate(frames, 1):
+            writer.write(frame)
+            if progress:
+                progress(done, count)
+        writer.release()
+        if not part.exists() or part.stat().st_size == 0:
+            raise InputError(f"{path}: nothing could be written")
+        os.replace(part, path)
+    finally:
+        if writer is not None:
+            writer.release()
+        part.unlink(missing_ok=True)
+    return path
+
+
+def _opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
+    """A writer, opened with stderr away: OpenCV prints a needless warning on the tag of VP9 in WebM, and on a
+    missing codec a page of them; `isOpened` tells all there is to tell."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        size = (int(size_px[0]), int(size_px[1]))
+        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), float(fps), size)
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

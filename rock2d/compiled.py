@@ -37,6 +37,6 @@ def _cache_folder() -> Path:
 
 if "NUMBA_CACHE_DIR" not in os.environ:
     with contextlib.suppress(OSError):  # nowhere to write: numba falls back to its own default
-        numba.config.CACHE_DIR = str(_cache_folder())
+        setattr(numba.config, "CACHE_DIR", str(_cache_folder()))  # noqa: B010 (numba makes its settings at run time)
 
 njit: Any = partial(numba.njit, cache=True, error_model="numpy")

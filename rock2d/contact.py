@@ -74,7 +74,7 @@ def parameter_table(
     return np.array(rows)
 
 
-@njit
+@njit(inline="always")
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. Virgin loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
     if delta <= 0.0:
@@ -84,13 +84,13 @@ def normal_force(delta, delta_max, k_l, k_ul):
     return max(0.0, min(k_l * delta, k_ul * (delta - residual(delta_max, k_l, k_ul))))
 
 
-@njit
+@njit(inline="always")
 def residual(delta_max, k_l, k_ul):
     """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
     return delta_max * (1.0 - k_l / k_ul)
 
 
-@njit
+@njit(inline="always")
 def tangential_force(stretch, force_n, k_t, mu):
     """Force of the tangential spring along +stretch in N: k_t s, but never beyond tan φ F_n."""
     force = k_t * stretch
@@ -102,7 +102,7 @@ def tangential_force(stretch, force_n, k_t, mu):
     return min(max(force, -limit), limit)
 
 
-@njit
+@njit(inline="always")
 def rolling_moment(rotation, force_n, arm, k_r, cap):
     """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed; cap: at most arm × F_n."""
     if force_n <= 0.0:

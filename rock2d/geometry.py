@@ -25,44 +25,57 @@ Array = np.ndarray
 CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 
 
-class TerrainArrays(NamedTuple):
-    """What compiled code reads of a cross-section; its end facets are prolonged."""
+# columns of a row of TerrainArrays.facets
+POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX = range(10)
+# columns of a row of BlockArrays.sides
+CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 
-    points: Array  # (n + 1, 2)
-    tangents: Array  # (n, 2)
-    normals: Array  # (n, 2)
-    lengths: Array  # (n,)
-    zones: Array  # (n,) zone ids
-    patches: Array  # (n,) facets joined by turns below SMOOTH_TURN_RAD share a patch
-    convex: Array  # (n + 1,) 1 where the ground is a convex corner
+
+class TerrainArrays(NamedTuple):
+    """What compiled code reads of a cross-section; its end facets are prolonged.
+
+    One array for all facets: passing and indexing many arrays costs more than the arithmetic.
+    """
+
+    facets: (
+        Array  # (n + 1, 10): start point, tangent, normal, length, zone id, patch, start is a convex corner
+    )
     first: Array  # (bins,) lowest facet that overlaps this bin of x or a later one
     last: Array  # (bins,) highest facet that overlaps this bin of x or an earlier one
     x_start: float
     bins_per_m: float
-    x_exit: Array  # (2,) the true ends of the cross-section
+    x_low: float  # the true ends of the cross-section
+    x_high: float
 
 
 class BlockArrays(NamedTuple):
     """What compiled code reads of a block."""
 
-    corners: Array  # (n, 2), empty if smooth
-    face_normals: Array  # (n, 2) outward, of the face from corner i to i + 1
-    face_offsets: Array  # (n,) distance of that face from the centroid
-    semi_axes: Array  # (2,)
+    sides: Array  # (n, 5) corner, outward normal and distance from the centroid of the face behind it
+    semi_a: float
+    semi_b: float
     mass: float
     inertia: float
     radius: float
 
 
 def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
-    """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`."""
+    """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`.
+
+    Facets joined by turns below SMOOTH_TURN_RAD share a patch.
+    """
     points = terrain.points_m.copy()
-    tangents, normals = terrain.tangents, terrain.normals
-    points[0] -= tangents[0] * prolong_m
-    points[-1] += tangents[-1] * prolong_m
-    n = len(tangents)
+    points[0] -= terrain.tangents[0] * prolong_m
+    points[-1] += terrain.tangents[-1] * prolong_m
+    n = len(points) - 1
     turns = terrain.turns_rad
-    patches = np.concatenate([[0], np.cumsum(np.abs(turns[1:-1]) > SMOOTH_TURN_RAD)])
+    facets = np.zeros((n + 1, 10))
+    facets[:, :2] = points
+    facets[:n, 2:4], facets[:n, 4:6] = terrain.tangents, terrain.normals
+    facets[:n, LENGTH] = np.hypot(*np.diff(points, axis=0).T)
+    facets[:n, ZONE_ID] = terrain.zone_ids
+    facets[:n, PATCH] = np.concatenate([[0], np.cumsum(np.abs(turns[1:-1]) > SMOOTH_TURN_RAD)])
+    facets[:, CONVEX] = turns < -SMOOTH_TURN_RAD
     low = np.minimum(points[:-1, 0], points[1:, 0])
     high = np.maximum(points[:-1, 0], points[1:, 0])
     x_start, bins = float(low.min()), max(8, 2 * n)
@@ -74,37 +87,20 @@ def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
     np.maximum.at(last, begin, np.arange(n))
     first = np.minimum.accumulate(first[::-1])[::-1]
     last = np.maximum.accumulate(last)
+    x_low, x_high = float(terrain.points_m[0, 0]), float(terrain.points_m[-1, 0])
     return TerrainArrays(
-        points,
-        np.ascontiguousarray(tangents),
-        np.ascontiguousarray(normals),
-        np.hypot(*np.diff(points, axis=0).T),
-        terrain.zone_ids,
-        patches.astype(np.int64),
-        (turns < -SMOOTH_TURN_RAD).astype(np.int64),
-        first.astype(np.int64),
-        last.astype(np.int64),
-        x_start,
-        bins_per_m,
-        np.array([terrain.points_m[0, 0], terrain.points_m[-1, 0]]),
+        facets, first.astype(np.int64), last.astype(np.int64), x_start, bins_per_m, x_low, x_high
     )
 
 
 def block_arrays(block: Block) -> BlockArrays:
     """Arrays of a block."""
-    corners = np.ascontiguousarray(block.corners_m, float).reshape(-1, 2)
+    corners = np.asarray(block.corners_m, float).reshape(-1, 2)
     edge = np.roll(corners, -1, axis=0) - corners
-    length = np.hypot(*edge.T)[:, None]
-    normals = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.where(length > 0, length, 1.0)
-    return BlockArrays(
-        corners,
-        np.ascontiguousarray(normals),
-        (normals * corners).sum(axis=1),
-        np.array(block.semi_axes_m, float),
-        block.mass_kg,
-        block.inertia_kg_m2,
-        block.radius_m,
-    )
+    normals = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.maximum(np.hypot(*edge.T), 1e-300)[:, None]
+    sides = np.column_stack([corners, normals, (normals * corners).sum(axis=1)])
+    a, b = block.semi_axes_m
+    return BlockArrays(sides, a, b, block.mass_kg, block.inertia_kg_m2, block.radius_m)
 
 
 @njit
@@ -117,43 +113,41 @@ def facet_range(terrain, x_low, x_high):
 
 
 @njit
-def point_depth(px, py, terrain, f0, f1):
+def point_depth(px, py, facets, f0, f1):
     """Depth of a point below the surface (negative: height above it), and the nearest feature.
 
     Returns (depth in m, kind, index): CORNER_FACET with a facet, or CORNER_VERTEX with a vertex.
     """
     best, kind, index, sign = np.inf, CORNER_FACET, f0, 1.0
     for f in range(f0, f1):
-        dx, dy = px - terrain.points[f, 0], py - terrain.points[f, 1]
-        along = dx * terrain.tangents[f, 0] + dy * terrain.tangents[f, 1]
-        above = dx * terrain.normals[f, 0] + dy * terrain.normals[f, 1]
-        if 0.0 <= along <= terrain.lengths[f]:
-            if abs(above) < best:
-                best, kind, index = abs(above), CORNER_FACET, f
-                sign = 1.0 if above >= 0.0 else -1.0
-        else:
-            v = f if along < 0.0 else f + 1
-            dx, dy = px - terrain.points[v, 0], py - terrain.points[v, 1]
-            distance = np.sqrt(dx * dx + dy * dy)
-            if distance < best:
-                best, kind, index = distance, CORNER_VERTEX, v
-                # inside or outside by the mean normal of the two facets
-                nx, ny = 0.0, 0.0
-                if v > 0:
-                    nx, ny = nx + terrain.normals[v - 1, 0], ny + terrain.normals[v - 1, 1]
-                if v < terrain.lengths.size:
-                    nx, ny = nx + terrain.normals[v, 0], ny + terrain.normals[v, 1]
-                sign = 1.0 if nx * dx + ny * dy >= 0.0 else -1.0
-    return -sign * best, kind, index
+        dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        if above * above >= best:
+            continue
+        if 0.0 <= along <= facets[f, LENGTH]:
+            best, kind, index = above * above, CORNER_FACET, f
+            sign = 1.0 if above >= 0.0 else -1.0
+            continue
+        v = f if along < 0.0 else f + 1
+        dx, dy = px - facets[v, POINT_X], py - facets[v, POINT_Y]
+        if dx * dx + dy * dy < best:
+            best, kind, index = dx * dx + dy * dy, CORNER_VERTEX, v
+            # inside or outside by the mean normal of the two facets
+            nx, ny = facets[v, NORMAL_X], facets[v, NORMAL_Y]  # zero behind the last facet
+            if v > 0:
+                nx, ny = nx + facets[v - 1, NORMAL_X], ny + facets[v - 1, NORMAL_Y]
+            sign = 1.0 if nx * dx + ny * dy >= 0.0 else -1.0
+    return -sign * np.sqrt(best), kind, index
 
 
 @njit
-def polygon_depth(px, py, x, y, c, s, block):
+def polygon_depth(px, py, x, y, c, s, sides):
     """Depth of a point inside a polygon at pose (x, y, cos, sin) and its nearest face; negative outside."""
     bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
     depth, face = np.inf, 0
-    for k in range(block.corners.shape[0]):
-        d = block.face_offsets[k] - block.face_normals[k, 0] * bx - block.face_normals[k, 1] * by
+    for k in range(sides.shape[0]):
+        d = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
         if d < depth:
             depth, face = d, k
     return depth, face
@@ -190,26 +184,46 @@ def contact_point(kind, index, part, x, y, c, s, block, terrain):
 
     `part` is the block's corner or face; `index` the terrain's facet or vertex; (x, y, c, s) the pose.
     """
-    if kind in (CORNER_FACET, CORNER_VERTEX):
-        bx, by = block.corners[part, 0], block.corners[part, 1]
-        rx, ry = c * bx - s * by, s * bx + c * by
-        dx, dy = x + rx - terrain.points[index, 0], y + ry - terrain.points[index, 1]
+    row = np.empty(9)
+    load_feature(kind, index, part, block, terrain.facets, row)
+    return place_feature(kind, row, x, y, c, s)
+
+
+@njit(inline="always")
+def load_feature(kind, index, part, block, facets, row):
+    """Copy what `place_feature` needs of a feature into row[0:9]."""
+    row[0], row[1] = facets[index, POINT_X], facets[index, POINT_Y]
+    if kind in (CORNER_FACET, SMOOTH_FACET):
+        row[2], row[3] = facets[index, NORMAL_X], facets[index, NORMAL_Y]
+    if kind <= CORNER_VERTEX:
+        row[4], row[5] = block.sides[part, CORNER_X], block.sides[part, CORNER_Y]
+    elif kind == VERTEX_FACE:
+        row[4], row[5] = block.sides[part, FACE_X], block.sides[part, FACE_Y]
+        row[6] = block.sides[part, FACE_OFFSET]
+    else:
+        row[7], row[8] = block.semi_a, block.semi_b
+
+
+@njit(inline="always")
+def place_feature(kind, row, x, y, c, s):
+    """`contact_point` of a loaded feature."""
+    px, py = row[0], row[1]
+    if kind <= CORNER_VERTEX:
+        rx, ry = c * row[4] - s * row[5], s * row[4] + c * row[5]
+        dx, dy = x + rx - px, y + ry - py
         if kind == CORNER_FACET:
-            nx, ny = terrain.normals[index, 0], terrain.normals[index, 1]
-            return -(dx * nx + dy * ny), nx, ny, rx, ry
+            return -(dx * row[2] + dy * row[3]), row[2], row[3], rx, ry
         distance = np.sqrt(dx * dx + dy * dy)
         if distance == 0.0:
             return 0.0, 0.0, 1.0, rx, ry
         return distance, -dx / distance, -dy / distance, rx, ry
-    px, py = terrain.points[index, 0], terrain.points[index, 1]
     if kind == VERTEX_FACE:
-        mx, my = block.face_normals[part, 0], block.face_normals[part, 1]
-        nx, ny = -(c * mx - s * my), -(s * mx + c * my)
+        nx, ny = -(c * row[4] - s * row[5]), -(s * row[4] + c * row[5])
         rx, ry = px - x, py - y
-        return block.face_offsets[part] + nx * rx + ny * ry, nx, ny, rx, ry
-    a, b = block.semi_axes[0], block.semi_axes[1]
+        return row[6] + nx * rx + ny * ry, nx, ny, rx, ry
+    a, b = row[7], row[8]
     if kind == SMOOTH_FACET:
-        nx, ny = terrain.normals[index, 0], terrain.normals[index, 1]
+        nx, ny = row[2], row[3]
         if a == b:
             rx, ry = -a * nx, -a * ny
         else:

@@ -87,7 +87,8 @@ def fit_first_flight(
     count = 3
     while count < len(t) and _clear(q[count], block, terrain, CLEAR_SIGMA * noise[0]):
         guess, covariance = _line(t[:count], flat[:count])
-        spread = np.sqrt(1 + covariance[0, 0] + 2 * t[count] * covariance[0, 1] + t[count] ** 2 * covariance[1, 1])
+        ahead = np.array([1.0, t[count]])
+        spread = np.sqrt(1 + ahead @ covariance @ ahead)
         miss = flat[count] - guess[0] - guess[1] * t[count]
         if (np.abs(miss) > BREAK_SIGMA * noise * spread).any():
             break

@@ -199,7 +199,9 @@ def trajectories_table(result: RunResult) -> pd.DataFrame:
     return pd.concat(frames, ignore_index=True)
 
 
-def write_results(result: RunResult, out: Path, *, video: bool = False, progress: bool = True) -> dict[str, Any]:
+def write_results(
+    result: RunResult, out: Path, *, video: bool = False, progress: bool = True
+) -> dict[str, Any]:
     """Write the results folder, whole or not at all; returns the tables by name.
 
     Files: the experiment folder (formats of an experiment), impacts, crossings, passing, percentiles, stops,
@@ -259,9 +261,7 @@ def write_results(result: RunResult, out: Path, *, video: bool = False, progress
     return tables
 
 
-def write_video(
-    result: RunResult, path: Path, title: str, *, progress: bool = True, **options: Any
-) -> None:
+def write_video(result: RunResult, path: Path, title: str, *, progress: bool = True, **options: Any) -> None:
     """Film of the first releases of each block, one scene a release number."""
     from tqdm import tqdm
 

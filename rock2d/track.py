@@ -72,13 +72,11 @@ class Track:
             return out
         i = np.clip(np.searchsorted(k[:, T], t, side="right") - 1, 0, len(k) - 2)
         a, b = k[i], k[i + 1]
-        return np.where(
-            (t >= k[-1, T])[:, None],
-            np.concatenate([k[-1, 1:4], np.zeros(3)]),
-            np.where(
-                self.flight[i][:, None], ballistic(a, t - a[:, T], self.gravity_m_s2), _hermite(a, b, t)
-            ),
+        moving = np.where(
+            self.flight[i][:, None], ballistic(a, t - a[:, T], self.gravity_m_s2), _hermite(a, b, t)
         )
+        last = np.where((t == k[-1, T])[:, None], k[-1, 1:], np.concatenate([k[-1, 1:4], np.zeros(3)]))
+        return np.where((t < k[-1, T])[:, None], moving, last)
 
     def crossings(self, line: Array) -> Array:
         """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time."""

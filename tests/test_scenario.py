@@ -46,12 +46,12 @@ incident:
   default:
     distribution: {x_m: 0.1, y_m: {normal: {mean: 0.4, sd: 0.01}}, vx_m_s: {uniform: {low: 1, high: 2}}, vy_m_s: 0}
 outputs: {fps: 100}
-"""  # noqa: E501 (the file as a user might write it)
+"""
 FILMED = """\
 name: filmed
 model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}
 incident: {default: {from_experiment: {folder: bench/drops, frames: 4}}}
-"""  # noqa: E501
+"""
 DROPS = """\
 name: drops
 gravity_m_s2: 9.7
@@ -130,7 +130,7 @@ def test_incident_states_are_drawn_as_described(write):
         ("    fixed:", "    from_experiment: {folder: x}\n    fixed:", "sphere:\n", "exactly one of"),
         ("  default:\n    distribution", "  sphere2:\n    distribution", "sphere2", "did you mean 'sphere'"),
         ("outputs: {fps: 100}", "outputs: {fps: 100, fsp: 3}", "fsp", "unknown key"),
-        ("zones: [slope, ditch]", "zones: [slope, default]", "[slope, default]", "must not be called default"),
+        ("[slope, ditch]", "[slope, default]", "[slope, default]", "must not be called default"),
     ],
 )  # fmt: skip
 def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, words):

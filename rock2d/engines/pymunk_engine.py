@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,13 +26,7 @@ from rock2d.track import STATE_NAMES, Track
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
-EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
-
-# At rest: in contact for REST_WINDOW √(radius/g), within REST_BOX radii, dissipating less than REST_LOSS m g r.
-# The law has no damping below its thresholds, so what remains is an elastic tremor that goes on for ever.
-REST_WINDOW, REST_BOX, REST_LOSS = 2.0, 0.2, 1.0e-3
-
 
 PRESSED = 1e-6  # of the impact's peak force: below it the ground no longer presses
 
@@ -92,9 +87,9 @@ class PymunkRelease:
         margin = MARGIN * self.block.radius_m
         space = pymunk.Space()
         space.collision_slop = 0.0
-        points = [tuple(map(float, p)) for p in self._terrain.points]
+        points = [(float(x), float(y)) for x, y in self._terrain.facets[:, :2]]
         self._facet_of: dict[pymunk.Shape, int] = {}
-        for i, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):
+        for i, (a, b) in enumerate(pairwise(points)):
             facet = pymunk.Segment(space.static_body, a, b, margin)
             facet.collision_type = GROUND
             self._facet_of[facet] = i
@@ -103,7 +98,7 @@ class PymunkRelease:
         if self.block.shape == "circle":
             shape = pymunk.Circle(body, self.block.radius_m)
         else:
-            shape = pymunk.Poly(body, [tuple(map(float, p)) for p in self.block.outline()])
+            shape = pymunk.Poly(body, [(float(x), float(y)) for x, y in self.block.outline()])
         shape.collision_type = BLOCK
         shape.filter = pymunk.ShapeFilter(group=1)
         body.position_func = self._guarded(self._move)
@@ -182,7 +177,8 @@ class PymunkRelease:
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            return self.contact_step * self._ease()
+            eased = stepper.ease(self.q, self._start["kinetic"], self._block, *self._slots, self.table)
+            return self.contact_step * float(eased)
         limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
         margin = MARGIN * self.block.radius_m
         speed = math.hypot(self.q[3], self.q[4])
@@ -196,18 +192,6 @@ class PymunkRelease:
             return self.contact_step
         g = max(self.gravity, 1e-9)
         return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
-
-    def _ease(self) -> float:
-        """Factor (1 to EASE_LIMIT) by which a contact step may grow as the motion dies down.
-
-        The scheme's energy error is of order energy × step⁴, so a step ∝ energy^(-1/4) keeps it constant.
-        """
-        q = self.q
-        moving = self.block.mass_kg * (q[3] ** 2 + q[4] ** 2) + self.block.inertia_kg_m2 * q[5] ** 2
-        energy = 0.5 * moving + stepper.stored_energy(*self._slots, self.table)
-        if energy <= 0:
-            return EASE_LIMIT
-        return float(min(EASE_LIMIT, max(1.0, (self._start["kinetic"] / energy) ** 0.25)))
 
     def step(self) -> list[Knot]:
         """One pymunk step. Returns the knots at its end and at the kinks of the law within it.
@@ -288,7 +272,7 @@ def run_pymunk(
     ----------
     parameters : contact law by zone, key "default" for the rest
     state : (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s at t = 0
-    contact_step_s : contact step; default 1/20 rad of the stiffest contact oscillation
+    contact_step_s : contact step; default 0.03 rad of the stiffest contact oscillation
     impact_limit : stop at the end of this many impacts
 
     Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
@@ -298,7 +282,7 @@ def run_pymunk(
     )
     radius = block.radius_m
     scale = math.sqrt(radius / max(gravity_m_s2, 1e-9))
-    loss_limit = REST_LOSS * block.mass_kg * gravity_m_s2 * radius
+    loss_limit = stepper.REST_LOSS * block.mass_kg * gravity_m_s2 * radius
     x_exit = (terrain.points_m[0, 0], terrain.points_m[-1, 0])
     knots: list[np.ndarray] = []
     flight: list[bool] = []
@@ -327,9 +311,9 @@ def run_pymunk(
             watch = [sim.time, lost, x, x, y, y]
         else:
             watch[2:] = [min(watch[2], x), max(watch[3], x), min(watch[4], y), max(watch[5], y)]
-            if sim.time - watch[0] > REST_WINDOW * scale:
+            if sim.time - watch[0] > stepper.REST_WINDOW * scale:
                 box = max(watch[3] - watch[2], watch[5] - watch[4])
-                if box < REST_BOX * radius and lost - watch[1] < loss_limit:
+                if box < stepper.REST_BOX * radius and lost - watch[1] < loss_limit:
                     stop = "rest"
                     break
                 watch = []

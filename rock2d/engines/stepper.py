@@ -29,12 +29,26 @@ from rock2d.contact import (
     tangential_force,
 )
 from rock2d.geometry import (
+    CONVEX,
     CORNER_FACET,
     CORNER_VERTEX,
+    CORNER_X,
+    CORNER_Y,
+    LENGTH,
+    NORMAL_X,
+    NORMAL_Y,
+    PATCH,
+    POINT_X,
+    POINT_Y,
     SMOOTH_FACET,
     SMOOTH_VERTEX,
+    TANGENT_X,
+    TANGENT_Y,
     VERTEX_FACE,
+    ZONE_ID,
     contact_point,
+    load_feature,
+    place_feature,
     point_depth,
     polygon_depth,
 )
@@ -49,7 +63,12 @@ VERTEX_SLOTS = 8  # convex terrain corners under one polygon at a time
 SMOOTH_SLOTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a slot that has no feature
 
-STEP_FRACTION = 0.05  # phase in rad of the stiffest contact oscillation that one step may cover
+# At rest: in contact for REST_WINDOW √(radius/g), within REST_BOX radii, dissipating less than REST_LOSS m g r.
+# The law has no damping below its thresholds, so what remains is an elastic tremor that goes on for ever.
+REST_WINDOW, REST_BOX, REST_LOSS = 2.0, 0.2, 1.0e-3
+
+EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
+STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
 def slot_count(block: Block) -> int:
@@ -58,19 +77,41 @@ def slot_count(block: Block) -> int:
 
 
 def contact_step_s(block: Block, table: np.ndarray, fraction: float = STEP_FRACTION) -> float:
-    """Contact step in s: `fraction` of a radian of the stiffest oscillation, ω² = k (1/m + R²/I)."""
-    mobility = 1 / block.mass_kg + block.radius_m**2 / block.inertia_kg_m2
-    stiffness = max(table[:, K_UL].max() * mobility, table[:, K_T].max() * mobility)
-    return float(fraction / np.sqrt(max(stiffness, table[:, K_R].max() / block.inertia_kg_m2)))
+    """Contact step in s: `fraction` of a radian of the stiffest oscillation, ω² = k (1/m + r²/I),
+    where r is the largest lever of the force: the normal force of a circle has none."""
+    lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) if block.smooth else block.radius_m
+    normal = table[:, K_UL].max() * (1 / block.mass_kg + lever**2 / block.inertia_kg_m2)
+    tangential = table[:, K_T].max() * (1 / block.mass_kg + block.radius_m**2 / block.inertia_kg_m2)
+    return float(fraction / np.sqrt(max(normal, tangential, table[:, K_R].max() / block.inertia_kg_m2)))
 
 
 def new_slots(block: Block) -> tuple[np.ndarray, np.ndarray]:
     """Empty memory: (slots, 6) integers and (slots, 6) reals."""
     n = slot_count(block)
     ints, reals = np.zeros((n, 6), np.int64), np.zeros((n, 6))
+    clear(ints, reals)
+    return ints, reals
+
+
+@njit
+def clear(ints, reals):
+    """Empty the memory of all slots."""
+    ints[:, :], reals[:, :] = 0, 0.0
     ints[:, KEY] = -1
     reals[:, DEPTH] = NOWHERE
-    return ints, reals
+
+
+@njit
+def ease(q, start_energy, block, ints, reals, params):
+    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the motion dies down.
+
+    The scheme's energy error is of order energy × step⁴, so a step ∝ energy^(-1/4) keeps it constant.
+    """
+    moving = block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5]
+    energy = 0.5 * moving + stored_energy(ints, reals, params)
+    if energy <= 0.0:
+        return EASE_LIMIT
+    return min(EASE_LIMIT, max(1.0, np.sqrt(np.sqrt(start_energy / energy))))
 
 
 @njit
@@ -81,33 +122,39 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
     than `reach` are left out (depth NOWHERE).
     """
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
-    found_i[:, :] = ints
-    found_r[:, DEPTH] = NOWHERE
-    n = block.corners.shape[0]
+    for j in range(ints.shape[0]):
+        for k in range(6):
+            found_i[j, k] = ints[j, k]
+        found_r[j, DEPTH] = NOWHERE
+    facets, sides = terrain.facets, block.sides
+    n = sides.shape[0]
     if n > 0:
         for i in range(n):
-            px = x + c * block.corners[i, 0] - s * block.corners[i, 1]
-            py = y + s * block.corners[i, 0] + c * block.corners[i, 1]
-            depth, kind, index = point_depth(px, py, terrain, f0, f1)
+            px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+            py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+            depth, kind, index = point_depth(px, py, facets, f0, f1)
             _set(found_i, found_r, i, kind, index, i, depth, i)
         for v in range(max(f0, 1), f1):
-            if terrain.convex[v]:
-                px, py = terrain.points[v, 0], terrain.points[v, 1]
-                depth, face = polygon_depth(px, py, x, y, c, s, block)
+            if facets[v, CONVEX] > 0.0:
+                px, py = facets[v, POINT_X], facets[v, POINT_Y]
+                depth, face = polygon_depth(px, py, x, y, c, s, sides)
                 if depth > -reach:
                     slot = _slot_for(ints, found_r, n, v)
                     if slot >= 0:
                         _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)
     else:
-        _smooth_features(x, y, c, s, f0, f1, reach, terrain, block, ints, found_i, found_r)
-    for j in range(found_i.shape[0]):
-        if found_r[j, DEPTH] != NOWHERE:
-            depth, nx, ny, rx, ry = contact_point(
-                found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], x, y, c, s, block, terrain
-            )
-            if found_i[j, KIND] == CORNER_VERTEX and found_r[j, DEPTH] < 0.0:
-                nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
-            found_r[j, RATE] = -((q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny)
+        _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r)
+    row = np.empty(9)
+    for j in range(ints.shape[0]):
+        depth = found_r[j, DEPTH]
+        if depth == NOWHERE:
+            continue
+        kind = found_i[j, KIND]
+        load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets, row)
+        _, nx, ny, rx, ry = place_feature(kind, row, x, y, c, s)
+        if kind == CORNER_VERTEX and depth < 0.0:
+            nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
+        found_r[j, RATE] = -((q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny)
 
 
 @njit
@@ -133,25 +180,28 @@ def _slot_for(ints, found_r, start, key):
 
 
 @njit
-def _smooth_features(x, y, c, s, f0, f1, reach, terrain, block, ints, found_i, found_r):
+def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r):
     """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
+    row = np.empty(9)
     for f in range(f0, f1):
-        depth, nx, ny, rx, ry = contact_point(SMOOTH_FACET, f, 0, x, y, c, s, block, terrain)
-        along = (x + rx - terrain.points[f, 0]) * terrain.tangents[f, 0]
-        along += (y + ry - terrain.points[f, 1]) * terrain.tangents[f, 1]
-        if 0.0 <= along <= terrain.lengths[f]:
-            if depth > -reach and depth < 2.0 * block.radius:
-                _offer(ints, found_i, found_r, SMOOTH_FACET, f, depth, 2 * terrain.patches[f])
-        elif along > terrain.lengths[f] and f + 1 < terrain.lengths.size:
+        load_feature(SMOOTH_FACET, f, 0, block, facets, row)
+        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, row, x, y, c, s)
+        tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
+        along = (x + rx - row[0]) * tx + (y + ry - row[1]) * ty
+        if 0.0 <= along <= facets[f, LENGTH]:
+            if -reach < depth < 2.0 * block.radius:
+                _offer(ints, found_i, found_r, SMOOTH_FACET, f, depth, 2 * int(facets[f, PATCH]))
+        elif along > facets[f, LENGTH] and f + 2 < facets.shape[0]:
             # between this facet's end and the next one's begin: the vertex, if the ground is convex there
             v = f + 1
-            depth, nx, ny, rx, ry = contact_point(SMOOTH_VERTEX, v, 0, x, y, c, s, block, terrain)
-            turn_out = nx * terrain.tangents[f, 0] + ny * terrain.tangents[f, 1]
-            turn_in = nx * terrain.tangents[v, 0] + ny * terrain.tangents[v, 1]
-            up = nx * (terrain.normals[f, 0] + terrain.normals[v, 0])
-            up += ny * (terrain.normals[f, 1] + terrain.normals[v, 1])
+            load_feature(SMOOTH_VERTEX, v, 0, block, facets, row)
+            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, row, x, y, c, s)
+            turn_out = nx * tx + ny * ty
+            turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
+            up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X])
+            up += ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
             if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
-                key = 2 * terrain.patches[f] + (1 if terrain.convex[v] else 0)
+                key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
                 _offer(ints, found_i, found_r, SMOOTH_VERTEX, v, depth, key)
     for j in range(ints.shape[0]):
         # an active slot whose feature is gone has handed over to the neighbouring one
@@ -183,91 +233,101 @@ def _offer(ints, found_i, found_r, kind, index, depth, key):
         _set(found_i, found_r, slot, kind, index, 0, depth, key)
 
 
-@njit
-def _slot_forces(j, depth, arm, stretch, rotation, ints, reals, p):
-    """(F_n, F_t along +stretch, M along +rotation) of slot j at a depth and spring states."""
-    force_n = normal_force(depth - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-    force_t = tangential_force(stretch, force_n, p[K_T], p[MU])
-    return force_n, force_t, rolling_moment(rotation, force_n, arm, p[K_R], p[CAP])
-
-
-@njit
-def _rates(q, gravity, stretch, rotation, terrain, block, params, ints, reals, out, slip, spin, power):
-    """Accelerations into out[0:3]; per slot the slip velocity and, while pressed, the spin that winds the
-    rolling spring; power of tangential and rolling springs."""
-    x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
-    fx, fy, moment = 0.0, 0.0, 0.0
-    power[0], power[1] = 0.0, 0.0
+@njit(inline="always")
+def _load_active(facets, block, params, ints, reals, loaded, which):
+    """Copy feature, parameters and memory of the active slots into rows; returns how many there are."""
+    active = 0
     for j in range(ints.shape[0]):
-        if not ints[j, ACTIVE]:
-            continue
-        depth, nx, ny, rx, ry = contact_point(
-            ints[j, KIND], ints[j, INDEX], ints[j, PART], x, y, c, s, block, terrain
-        )
-        vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
-        u = vx * ny - vy * nx
-        slip[j] = u
-        arm = np.sqrt(rx * rx + ry * ry)
-        force_n, force_t, rolling = _slot_forces(
-            j, depth, arm, stretch[j], rotation[j], ints, reals, params[ints[j, ZONE]]
-        )
-        p = params[ints[j, ZONE]]
-        pressed = depth - reals[j, OFFSET] >= residual(reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-        spin[j] = q[5] if pressed else 0.0
-        gx, gy = force_n * nx - force_t * ny, force_n * ny + force_t * nx
-        fx, fy = fx + gx, fy + gy
-        moment += rx * gy - ry * gx - rolling
-        power[0] += force_t * u
-        power[1] += rolling * q[5]
-    out[0], out[1], out[2] = fx / block.mass, fy / block.mass - gravity, moment / block.inertia
+        if ints[j, ACTIVE]:
+            row = loaded[active]
+            load_feature(ints[j, KIND], ints[j, INDEX], ints[j, PART], block, facets, row)
+            zone = ints[j, ZONE]
+            for i in range(6):
+                row[9 + i] = params[zone, i]
+            row[15], row[16] = reals[j, OFFSET], reals[j, DEPTH_MAX]
+            row[17], row[18] = reals[j, STRETCH], reals[j, ROTATION]
+            which[active] = j
+            active += 1
+    return active
+
+
+@njit(inline="always")
+def _slot_rates(kind, row, x, y, c, s, vx, vy, omega, stretch, rotation):
+    """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none
+    while unpressed), and the power that its tangential and rolling springs take up."""
+    depth, nx, ny, rx, ry = place_feature(kind, row, x, y, c, s)
+    k_l, k_ul = row[9 + K_L], row[9 + K_UL]
+    depth -= row[15]
+    peak = row[16]
+    ux, uy = vx - omega * ry, vy + omega * rx
+    slip = ux * ny - uy * nx
+    force_n = normal_force(depth, peak, k_l, k_ul)
+    force_t = tangential_force(stretch, force_n, row[9 + K_T], row[9 + MU])
+    arm = np.sqrt(rx * rx + ry * ry)
+    rolling = rolling_moment(rotation, force_n, arm, row[9 + K_R], row[9 + CAP])
+    spin = omega if depth >= residual(peak, k_l, k_ul) else 0.0
+    fx, fy = force_n * nx - force_t * ny, force_n * ny + force_t * nx
+    return fx, fy, rx * fy - ry * fx - rolling, slip, spin, force_t * slip, rolling * omega
 
 
 @njit
 def _runge_kutta(q, h, gravity, terrain, block, params, ints, reals, work):
-    """Classical fourth-order step. Returns q1, stretches, rotations and work of the two springs.
+    """Classical fourth-order step into the arrays of `work`: q1, stretches, rotations, work of the two springs.
 
-    `work` is scratch (see `scratch`); all returned arrays are views of it.
+    Without contacts it is the exact parabola.
     """
-    n = ints.shape[0]
-    q1, stage, acc, vel, slip, slip_sum, stretch, rotation, energy, power, spin, spin_sum = work
-    q1[:] = 0.0
-    slip_sum[:], spin_sum[:], energy[:] = 0.0, 0.0, 0.0
-    stage[:] = q
-    for j in range(n):
-        stretch[j], rotation[j] = reals[j, STRETCH], reals[j, ROTATION]
-        slip[j], spin[j] = 0.0, 0.0
+    q1, stretch, rotation, energy, loaded, which, sums = work
+    active = _load_active(terrain.facets, block, params, ints, reals, loaded, which)
+    energy[0], energy[1] = 0.0, 0.0
+    if active == 0:
+        q1[0], q1[1], q1[2] = q[0] + h * q[3], q[1] + h * (q[4] - 0.5 * gravity * h), q[2] + h * q[5]
+        q1[3], q1[4], q1[5] = q[3], q[4] - h * gravity, q[5]
+        return
+    x, y, theta, vx, vy, omega = q[0], q[1], q[2], q[3], q[4], q[5]
+    ax = ay = alpha = 0.0
+    for a in range(active):
+        for i in range(4):
+            sums[a, i] = 0.0
+    dx = dy = dtheta = dvx = dvy = domega = 0.0
+    work_t = work_r = 0.0
     for k in range(4):
-        weight = 1.0 / 6.0 if k == 0 or k == 3 else 1.0 / 3.0  # noqa: PLR1714
-        _rates(stage, gravity, stretch, rotation, terrain, block, params, ints, reals, acc, slip, spin, power)
-        vel[:] = stage[3:6]
-        for i in range(3):
-            q1[i] += weight * vel[i]
-            q1[i + 3] += weight * acc[i]
-        slip_sum += weight * slip
-        spin_sum += weight * spin
-        energy += weight * power
-        if k < 3:
-            ahead = 0.5 * h if k < 2 else h
-            for i in range(3):
-                stage[i] = q[i] + ahead * vel[i]
-                stage[i + 3] = q[i + 3] + ahead * acc[i]
-            for j in range(n):
-                stretch[j] = reals[j, STRETCH] + ahead * slip[j]
-                rotation[j] = reals[j, ROTATION] + ahead * spin[j]
-    for i in range(6):
-        q1[i] = q[i] + h * q1[i]
-    for j in range(n):
-        stretch[j] = reals[j, STRETCH] + h * slip_sum[j]
-        rotation[j] = reals[j, ROTATION] + h * spin_sum[j]
-    energy *= h
+        weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
+        ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)
+        if k > 0:  # the next stage, from the rates of the stage before
+            x, y, theta = q[0] + ahead * vx, q[1] + ahead * vy, q[2] + ahead * omega
+            vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
+        c, s = np.cos(theta), np.sin(theta)
+        fx = fy = moment = 0.0
+        for a in range(active):
+            row = loaded[a]
+            f, g, m, slip, spin, power_t, power_r = _slot_rates(
+                ints[which[a], KIND], row, x, y, c, s, vx, vy, omega,
+                row[17] + ahead * sums[a, 2], row[18] + ahead * sums[a, 3],
+            )  # fmt: skip
+            fx, fy, moment = fx + f, fy + g, moment + m
+            sums[a, 0] += weight * slip
+            sums[a, 1] += weight * spin
+            sums[a, 2], sums[a, 3] = slip, spin
+            work_t += weight * power_t
+            work_r += weight * power_r
+        ax, ay, alpha = fx / block.mass, fy / block.mass - gravity, moment / block.inertia
+        dx, dy, dtheta = dx + weight * vx, dy + weight * vy, dtheta + weight * omega
+        dvx, dvy, domega = dvx + weight * ax, dvy + weight * ay, domega + weight * alpha
+    q1[0], q1[1], q1[2] = q[0] + h * dx, q[1] + h * dy, q[2] + h * dtheta
+    q1[3], q1[4], q1[5] = q[3] + h * dvx, q[4] + h * dvy, q[5] + h * domega
+    for a in range(active):
+        j = which[a]
+        stretch[j] = loaded[a, 17] + h * sums[a, 0]
+        rotation[j] = loaded[a, 18] + h * sums[a, 1]
+    energy[0], energy[1] = h * work_t, h * work_r
 
 
 @njit
 def scratch(n):
     """Work arrays for n slots."""
     return (
-        np.empty(6), np.empty(6), np.empty(3), np.empty(3), np.empty(n), np.empty(n), np.empty(n),
-        np.empty(n), np.empty(2), np.empty(2), np.empty(n), np.empty(n),
+        np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, 19)), np.empty(n, np.int64),
+        np.empty((n, 4)),
     )  # fmt: skip
 
 
@@ -302,8 +362,9 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
         facet, vertex = ints[j, INDEX], found_i[j, INDEX]
         if ints[j, KIND] == CORNER_VERTEX:
             facet, vertex = vertex, facet
-        tx, ty = terrain.tangents[facet, 0], terrain.tangents[facet, 1]
-        dx, dy = q[0] + rx - terrain.points[vertex, 0], q[1] + ry - terrain.points[vertex, 1]
+        facets = terrain.facets
+        tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
+        dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
     d1, nx, ny, rx, ry = contact_point(
@@ -325,7 +386,8 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
         t = h
         if not ints[j, ACTIVE]:
             if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
-                t = _hermite_root(d0, r0, d1, r1, h)
+                # a landing may fall short by rounding: the touch must not wait for the end of the next step
+                t = max(_hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
             p = params[ints[j, ZONE]]
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
@@ -359,10 +421,16 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
+        gone = ints[j, ACTIVE] and depth == NOWHERE  # slid off its feature: the step still acted on it
+        if gone:
+            depth, _, _, _, _ = contact_point(
+                ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block,
+                terrain,
+            )  # fmt: skip
         reals[j, DEPTH], was = depth, reals[j, DEPTH]
         if ints[j, ACTIVE]:
             p = params[ints[j, ZONE]]
-            arm = _arm(ints, j, q, block, terrain)
+            arm = _arm(ints, j, q, block, terrain) if p[CAP] > 0.0 else 0.0
             old_n = normal_force(was - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
             old_t = tangential_force(reals[j, STRETCH], old_n, p[K_T], p[MU])
             before_t += elastic_energy(0.0, old_t, p)
@@ -384,20 +452,29 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
             if depth > 0.0:
                 after_r += rolling_energy(reals[j, ROTATION], p)
             zone = _zone(ints, j, terrain)
-            if zone != ints[j, ZONE] and force_n > 0.0:
-                new = params[zone]
+            new = params[zone]
+            if zone != ints[j, ZONE] and (new != p).any():
                 kept = reals[j, ROTATION]
                 stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
-                peak, reals[j, STRETCH], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, p, new)
-                reals[j, DEPTH_MAX], reals[j, OFFSET] = peak, depth - peak
-                stored -= elastic_energy(new[K_L] * peak, new[K_T] * reals[j, STRETCH], new)
+                loaded, reals[j, STRETCH], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, p, new)
+                # lifted off within its crater, the contact meets the new soil at the crater's bottom
+                bottom = reals[j, OFFSET] + residual(peak, p[K_L], p[K_UL])
+                reals[j, DEPTH_MAX] = loaded
+                reals[j, OFFSET] = depth - loaded if force_n > 0.0 else bottom
+                stored -= elastic_energy(new[K_L] * loaded, new[K_T] * reals[j, STRETCH], new)
                 audit[PLASTIC] += stored - rolling_energy(reals[j, ROTATION], new)
             ints[j, ZONE] = zone
-            if depth <= 0.0:
-                if depth == NOWHERE:  # slid off its feature: what was stored is lost
-                    audit[PLASTIC] += elastic_energy(old_n, 0.0, p)
+            if depth <= 0.0 or gone:
+                if gone:  # what is still stored is lost
+                    p = params[zone]
+                    force_n = normal_force(depth - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
+                    force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
+                    audit[PLASTIC] += elastic_energy(force_n, force_t, p)
+                    if depth > 0.0:
+                        audit[ROLLING] += rolling_energy(reals[j, ROTATION], p)
+                    reals[j, DEPTH] = NOWHERE
                 _release(ints, reals, j)
-        elif depth > -1e-10 * block.radius and found_r[j, RATE] >= 0.0 or depth > 0.0:
+        elif depth > 0.0 or (depth > -1e-10 * block.radius and found_r[j, RATE] >= 0.0):
             ints[j, ACTIVE] = 1
             ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
             ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
@@ -408,7 +485,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
         if ints[j, ACTIVE]:
             active += 1
         else:
-            ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
+            ints[j, KEY] = found_i[j, KEY] if reals[j, DEPTH] != NOWHERE else -1
     audit[FRICTION] += spring_work[0] - (after_t - before_t)
     audit[ROLLING] += spring_work[1] - (after_r - before_r)
     return active
@@ -431,17 +508,21 @@ def _arm(ints, j, q, block, terrain):
 @njit
 def _zone(ints, j, terrain):
     """Zone of a slot's feature; a vertex belongs to the facet before it, unless the slot knows better."""
-    index = ints[j, INDEX]
-    if ints[j, KIND] == CORNER_FACET or ints[j, KIND] == SMOOTH_FACET:  # noqa: PLR1714
-        return terrain.zones[index]
-    before = terrain.zones[max(index - 1, 0)]
-    after = terrain.zones[min(index, terrain.zones.size - 1)]
+    facets, index = terrain.facets, ints[j, INDEX]
+    if ints[j, KIND] in (CORNER_FACET, SMOOTH_FACET):
+        return int(facets[index, ZONE_ID])
+    before = int(facets[max(index - 1, 0), ZONE_ID])
+    after = int(facets[min(index, facets.shape[0] - 2), ZONE_ID])
     return after if ints[j, ACTIVE] and ints[j, ZONE] == after else before
 
 
 @njit
 def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
-    """Look at the ground for the first time: note depths, and seat what already touches."""
+    """Look at the ground for the first time: note depths, and seat what already touches.
+
+    Returns the number of active slots.
+    """
+    active = 0
     find_features(q, block.radius, f0, f1, terrain, block, ints, found_i, found_r)
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
@@ -452,6 +533,8 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
             ints[j, ACTIVE] = 1
             ints[j, ZONE] = _zone(ints, j, terrain)
             reals[j, OFFSET] = depth
+            active += 1
+    return active
 
 
 @njit
@@ -487,7 +570,7 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
     (found_i, found_r, work) are scratch of the sizes of `new_slots` and `scratch`.
     """
     reach = 4.0 * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius) + 1e-6 * block.radius
-    q1, stretch, rotation, spring_work = work[0], work[6], work[7], work[8]
+    q1, stretch, rotation, spring_work = work[0], work[1], work[2], work[3]
     _runge_kutta(q, h, gravity, terrain, block, params, ints, reals, work)
     find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
     kink = _first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)

@@ -1,0 +1,21 @@
+# Everything happens in .venv, made on first use. PYTHON picks the interpreter (>= 3.11).
+PYTHON ?= python3
+BIN = .venv/bin
+
+demo: .venv/ready  ## set up and run the demo
+	$(BIN)/rock2d demo
+
+test: .venv/ready  ## set up and run the tests
+	$(BIN)/python -m pytest
+
+lint: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+.venv/ready: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[test]"
+	touch $@
+
+.PHONY: demo test lint

@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,8 +109,10 @@ def _tracks(job: _Job, begin: list[Start], limits: list[float], workers: int) ->
     rest, rest_limits = begin[1:], limits[1:]
     workers = min(workers, len(rest))
     if workers <= 1 or job.engine == "point_mass":
-        for start, limit in zip(rest, rest_limits, strict=True):
-            yield _track(job, start, limit)
+        with _interrupts_between_releases() as check:
+            for start, limit in zip(rest, rest_limits, strict=True):
+                check()
+                yield _track(job, start, limit)
         return
     import multiprocessing
 
@@ -117,6 +122,25 @@ def _tracks(job: _Job, begin: list[Start], limits: list[float], workers: int) ->
         yield from pool.map(_worker_track, rest, rest_limits, chunksize=2)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
+    """Keep Ctrl-C until the next check: raised inside a C callback of pymunk it would be lost."""
+    pressed: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+
+    def check() -> None:
+        if pressed:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 _worker_job: _Job | None = None

@@ -35,7 +35,8 @@ class Track:
     flight : (n,) bool, True where the block flies freely from this knot to the next
     impacts : one mapping an impact, keys of IMPACT_COLUMNS without release and block; an impact that had not
         ended when the track stopped carries NaN after-values
-    stop : "rest" | "exit" (left the cross-section) | "time" (time limit)
+    stop : "rest" | "exit" (left the cross-section) | "time" (time limit) | "impacts" (their limit) | "buried"
+        (the centroid sank below the surface)
     energy_J : the audit's closing balance (see engines), empty if the engine keeps none
     gravity_m_s2 : gravity that acted
     """

@@ -107,7 +107,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
 
 def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
     block, terrain = make_block("cube", "square", 0.05, side_m=0.06), Terrain([[-1, 0], [1, 0]], ["floor"])
-    t = np.arange(40) / 250
+    t = np.arange(60) / 250
     truth = np.array([0.1, 0.15, 0.3, -0.4, 0.2, 5.0])
     q = truth[:3] + np.outer(t, truth[3:])
     q[:, 1] -= 0.5 * 9.81 * t**2

@@ -21,9 +21,6 @@ from rock2d.distance import box_tree, distance_to_ground
 from rock2d.engines import stepper
 from rock2d.engines.stepper import (
     ACTIVE,
-    REST_BOX,
-    REST_LOSS,
-    REST_WINDOW,
     SMOOTH_SLOTS,
     VERTEX_SLOTS,
     ZONE,
@@ -47,12 +44,13 @@ from rock2d.track import IMPACT_COLUMNS, Track
 
 Array = np.ndarray
 
-STOPS = ("time", "rest", "exit", "impacts", "spent")
-TIME, REST, EXIT, IMPACTS, SPENT = range(5)
+STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
+TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
 PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
 EASE_EVERY = 8  # contact steps between two looks at how far the motion has died down
+SPENT_EVERY = 64  # contact steps between two looks at whether the energy is spent
 FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
 STEP_FRACTION = 0.2  # phase in rad per contact step; see `stepper.contact_step_s`
 
@@ -438,8 +436,7 @@ def _release(
     stepper.clear(ints, reals)
     work = stepper.scratch(n)
     old = np.empty(6)
-    radius, weight = block.radius, block.mass * max(gravity, 1e-9)
-    window = REST_WINDOW * np.sqrt(radius / max(gravity, 1e-9))
+    radius = block.radius
     start_energy = 0.5 * (block.mass * (q[3] ** 2 + q[4] ** 2) + block.inertia * q[5] ** 2)
     t, stop, count, at, used = 0.0, TIME, 0, 0, 0
     while at < times.size and times[at] <= 0.0:
@@ -448,8 +445,8 @@ def _release(
     # the impact that is open: its record, whether and where the ground has ceased to press
     current = np.full(N_IMPACT, np.nan)
     is_open, left = False, False
-    watch = np.zeros(6)
-    watching = False
+    watch = np.empty(8)
+    stepper.forget_rest(watch)
     active = 0
     steps, eased = 0, 1.0
     noticed = False  # whether the slots know the ground at the present pose
@@ -509,6 +506,9 @@ def _release(
         at = _sample(t, old, gone, q, flying, gravity, times, at, samples)
         t += gone
         force, depth, active = stepper.pressure(ints, reals, params)
+        if depth > 0.5 * radius and point_depth(q[0], q[1], terrain.facets, f0, f1)[0] > 0.0:
+            stop = BURIED
+            break
         if not is_open:
             if active > 0:
                 is_open, left = True, False
@@ -524,7 +524,8 @@ def _release(
             current[9:15] = q
         if active == 0:
             count = _close(current, left, impacts, count)
-            is_open, watching = False, False
+            is_open = False
+            stepper.forget_rest(watch)
             if count == impact_limit:
                 stop = IMPACTS
                 break
@@ -532,24 +533,14 @@ def _release(
                 stop = SPENT
                 break
             continue
-        # a long stay: at rest?
-        lost = audit[0] + audit[1] + audit[2]
-        if not watching:
-            watch[0], watch[1], watch[2], watch[3], watch[4], watch[5] = t, lost, q[0], q[0], q[1], q[1]
-            watching = True
-        watch[2], watch[3] = min(watch[2], q[0]), max(watch[3], q[0])
-        watch[4], watch[5] = min(watch[4], q[1]), max(watch[5], q[1])
-        if t - watch[0] > window:
-            box = max(watch[3] - watch[2], watch[5] - watch[4])
-            if box < REST_BOX * radius and lost - watch[1] < REST_LOSS * weight * radius:
-                stop = REST
+        if stepper.watch_rest(watch, t, q, radius, gravity):
+            stop = REST
+            break
+        if spent and steps % SPENT_EVERY == 0:
+            stored = stepper.stored_energy(ints, reals, params)
+            if _is_spent(q, stored, gravity, block, lines, crossings):
+                stop = SPENT
                 break
-            watching = False
-            if spent:
-                stored = stepper.stored_energy(ints, reals, params)
-                if _is_spent(q, stored, gravity, block, lines, crossings):
-                    stop = SPENT
-                    break
     if is_open and stop != IMPACTS:
         count = _close(current, left, impacts, count)
     while at < times.size and stop == REST:

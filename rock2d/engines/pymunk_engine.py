@@ -20,7 +20,7 @@ import pymunk
 from rock2d.blocks import Block
 from rock2d.contact import ContactParameters, parameter_table
 from rock2d.engines import stepper
-from rock2d.geometry import block_arrays, terrain_arrays
+from rock2d.geometry import block_arrays, point_depth, terrain_arrays
 from rock2d.terrain import Terrain
 from rock2d.track import STATE_NAMES, Track
 
@@ -204,6 +204,8 @@ class PymunkRelease:
         self.space.step(dt)
         if self._error is not None:
             error, self._error = self._error, None
+            if isinstance(error, KeyboardInterrupt):
+                raise error
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
         knots = self._kinks.copy() or [Knot(self.time + dt, self.q.copy())]
         self.time += dt
@@ -223,6 +225,13 @@ class PymunkRelease:
         """The present state as a knot."""
         force, depth, active = self.pressure()
         return Knot(self.time, self.q.copy(), active, force, depth)
+
+    def centroid_depth_m(self) -> float:
+        """Depth of the centroid below the nearest facets met; beyond 0 the law has lost its meaning."""
+        facets = self._terrain.facets
+        if not self._near:
+            return -math.inf
+        return float(point_depth(self.q[0], self.q[1], facets, self._near[0], self._near[-1] + 1)[0])
 
     def first_zone(self) -> str:
         """Zone of the first active contact."""
@@ -266,7 +275,8 @@ def run_pymunk(
     contact_step_s: float | None = None,
     impact_limit: int | None = None,
 ) -> Track:
-    """Run one release until it rests, leaves the cross-section, or the time is over.
+    """Run one release until it rests, leaves the cross-section, sinks in to its centroid ("buried": the ground is
+    too soft for the law), or the time is over.
 
     Parameters
     ----------
@@ -280,16 +290,14 @@ def run_pymunk(
     sim = PymunkRelease(
         block, terrain, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
     )
-    radius = block.radius_m
-    scale = math.sqrt(radius / max(gravity_m_s2, 1e-9))
-    loss_limit = stepper.REST_LOSS * block.mass_kg * gravity_m_s2 * radius
     x_exit = (terrain.points_m[0, 0], terrain.points_m[-1, 0])
     knots: list[np.ndarray] = []
     flight: list[bool] = []
     log = _ImpactLog(sim)
     log.add(sim.knot_now())
     knots.append(np.concatenate([[0.0], sim.q]))
-    watch: list[float] = []  # start time, dissipation, x and y bounds of the present stay in contact
+    watch = np.empty(8)
+    stepper.forget_rest(watch)
     stop = "time"
     while sim.time < time_limit_s:
         free = sim.flying
@@ -301,22 +309,17 @@ def run_pymunk(
         if not x_exit[0] <= x <= x_exit[1]:
             stop = "exit"
             break
+        if knot.depth > 0.5 * block.radius_m and sim.centroid_depth_m() > 0:
+            stop = "buried"
+            break
         if impact_limit is not None and len(log.impacts) >= impact_limit:
             stop = "impacts"
             break
-        lost = float(sim.audit.sum())
         if not log.open:
-            watch = []
-        elif not watch:
-            watch = [sim.time, lost, x, x, y, y]
-        else:
-            watch[2:] = [min(watch[2], x), max(watch[3], x), min(watch[4], y), max(watch[5], y)]
-            if sim.time - watch[0] > stepper.REST_WINDOW * scale:
-                box = max(watch[3] - watch[2], watch[5] - watch[4])
-                if box < stepper.REST_BOX * radius and lost - watch[1] < loss_limit:
-                    stop = "rest"
-                    break
-                watch = []
+            stepper.forget_rest(watch)
+        elif stepper.watch_rest(watch, sim.time, sim.q, block.radius_m, gravity_m_s2):
+            stop = "rest"
+            break
     log.close()
     flight.append(True)
     return Track(

@@ -63,9 +63,13 @@ VERTEX_SLOTS = 8  # convex terrain corners under one polygon at a time
 SMOOTH_SLOTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a slot that has no feature
 
-# At rest: in contact for REST_WINDOW √(radius/g), within REST_BOX radii, dissipating less than REST_LOSS m g r.
-# The law has no damping below its thresholds, so what remains is an elastic tremor that goes on for ever.
-REST_WINDOW, REST_BOX, REST_LOSS = 2.0, 0.2, 1.0e-3
+# At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
+# motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping below
+# its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
+# creeps without gaining speed. What slides above the friction angle, or tips, gains speed.
+REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
+# what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before
+W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_BEFORE = range(8)
 
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
@@ -350,21 +354,25 @@ def _hermite_root(g0, r0, g1, r1, h):
 def _gap_to_found(j, q, ints, found_i, block, terrain):
     """What changes sign where slot j passes from its feature to the one found for it, and its rate.
 
-    Two facets or faces: the difference of the depths. A facet and its re-entrant vertex: how far the point's
-    foot lies from the facet's end (their depths touch there without crossing).
+    Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
+    lies from the facet's end (their depths touch there without crossing).
     """
     c, s = np.cos(q[2]), np.sin(q[2])
     d0, nx, ny, rx, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
     )
     vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
-    if ints[j, KIND] <= CORNER_VERTEX and ints[j, KIND] != found_i[j, KIND]:
+    if ints[j, KIND] != found_i[j, KIND]:
         facet, vertex = ints[j, INDEX], found_i[j, INDEX]
-        if ints[j, KIND] == CORNER_VERTEX:
+        if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
             facet, vertex = vertex, facet
+        if ints[j, KIND] == SMOOTH_VERTEX:
+            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, terrain)
         facets = terrain.facets
         tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
         dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
+        if ints[j, KIND] >= SMOOTH_FACET:
+            vx, vy = q[3], q[4]  # the foot moves with the centroid, not with the material
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
     d1, nx, ny, rx, ry = contact_point(
@@ -535,6 +543,32 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
             reals[j, OFFSET] = depth
             active += 1
     return active
+
+
+@njit
+def forget_rest(watch):
+    """The block is not in contact: begin to watch anew."""
+    watch[W_TIME] = -1.0
+    watch[W_BEFORE] = np.inf
+
+
+@njit
+def watch_rest(watch, t, q, radius, gravity):
+    """Note the state at time t of a block in contact; True if it has come to rest (see REST_WINDOW)."""
+    x, y = q[0], q[1]
+    if watch[W_TIME] < 0.0:
+        watch[W_TIME], watch[W_X], watch[W_Y] = t, x, y
+        watch[W_LOW_X], watch[W_HIGH_X], watch[W_LOW_Y], watch[W_HIGH_Y] = x, x, y, y
+    watch[W_LOW_X], watch[W_HIGH_X] = min(watch[W_LOW_X], x), max(watch[W_HIGH_X], x)
+    watch[W_LOW_Y], watch[W_HIGH_Y] = min(watch[W_LOW_Y], y), max(watch[W_HIGH_Y], y)
+    if t - watch[W_TIME] < REST_WINDOW * np.sqrt(radius / max(gravity, 1e-9)):
+        return False
+    net = np.sqrt((x - watch[W_X]) ** 2 + (y - watch[W_Y]) ** 2)
+    box = max(watch[W_HIGH_X] - watch[W_LOW_X], watch[W_HIGH_Y] - watch[W_LOW_Y])
+    steady = net < min(REST_DRIFT * radius, 1.05 * watch[W_BEFORE] + REST_GROWTH * radius)
+    at_rest = steady and watch[W_BEFORE] < np.inf and box < REST_BOX * radius
+    watch[W_TIME], watch[W_BEFORE] = -1.0, net
+    return at_rest
 
 
 @njit

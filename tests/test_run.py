@@ -119,7 +119,10 @@ def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
 
 
 def test_first_flight_errors_are_those_of_least_squares():
-    block, terrain = make_block("ball", "circle", 0.05, diameter_m=0.02), Terrain([[-9, 0], [9, 0]], ["floor"])
+    block, terrain = (
+        make_block("ball", "circle", 0.05, diameter_m=0.02),
+        Terrain([[-9, 0], [9, 0]], ["floor"]),
+    )
     t, truth, sigma = np.arange(20) / 1000, np.array([0.0, 1.0, 0.0, 1.0, -1.0, 3.0]), (3e-4, 2e-2)
     exact = truth[:3] + np.outer(t, truth[3:])
     exact[:, 1] -= 0.5 * 9.81 * t**2

@@ -200,10 +200,8 @@ def descend(
     while surface.x_low_m <= x <= surface.x_high_m:
         tau, facet = _next_impact(surface, stack, x, y, vx, vy, gravity, current, time_limit - t)
         if facet < 0:
-            if vx > 0.0:
-                leave = (surface.x_high_m - x) / vx
-            else:
-                leave = (surface.x_low_m - x) / vx if vx < 0.0 else np.inf
+            edge = surface.x_high_m if vx > 0.0 else surface.x_low_m
+            leave = (edge - x) / vx if vx != 0.0 else np.inf
             stop = EXIT if leave < tau else TIME
             tau = min(leave, tau)
         x, y = x + vx * tau, y + (vy - 0.5 * gravity * tau) * tau

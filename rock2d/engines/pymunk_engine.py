@@ -305,8 +305,7 @@ def run_pymunk(
             flight.append(free or (knot.active == 0 and not log.open))
             knots.append(np.concatenate([[knot.time], knot.q]))
             log.add(knot)
-        x, y = sim.q[0], sim.q[1]
-        if not x_exit[0] <= x <= x_exit[1]:
+        if not x_exit[0] <= sim.q[0] <= x_exit[1]:
             stop = "exit"
             break
         if knot.depth > 0.5 * block.radius_m and sim.centroid_depth_m() > 0:

@@ -64,8 +64,8 @@ SMOOTH_SLOTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a slot that has no feature
 
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
-# motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping below
-# its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
+# motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
+# below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
 # creeps without gaining speed. What slides above the friction angle, or tips, gains speed.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-ENGINE = click.Choice(["pymunk", "point_mass"])
+ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -27,7 +27,7 @@ from rock2d.track import IMPACT_COLUMNS, STATE_NAMES, Track
 if TYPE_CHECKING:
     import pandas as pd
 
-ENGINES = ("pymunk", "point_mass")
+ENGINES = ("pymunk", "batch", "point_mass")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def simulate(
     engine = engine or scenario.engine
     seed = scenario.seed if seed is None else seed
     blocks, terrain = scenario.make_blocks(), scenario.terrain()
-    if engine == "pymunk":
+    if engine in ("pymunk", "batch"):
         common = scenario.contact_parameters()
         parameters: dict[str, Any] = dict.fromkeys(blocks, common)
     elif engine == "point_mass":
@@ -108,7 +108,7 @@ def _tracks(job: _Job, begin: list[Start], limits: list[float], workers: int) ->
         yield _track(job, begin[0], limits[0])
     rest, rest_limits = begin[1:], limits[1:]
     workers = min(workers, len(rest))
-    if workers <= 1 or job.engine == "point_mass":
+    if workers <= 1 or job.engine != "pymunk":
         with _interrupts_between_releases() as check:
             for start, limit in zip(rest, rest_limits, strict=True):
                 check()
@@ -163,6 +163,14 @@ def _track(job: _Job, start: Start, limit_s: float) -> Track:
 
         track = run_pymunk(
             block, job.terrain, parameters, start.state,
+            release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s,
+        )  # fmt: skip
+    elif job.engine == "batch":
+        from rock2d.contact import parameter_table
+        from rock2d.engines.batch import run_batch_track
+
+        track = run_batch_track(
+            block, job.terrain, parameter_table(parameters, job.terrain.zone_names), start.state,
             release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s,
         )  # fmt: skip
     else:

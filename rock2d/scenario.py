@@ -39,8 +39,10 @@ class Scenario(Checked):
         default=[], description="Each value that is assumed, not published or measured"
     )
     gravity_m_s2: float = Field(default=9.81, ge=0, le=1000, description="Gravity in m/s²")
-    engine: Literal["pymunk", "point_mass"] = Field(
-        default="pymunk", description="pymunk: deterministic rigid bodies; point_mass: probabilistic rebound"
+    engine: Literal["pymunk", "batch", "point_mass"] = Field(
+        default="pymunk",
+        description="pymunk: deterministic rigid bodies; batch: the same law, compiled; "
+        "point_mass: probabilistic rebound",
     )
     releases: int = Field(default=50, ge=1, le=1_000_000, description="Releases of each block")
     seed: int = Field(default=1, ge=0, le=2**63 - 1, description="Seed of every random draw")
@@ -235,7 +237,7 @@ def _check_names(scenario: Scenario) -> None:
 
 def _check_parameters(scenario: Scenario) -> None:
     laws = scenario.model
-    if laws.deterministic is not None or scenario.engine == "pymunk":
+    if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
         scenario.contact_parameters()
     if laws.probabilistic is not None or scenario.engine == "point_mass":
         for block in scenario.make_blocks():

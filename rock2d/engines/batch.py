@@ -49,6 +49,7 @@ TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
 PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
+EASE_LIMIT = 1.25  # growth of contact steps as the motion dies down: a quarter of a radian is the most
 EASE_EVERY = 8  # contact steps between two looks at how far the motion has died down
 SPENT_EVERY = 64  # contact steps between two looks at whether the energy is spent
 FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
@@ -481,7 +482,7 @@ def _release(
 
         # near the ground or on it
         if steps % EASE_EVERY == 0:
-            eased = stepper.ease(q, start_energy, block, ints, reals, params)
+            eased = min(EASE_LIMIT, stepper.ease(q, start_energy, block, ints, reals, params))
         steps += 1
         h = contact_step * eased
         if active > 0 and left:

@@ -149,6 +149,7 @@ _worker_job: _Job | None = None
 def _set_job(job: _Job) -> None:
     global _worker_job
     _worker_job = job
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C, once
 
 
 def _worker_track(start: Start, limit_s: float) -> Track:

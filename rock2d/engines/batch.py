@@ -18,13 +18,8 @@ import numpy as np
 from rock2d.blocks import Block
 from rock2d.compiled import njit
 from rock2d.distance import box_tree, distance_to_ground
-from rock2d.engines import stepper
-from rock2d.engines.stepper import (
-    ACTIVE,
-    SMOOTH_SLOTS,
-    VERTEX_SLOTS,
-    ZONE,
-)
+from rock2d.engines import rest, slots, stepper
+from rock2d.engines.slots import ACTIVE, SMOOTH_SLOTS, VERTEX_SLOTS, ZONE
 from rock2d.geometry import (
     CONVEX,
     CORNER_X,
@@ -434,7 +429,7 @@ def _release(
     n = corners + VERTEX_SLOTS if corners > 0 else SMOOTH_SLOTS
     ints, reals = np.zeros((n, 6), np.int64), np.zeros((n, 6))
     found_i, found_r = np.zeros((n, 6), np.int64), np.zeros((n, 6))
-    stepper.clear(ints, reals)
+    slots.clear(ints, reals)
     work = stepper.scratch(n)
     old = np.empty(6)
     radius = block.radius
@@ -447,7 +442,7 @@ def _release(
     current = np.full(N_IMPACT, np.nan)
     is_open, left = False, False
     watch = np.empty(8)
-    stepper.forget_rest(watch)
+    rest.forget_rest(watch)
     active = 0
     steps, eased = 0, 1.0
     noticed = False  # whether the slots know the ground at the present pose
@@ -491,7 +486,7 @@ def _release(
         reach = (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
         f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
         if active == 0 and not noticed:
-            stepper.clear(ints, reals)
+            slots.clear(ints, reals)
             active = stepper.begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
             noticed = True
             if active > 0:
@@ -526,7 +521,7 @@ def _release(
         if active == 0:
             count = _close(current, left, impacts, count)
             is_open = False
-            stepper.forget_rest(watch)
+            rest.forget_rest(watch)
             if count == impact_limit:
                 stop = IMPACTS
                 break
@@ -534,7 +529,7 @@ def _release(
                 stop = SPENT
                 break
             continue
-        if stepper.watch_rest(watch, t, q, radius, gravity):
+        if rest.watch_rest(watch, t, q, radius, gravity):
             stop = REST
             break
         if spent and steps % SPENT_EVERY == 0:

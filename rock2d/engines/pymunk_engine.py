@@ -19,7 +19,7 @@ import pymunk
 
 from rock2d.blocks import Block
 from rock2d.contact import ContactParameters, parameter_table
-from rock2d.engines import stepper
+from rock2d.engines import rest, slots, stepper
 from rock2d.geometry import block_arrays, point_depth, terrain_arrays
 from rock2d.terrain import Terrain
 from rock2d.track import STATE_NAMES, Track
@@ -72,9 +72,9 @@ class PymunkRelease:
         self.time = 0.0
         self.audit = np.zeros(3)
         self._block, self._terrain = block_arrays(block), terrain_arrays(terrain, 10 * block.radius_m)
-        self._slots = stepper.new_slots(block)
-        found = stepper.new_slots(block)
-        self._scratch = (*found, stepper.scratch(stepper.slot_count(block)))
+        self._slots = slots.new_slots(block)
+        found = slots.new_slots(block)
+        self._scratch = (*found, stepper.scratch(slots.slot_count(block)))
         self._near: list[int] = []
         self._met: list[int] = []
         self._error: BaseException | None = None
@@ -236,8 +236,8 @@ class PymunkRelease:
     def first_zone(self) -> str:
         """Zone of the first active contact."""
         ints, _ = self._slots
-        active = np.flatnonzero(ints[:, stepper.ACTIVE])
-        return self.terrain.zone_names[ints[active[0], stepper.ZONE]] if len(active) else ""
+        active = np.flatnonzero(ints[:, slots.ACTIVE])
+        return self.terrain.zone_names[ints[active[0], slots.ZONE]] if len(active) else ""
 
     def mechanical_energy_J(self) -> dict[str, float]:
         """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
@@ -297,7 +297,7 @@ def run_pymunk(
     log.add(sim.knot_now())
     knots.append(np.concatenate([[0.0], sim.q]))
     watch = np.empty(8)
-    stepper.forget_rest(watch)
+    rest.forget_rest(watch)
     stop = "time"
     while sim.time < time_limit_s:
         free = sim.flying
@@ -315,8 +315,8 @@ def run_pymunk(
             stop = "impacts"
             break
         if not log.open:
-            stepper.forget_rest(watch)
-        elif stepper.watch_rest(watch, sim.time, sim.q, block.radius_m, gravity_m_s2):
+            rest.forget_rest(watch)
+        elif rest.watch_rest(watch, sim.time, sim.q, block.radius_m, gravity_m_s2):
             stop = "rest"
             break
     log.close()

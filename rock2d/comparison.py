@@ -82,6 +82,7 @@ def write_comparison(
 ) -> dict[str, pd.DataFrame]:
     """Overlay and residual figures and a side-by-side video into `folder`; returns the residual tables."""
     from rock2d import plots
+    from rock2d.progress import frame_bar
     from rock2d.video import clip_from_measured, clip_from_track, side_by_side
 
     film = result.scenario.experiment
@@ -96,14 +97,7 @@ def write_comparison(
     plots.save_figure(plots.residuals_figure(residuals, title), folder / "residuals.png")
     shown = _typical(residuals)
     track = next(t for t in result.tracks if t.release == shown)
-    from tqdm import tqdm
-
-    with tqdm(desc="side by side", unit="frame", disable=not progress) as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with frame_bar("side by side", progress) as show:
         side_by_side(
             folder / "side_by_side.webm", result.terrain, result.blocks,
             [clip_from_measured(ran[ran["release"] == shown])], [clip_from_track(track)],

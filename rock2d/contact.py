@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.compiled import njit
+from rock2d.terrain import by_zone
 
 # columns of a parameter row
 K_L, K_UL, K_T, MU, K_R, CAP = range(6)
-N_PARAMETERS = 6
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,7 @@ def parameter_table(
     """
     if isinstance(parameters, ContactParameters):
         parameters = {"default": parameters}
-    rows = []
-    for zone in zone_names:
-        own = parameters.get(zone, parameters.get("default"))
-        if own is None:
-            raise ValueError(f"no contact parameters for zone {zone!r} and no default")
-        rows.append(own.row())
-    return np.array(rows)
+    return np.array([own.row() for own in by_zone(parameters, zone_names, "contact")])
 
 
 @njit(inline="always")

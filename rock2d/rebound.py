@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.compiled import njit
+from rock2d.terrain import by_zone
 
 # columns of a parameter row
 TAN_PHI, M_HALF, R_T, ALPHA, UNIFORM = range(5)
@@ -80,13 +81,7 @@ def rebound_table(parameters: Mapping[str, ReboundParameters], zone_names: tuple
 
     Raises ValueError if a zone has neither its own parameters nor a default.
     """
-    rows = []
-    for zone in zone_names:
-        own = parameters.get(zone, parameters.get("default"))
-        if own is None:
-            raise ValueError(f"no rebound parameters for zone {zone!r} and no default")
-        rows.append(own.row())
-    return np.array(rows)
+    return np.array([own.row() for own in by_zone(parameters, zone_names, "rebound")])
 
 
 @njit

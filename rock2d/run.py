@@ -296,8 +296,7 @@ def write_results(
 
 def write_video(result: RunResult, path: Path, title: str, *, progress: bool = True, **options: Any) -> None:
     """Film of the first releases of each block, one scene a release number."""
-    from tqdm import tqdm
-
+    from rock2d.progress import frame_bar
     from rock2d.video import clip_from_track, render_video
 
     outputs = result.scenario.outputs
@@ -306,12 +305,7 @@ def write_video(result: RunResult, path: Path, title: str, *, progress: bool = T
         [clip_from_track(tracks[i]) for tracks in of_block if i < len(tracks)]
         for i in range(outputs.video_releases)
     ]
-    with tqdm(desc="video", unit="frame", disable=not progress) as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with frame_bar("video", progress) as show:
         options = {"slow_motion": outputs.slow_motion, **options}
         scenes = [scene for scene in scenes if scene]
         render_video(path, result.terrain, result.blocks, scenes, title=title, progress=show, **options)

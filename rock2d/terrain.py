@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 Array = np.ndarray
+P = TypeVar("P")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
 
@@ -114,6 +116,20 @@ class Terrain:
         points = (start[:, None] + step[None, :, None] * edge[:, None]).reshape(-1, 2)
         zones = [z for z in self.zones for _ in range(pieces)]
         return Terrain(np.vstack([points, self.points_m[-1]]), zones, self.measure_lines)
+
+
+def by_zone(parameters: Mapping[str, P], zone_names: Sequence[str], law: str) -> list[P]:
+    """Parameters of each zone in the order of `zone_names`; the key "default" serves zones that are not named.
+
+    Raises ValueError, which names the `law`, if a zone has neither its own parameters nor a default.
+    """
+    found = []
+    for zone in zone_names:
+        own = parameters.get(zone, parameters.get("default"))
+        if own is None:
+            raise ValueError(f"no {law} parameters for zone {zone!r} and no default")
+        found.append(own)
+    return found
 
 
 def _refuse_crossing(points: Array) -> None:

@@ -43,7 +43,6 @@ STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
 TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
-PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
 EASE_LIMIT = 1.25  # growth of contact steps as the motion dies down: a quarter of a radian is the most
 EASE_EVERY = 8  # contact steps between two looks at how far the motion has died down
 SPENT_EVERY = 64  # contact steps between two looks at whether the energy is spent
@@ -512,7 +511,7 @@ def _release(
             continue
         current[15] = max(current[15], depth)
         current[16] = max(current[16], force)
-        if force > PRESSED * current[16]:
+        if force > stepper.PRESSED * current[16]:
             left = False
         elif not left:
             left = True

@@ -28,8 +28,6 @@ BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
 
-PRESSED = 1e-6  # of the impact's peak force: below it the ground no longer presses
-
 
 class Knot(NamedTuple):
     """State at one instant; sum of normal forces and largest penetration of the active contacts."""
@@ -356,7 +354,7 @@ class _ImpactLog:
             return
         self.open["penetration_m"] = max(self.open["penetration_m"], knot.depth)
         self.open["force_N"] = max(self.open["force_N"], knot.force)
-        if knot.force > PRESSED * self.open["force_N"]:
+        if knot.force > stepper.PRESSED * self.open["force_N"]:
             self._left = None
         elif self._left is None:
             self._left = knot

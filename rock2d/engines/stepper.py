@@ -63,6 +63,7 @@ from rock2d.geometry import (
 PLASTIC, FRICTION, ROLLING = range(3)
 
 
+PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 

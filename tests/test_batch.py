@@ -8,14 +8,11 @@ import sys
 
 import numpy as np
 import pytest
-import shapely
 from test_pymunk_engine import BENCH, BLOCKS, CONTRAST, CUBE, LAW, SPHERE
 
 from rock2d.contact import parameter_table
-from rock2d.distance import box_tree, distance_to_ground
 from rock2d.engines.batch import STOPS, Ensemble, run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.geometry import terrain_arrays
 from rock2d.terrain import Terrain
 
 TABLE = parameter_table(LAW, BENCH.zone_names)
@@ -87,14 +84,3 @@ def test_results_do_not_depend_on_the_number_of_threads():
         )  # fmt: skip
         seen.add(done.stdout)
     assert len(seen) == 1
-
-
-def test_tree_distance_is_the_distance_to_the_polyline():
-    rng = np.random.default_rng(1)
-    x = np.linspace(0, 10, 300)
-    ground = Terrain(np.column_stack([x, np.cumsum(rng.normal(0, 0.1, 300))]), ["rock"] * 299)
-    arrays = terrain_arrays(ground, 1e-9)
-    boxes, line = box_tree(arrays.facets[:, :2]), shapely.LineString(arrays.facets[:, :2])
-    for p in rng.uniform([-2, -5], [12, 5], (200, 2)):
-        expected = line.distance(shapely.Point(p))
-        assert distance_to_ground(p[0], p[1], arrays.facets, boxes) == pytest.approx(expected, rel=1e-12)

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from rock2d.approach import facet_tree, safe_time, time_to_ground
 from rock2d.blocks import Block
 from rock2d.compiled import njit
-from rock2d.distance import box_tree, distance_to_ground
 from rock2d.engines import rest, slots, stepper
 from rock2d.engines.slots import ACTIVE, SMOOTH_SLOTS, VERTEX_SLOTS, ZONE
 from rock2d.geometry import (
@@ -107,7 +107,7 @@ def pack(ensemble: Ensemble) -> Packed:
     blocks = [block_arrays(b) for b in ensemble.blocks]
     reach = 10 * max(b.radius_m for b in ensemble.blocks)
     grounds = [terrain_arrays(t, reach) for t in ensemble.terrains]
-    boxes = [box_tree(g.facets[:, :2]) for g in grounds]
+    boxes = [facet_tree(g.facets[:, :2]) for g in grounds]
     names = [list(t.measure_lines.values()) for t in ensemble.terrains]
     lines = np.full((len(grounds), max(map(len, names)), 4), np.nan)
     for i, ends in enumerate(names):
@@ -302,14 +302,6 @@ def _gap(q, terrain, block, f0, f1):
 
 
 @njit
-def _safe_time(distance, speed, gravity):
-    """Time in which a point that starts at `speed` and gains at most gravity × time covers `distance`."""
-    if gravity <= 0.0:
-        return distance / max(speed, 1e-300)
-    return 2.0 * distance / (speed + np.sqrt(speed * speed + 2.0 * gravity * distance))
-
-
-@njit
 def _fly(q, tau, gravity):
     q[0] += q[3] * tau
     q[1] += q[4] * tau - 0.5 * gravity * tau * tau
@@ -430,6 +422,7 @@ def _release(
     found_i, found_r = np.zeros((n, 6), np.int64), np.zeros((n, 6))
     slots.clear(ints, reals)
     work = stepper.scratch(n)
+    stack = np.empty(64, np.int64)
     old = np.empty(6)
     radius = block.radius
     start_energy = 0.5 * (block.mass * (q[3] ** 2 + q[4] ** 2) + block.inertia * q[5] ** 2)
@@ -452,14 +445,13 @@ def _release(
             break
         if active == 0:
             speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
-            clear = distance_to_ground(q[0], q[1], terrain.facets, boxes) - radius
-            tau = _safe_time(clear, speed, gravity) if clear > 0.0 else 0.0
+            tau = time_to_ground(q, gravity, block, terrain.facets, boxes, stack)
             if tau < contact_step and corners > 0:
                 f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
                 gap = _gap(q, terrain, block, f0, f1)
                 if gap > 0.0:
                     # no farther than the facets that were looked at
-                    tau = _safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity)
+                    tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity)
             if tau >= contact_step:
                 tau = min(tau, time_limit - t)
                 old[:] = q

@@ -90,8 +90,8 @@ def ease(q, start_energy, block, ints, reals, params):
     return min(EASE_LIMIT, max(1.0, np.sqrt(np.sqrt(start_energy / energy))))
 
 
-@njit(inline="always")
-def _load_active(facets, block, params, ints, reals, loaded, which):
+@njit
+def load_active(facets, block, params, ints, reals, loaded, which):
     """Copy feature, parameters and memory of the active slots into rows; returns how many there are."""
     active = 0
     for j in range(ints.shape[0]):
@@ -103,16 +103,17 @@ def _load_active(facets, block, params, ints, reals, loaded, which):
                 row[9 + i] = params[zone, i]
             row[15], row[16] = reals[j, OFFSET], reals[j, DEPTH_MAX]
             row[17], row[18] = reals[j, STRETCH], reals[j, ROTATION]
+            row[19] = ints[j, KIND]
             which[active] = j
             active += 1
     return active
 
 
 @njit(inline="always")
-def _slot_rates(kind, row, x, y, c, s, vx, vy, omega, stretch, rotation):
+def _slot_rates(row, x, y, c, s, vx, vy, omega, stretch, rotation):
     """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none
     while unpressed), and the power that its tangential and rolling springs take up."""
-    depth, nx, ny, rx, ry = place_feature(kind, row, x, y, c, s)
+    depth, nx, ny, rx, ry = place_feature(int(row[19]), row, x, y, c, s)
     k_l, k_ul = row[9 + K_L], row[9 + K_UL]
     depth -= row[15]
     peak = row[16]
@@ -127,40 +128,50 @@ def _slot_rates(kind, row, x, y, c, s, vx, vy, omega, stretch, rotation):
     return fx, fy, rx * fy - ry * fx - rolling, slip, spin, force_t * slip, rolling * omega
 
 
-@njit
-def _runge_kutta(q, h, gravity, terrain, block, params, ints, reals, work):
-    """Classical fourth-order step into the arrays of `work`: q1, stretches, rotations, work of the two springs.
+@njit(inline="always")
+def _turned(c, s, angle):
+    """(cos, sin) of a direction turned by a small angle in rad: series to rounding below a tenth, else exact."""
+    if abs(angle) > 0.1:
+        ca, sa = np.cos(angle), np.sin(angle)
+    else:
+        u = angle * angle
+        ca = 1.0 - u * (1.0 / 2 - u * (1.0 / 24 - u * (1.0 / 720 - u / 40320.0)))
+        sa = angle * (1.0 - u * (1.0 / 6 - u * (1.0 / 120 - u * (1.0 / 5040 - u / 362880.0))))
+    return c * ca - s * sa, s * ca + c * sa
 
-    Without contacts it is the exact parabola.
+
+@njit
+def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
+    """Classical fourth-order step of a block whose `active` contacts are loaded; (c0, s0) is its direction at q.
+
+    Fills q1, and in the rows of `sums` each spring's stretch and rotation at the end (columns 0 and 1). Returns the
+    work of the tangential and of the rolling springs. Without contacts it is the exact parabola.
     """
-    q1, stretch, rotation, energy, loaded, which, sums = work
-    active = _load_active(terrain.facets, block, params, ints, reals, loaded, which)
-    energy[0], energy[1] = 0.0, 0.0
-    if active == 0:
-        q1[0], q1[1], q1[2] = q[0] + h * q[3], q[1] + h * (q[4] - 0.5 * gravity * h), q[2] + h * q[5]
-        q1[3], q1[4], q1[5] = q[3], q[4] - h * gravity, q[5]
-        return
     x, y, theta, vx, vy, omega = q[0], q[1], q[2], q[3], q[4], q[5]
+    if active == 0:
+        q1[0], q1[1], q1[2] = x + h * vx, y + h * (vy - 0.5 * gravity * h), theta + h * omega
+        q1[3], q1[4], q1[5] = vx, vy - h * gravity, omega
+        return 0.0, 0.0
     ax = ay = alpha = 0.0
     for a in range(active):
         for i in range(4):
             sums[a, i] = 0.0
     dx = dy = dtheta = dvx = dvy = domega = 0.0
     work_t = work_r = 0.0
+    c, s = c0, s0
     for k in range(4):
         weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
         ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)
         if k > 0:  # the next stage, from the rates of the stage before
-            x, y, theta = q[0] + ahead * vx, q[1] + ahead * vy, q[2] + ahead * omega
+            x, y = q[0] + ahead * vx, q[1] + ahead * vy
+            c, s = _turned(c0, s0, ahead * omega)
             vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
-        c, s = np.cos(theta), np.sin(theta)
         fx = fy = moment = 0.0
         for a in range(active):
             row = loaded[a]
             f, g, m, slip, spin, power_t, power_r = _slot_rates(
-                ints[which[a], KIND], row, x, y, c, s, vx, vy, omega,
-                row[17] + ahead * sums[a, 2], row[18] + ahead * sums[a, 3],
-            )  # fmt: skip
+                row, x, y, c, s, vx, vy, omega, row[17] + ahead * sums[a, 2], row[18] + ahead * sums[a, 3]
+            )
             fx, fy, moment = fx + f, fy + g, moment + m
             sums[a, 0] += weight * slip
             sums[a, 1] += weight * spin
@@ -173,34 +184,40 @@ def _runge_kutta(q, h, gravity, terrain, block, params, ints, reals, work):
     q1[0], q1[1], q1[2] = q[0] + h * dx, q[1] + h * dy, q[2] + h * dtheta
     q1[3], q1[4], q1[5] = q[3] + h * dvx, q[4] + h * dvy, q[5] + h * domega
     for a in range(active):
-        j = which[a]
-        stretch[j] = loaded[a, 17] + h * sums[a, 0]
-        rotation[j] = loaded[a, 18] + h * sums[a, 1]
-    energy[0], energy[1] = h * work_t, h * work_r
+        sums[a, 0] = loaded[a, 17] + h * sums[a, 0]
+        sums[a, 1] = loaded[a, 18] + h * sums[a, 1]
+    return h * work_t, h * work_r
 
 
 @njit
 def scratch(n):
     """Work arrays for n slots."""
     return (
-        np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, 19)), np.empty(n, np.int64),
-        np.empty((n, 4)),
+        np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, 20)), np.empty(n, np.int64),
+        np.empty((n, 4)), np.empty((n, 4)),
     )  # fmt: skip
 
 
 @njit
-def _hermite_root(g0, r0, g1, r1, h):
-    """Time in (0, h) at which the cubic through (g0, rate r0) and (g1, rate r1) changes sign."""
+def hermite_root(g0, r0, g1, r1, h):
+    """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""
+    a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
     low, high = 0.0, 1.0
-    for _ in range(50):
-        s = 0.5 * (low + high)
-        value = g0 * (1 + 2 * s) * (1 - s) ** 2 + g1 * s * s * (3 - 2 * s)
-        value += h * s * (1 - s) * (r0 * (1 - s) - r1 * s)
+    s = g0 / (g0 - g1)
+    for _ in range(60):
+        value = g0 + s * (a1 + s * (a2 + s * a3))
         if (value > 0.0) == (g1 > 0.0):
             high = s
         else:
             low = s
-    return high * h
+        rate = a1 + s * (2.0 * a2 + 3.0 * a3 * s)
+        ahead = s - value / rate if rate != 0.0 else -1.0
+        if not low < ahead < high:
+            ahead = 0.5 * (low + high)
+        if abs(ahead - s) < 1e-14:
+            break
+        s = ahead
+    return min(1.0, ahead + 1e-14) * h
 
 
 @njit
@@ -248,7 +265,7 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
         if not ints[j, ACTIVE]:
             if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
                 # a landing may fall short by rounding: the touch must not wait for the end of the next step
-                t = max(_hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
+                t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
             p = params[ints[j, ZONE]]
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
@@ -257,9 +274,9 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
             if d0 >= peak and r0 > 0.0 and r1 < 0.0:
                 t = h * r0 / (r0 - r1)
             elif (d0 > gone) != (d1 > gone):
-                t = _hermite_root(d0 - gone, r0, d1 - gone, r1, h)
+                t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
             elif d0 < peak < d1:
-                t = _hermite_root(d0 - peak, r0, d1 - peak, r1, h)
+                t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]
@@ -269,7 +286,7 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
                 g0, s0 = _gap_to_found(j, q0, ints, found_i, block, terrain)
                 g1, s1 = _gap_to_found(j, q1, ints, found_i, block, terrain)
                 if (g0 > 0.0) != (g1 > 0.0):
-                    t = min(t, _hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
+                    t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
         if 1e-3 * h < t < first:
             first = t
     return first
@@ -335,7 +352,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
                         audit[ROLLING] += rolling_energy(reals[j, ROTATION], p)
                     reals[j, DEPTH] = NOWHERE
                 _release(ints, reals, j)
-        elif depth > 0.0 or (depth > -1e-10 * block.radius and found_r[j, RATE] >= 0.0):
+        elif _touches(depth, found_r[j, RATE], block):
             ints[j, ACTIVE] = 1
             ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
             ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
@@ -350,6 +367,12 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
     audit[FRICTION] += spring_work[0] - (after_t - before_t)
     audit[ROLLING] += spring_work[1] - (after_r - before_r)
     return active
+
+
+@njit(inline="always")
+def _touches(depth, rate, block):
+    """Whether a contact begins: at the surface to rounding, if it goes in."""
+    return depth > 0.0 or (depth > -1e-10 * block.radius and rate >= 0.0)
 
 
 @njit
@@ -389,7 +412,7 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
         depth = found_r[j, DEPTH]
         reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
         ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
-        if depth > 0.0 or (depth == 0.0 and found_r[j, RATE] > 0.0):
+        if _touches(depth, found_r[j, RATE], block):
             ints[j, :] = found_i[j, :]
             ints[j, ACTIVE] = 1
             ints[j, ZONE] = _zone(ints, j, terrain)
@@ -431,13 +454,17 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
     (found_i, found_r, work) are scratch of the sizes of `new_slots` and `scratch`.
     """
     reach = 4.0 * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius) + 1e-6 * block.radius
-    q1, stretch, rotation, spring_work = work[0], work[1], work[2], work[3]
-    _runge_kutta(q, h, gravity, terrain, block, params, ints, reals, work)
+    q1, stretch, rotation, spring_work, loaded, which, sums, _ = work
+    active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
+    c, s = np.cos(q[2]), np.sin(q[2])
+    spring_work[0], spring_work[1] = runge_kutta(q, c, s, h, gravity, block, active, loaded, sums, q1)
     find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
     kink = _first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)
     if kink < h:
-        _runge_kutta(q, kink, gravity, terrain, block, params, ints, reals, work)
+        spring_work[0], spring_work[1] = runge_kutta(q, c, s, kink, gravity, block, active, loaded, sums, q1)
         find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
+    for a in range(active):
+        stretch[which[a]], rotation[which[a]] = sums[a, 0], sums[a, 1]
     q[:] = q1
     _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit)
     return kink

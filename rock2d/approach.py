@@ -99,7 +99,9 @@ def _node_time(tree, node, q, c, s, speed, gravity, block):
     dx = max(max(tree[node, LOW_X] - q[0], q[0] - tree[node, HIGH_X]), 0.0)
     dy = max(max(tree[node, LOW_Y] - q[1], q[1] - tree[node, HIGH_Y]), 0.0)
     away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity)
-    down = _line_time(tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET], q, c, s, gravity, block)
+    down = _line_time(
+        tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET], q, c, s, gravity, block
+    )
     return max(away, down)
 
 

@@ -63,7 +63,7 @@ class PymunkRelease:
         self.block, self.terrain = block, terrain
         self.gravity = float(gravity_m_s2)
         self.table = parameter_table(parameters, terrain.zone_names)
-        self.contact_step = contact_step_s or stepper.contact_step_s(block, self.table)
+        self.contact_step = contact_step_s or stepper.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
         if self.q.shape != (6,) or not np.isfinite(self.q).all():
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")

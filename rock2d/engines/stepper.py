@@ -68,13 +68,16 @@ EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
-def contact_step_s(block: Block, table: np.ndarray, fraction: float = STEP_FRACTION) -> float:
-    """Contact step in s: `fraction` of a radian of the stiffest oscillation, ω² = k (1/m + r²/I),
-    where r is the largest lever of the force: the normal force of a circle has none."""
+def contact_steps_s(block: Block, table: np.ndarray, fraction: float = STEP_FRACTION) -> tuple[float, float]:
+    """Contact steps in s, while every contact is on its loading branch and else: `fraction` of a radian of the
+    stiffest oscillation, ω² = k (1/m + r²/I), where r is the largest lever of the force: the normal force of a
+    circle has none."""
     lever = abs(block.semi_axes_m[0] - block.semi_axes_m[1]) if block.smooth else block.radius_m
-    normal = table[:, K_UL].max() * (1 / block.mass_kg + lever**2 / block.inertia_kg_m2)
+    free = 1 / block.mass_kg + lever**2 / block.inertia_kg_m2
     tangential = table[:, K_T].max() * (1 / block.mass_kg + block.radius_m**2 / block.inertia_kg_m2)
-    return float(fraction / np.sqrt(max(normal, tangential, table[:, K_R].max() / block.inertia_kg_m2)))
+    others = max(tangential, table[:, K_R].max() / block.inertia_kg_m2)
+    loading, unloading = (max(table[:, k].max() * free, others) for k in (K_L, K_UL))
+    return float(fraction / np.sqrt(loading)), float(fraction / np.sqrt(unloading))
 
 
 @njit
@@ -194,7 +197,7 @@ def scratch(n):
     """Work arrays for n slots."""
     return (
         np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, 20)), np.empty(n, np.int64),
-        np.empty((n, 4)), np.empty((n, 4)),
+        np.empty((n, 4)), np.empty((n, 5)),
     )  # fmt: skip
 
 
@@ -268,6 +271,7 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
             p = params[ints[j, ZONE]]
+            clear = hermite_root(d0, r0, d1, r1, h) if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, DEPTH_MAX]
             gone = residual(peak, p[K_L], p[K_UL])
@@ -277,6 +281,7 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
                 t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
             elif d0 < peak < d1:
                 t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
+            t = min(t, clear)
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]
@@ -419,6 +424,16 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
             reals[j, OFFSET] = depth
             active += 1
     return active
+
+
+@njit
+def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
+    """Note afresh how deep lies what does not touch, after steps that did not look."""
+    find_features(q, block.radius, f0, f1, terrain, block, ints, found_i, found_r)
+    for j in range(ints.shape[0]):
+        if not ints[j, ACTIVE]:
+            reals[j, DEPTH], reals[j, RATE] = found_r[j, DEPTH], found_r[j, RATE]
+            ints[j, KEY] = found_i[j, KEY] if found_r[j, DEPTH] != NOWHERE else -1
 
 
 @njit

@@ -1,0 +1,274 @@
+"""Contact steps in a row while the block keeps its contacts: the fast stretch of an impact, compiled.
+
+A full step of `stepper.step` searches the ground for the nearest features. As long as the block stays within the
+*guard* of a pose (how far any of its points may move before a contact can begin or pass to another feature) that
+search would find what is already known, so it is left out. What ends a stretch (a contact that begins, ends or
+changes its feature or zone) is left to `stepper.step`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import njit
+from rock2d.contact import (
+    K_L,
+    K_UL,
+    normal_force,
+    plastic_work,
+    residual,
+    rolling_moment,
+    tangential_force,
+)
+from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
+from rock2d.engines.stepper import (
+    FRICTION,
+    PLASTIC,
+    PRESSED,
+    ROLLING,
+    hermite_root,
+    load_active,
+    runge_kutta,
+)
+from rock2d.geometry import (
+    CONVEX,
+    CORNER_FACET,
+    CORNER_X,
+    CORNER_Y,
+    FACE_OFFSET,
+    FACE_X,
+    FACE_Y,
+    LENGTH,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    SMOOTH_FACET,
+    TANGENT_X,
+    TANGENT_Y,
+    place_feature,
+)
+
+TURN_ARM = (
+    1.5  # arm in block radii with which rotation counts as motion: also that of a vertex near the block
+)
+# columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
+D0, R0, D1, R1, ARM = range(5)
+
+
+@njit
+def guard_distance(q, allowance, f0, f1, terrain, block, ints):
+    """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
+
+    At most `allowance`, the width that facets f0 to f1 - 1 reach beyond the block; 0 where it is not known.
+    """
+    x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
+    facets, sides = terrain.facets, block.sides
+    n, guard = sides.shape[0], allowance
+    if n == 0:
+        return _circle_guard(x, y, guard, f0, f1, facets, block, ints)
+    for i in range(n):
+        if ints[i, ACTIVE] and ints[i, KIND] != CORNER_FACET:
+            return 0.0
+        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        own, other = -1.0, np.inf  # squared distance to its own facet, and to the nearest other
+        for f in range(f0, f1):
+            dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+            along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+            above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+            beyond = max(-along, along - facets[f, LENGTH])
+            if ints[i, ACTIVE] and f == ints[i, INDEX]:
+                guard = min(guard, -beyond)
+                own = above * above
+            else:
+                beyond = max(beyond, 0.0)
+                other = min(other, above * above + beyond * beyond)
+        if not ints[i, ACTIVE]:
+            guard = min(guard, np.sqrt(other))
+        elif own < 0.0:
+            return 0.0
+        else:
+            guard = min(guard, 0.5 * (np.sqrt(other) - np.sqrt(own)))
+        if guard <= 0.0:
+            return 0.0
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] <= 0.0:
+            continue
+        dx, dy = facets[v, POINT_X] - x, facets[v, POINT_Y] - y
+        bx, by = c * dx + s * dy, -s * dx + c * dy
+        nearest, second = np.inf, np.inf  # depth below the faces
+        for k in range(n):
+            d = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
+            if d < nearest:
+                nearest, second = d, nearest
+            elif d < second:
+                second = d
+        guard = min(guard, 0.5 * (second - nearest) if nearest > 0.0 else -nearest)
+    return max(guard, 0.0)
+
+
+@njit
+def _circle_guard(x, y, guard, f0, f1, facets, block, ints):
+    if block.semi_a != block.semi_b:
+        return 0.0  # an ellipse's contact point runs ahead of its motion
+    r = block.radius
+    for f in range(f0, f1):
+        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
+        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        beyond = max(-along, along - facets[f, LENGTH])
+        own = False
+        for j in range(ints.shape[0]):
+            if ints[j, ACTIVE] and ints[j, INDEX] == f:
+                if ints[j, KIND] != SMOOTH_FACET:
+                    return 0.0
+                own = True
+        guard = min(guard, -beyond if own else max(above - r, beyond))
+        if guard <= 0.0:
+            return 0.0
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] > 0.0:
+            owned = False  # by a facet in contact that ends there: its own margin serves
+            for j in range(ints.shape[0]):
+                owned = owned or (ints[j, ACTIVE] and (ints[j, INDEX] == v or ints[j, INDEX] == v - 1))
+            if not owned:
+                dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
+                guard = min(guard, np.sqrt(dx * dx + dy * dy) - r)
+    return max(guard, 0.0)
+
+
+@njit(inline="always")
+def floats(depth, rate, radius):
+    """Whether a contact point at this depth below its crater's bottom does not press, nor is about to."""
+    return depth < -1e-7 * radius or (depth <= 0.0 and rate < 0.0)
+
+
+@njit
+def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, terrain, block, params, ints, reals,
+          work, audit, floating, peak_force, tally):  # fmt: skip
+    """Advance q by up to `steps` contact steps within the guard; returns (time gone in s, number of steps).
+
+    h_loading, h_other, h_floating : contact step in s while every contact goes deeper into virgin soil, while none
+        touches the bottom of its crater, and else
+    anchor : (4,) x, y, theta of the pose whose guard is the fourth
+    floating, peak_force : whether the ground has ceased to press, and the largest force in N of this impact so far;
+        the stretch ends where it ceases or begins again
+    tally : (4,) filled with the last force in N, the largest force, the largest depth, and 1 if the guard was left
+    """
+    q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
+    active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
+    for a in range(active):
+        seen[a, D0], seen[a, R0] = reals[which[a], DEPTH], reals[which[a], RATE]
+    c, s = np.cos(q[2]), np.sin(q[2])
+    arm = TURN_ARM * block.radius
+    t, done = 0.0, 0
+    tally[0], tally[1], tally[2], tally[3] = 0.0, 0.0, 0.0, 0.0
+    while done < steps:
+        loading, unpressed = True, True
+        for a in range(active):
+            d0, peak = seen[a, D0] - loaded[a, 15], loaded[a, 16]
+            loading = loading and seen[a, R0] > 0.0 and d0 >= peak
+            bottom = residual(peak, loaded[a, 9 + K_L], loaded[a, 9 + K_UL])
+            unpressed = unpressed and floats(d0 - bottom, seen[a, R0], block.radius)
+        unpressed = unpressed and floating
+        h = min(h_floating if unpressed else (h_loading if loading else h_other), time_left - t)
+        if h <= 0.0:
+            break
+        kept, first, work_t, work_r = True, h, 0.0, 0.0
+        for attempt in range(2):
+            if unpressed:
+                runge_kutta(q, c, s, first, gravity, block, 0, loaded, sums, q1)
+                for a in range(active):
+                    sums[a, 0], sums[a, 1] = 0.0, loaded[a, 18]
+            else:
+                work_t, work_r = runge_kutta(q, c, s, first, gravity, block, active, loaded, sums, q1)
+            c1, s1 = np.cos(q1[2]), np.sin(q1[2])
+            moved = abs(q1[0] - anchor[0]) + abs(q1[1] - anchor[1]) + arm * abs(q1[2] - anchor[2])
+            kept = moved < anchor[3]
+            for a in range(active):
+                depth, nx, ny, rx, ry = place_feature(int(loaded[a, 19]), loaded[a], q1[0], q1[1], c1, s1)
+                seen[a, D1] = depth
+                seen[a, R1] = -((q1[3] - q1[5] * ry) * nx + (q1[4] + q1[5] * rx) * ny)
+                seen[a, ARM] = np.sqrt(rx * rx + ry * ry)
+                kept = kept and depth > 0.0
+            if not kept or attempt == 1:
+                break
+            first = _first_kink(h, active, loaded, seen, unpressed)
+            if first == h:
+                break
+        if not kept:
+            tally[3] = 1.0
+            break
+        force, deepest = _commit(active, loaded, sums, seen, work_t, work_r, audit)
+        for i in range(6):
+            q[i] = q1[i]
+        c, s = c1, s1
+        t += first
+        done += 1
+        tally[0] = force
+        tally[1], tally[2] = max(tally[1], force), max(tally[2], deepest)
+        if (force <= PRESSED * max(peak_force, tally[1])) != floating:
+            break
+    for a in range(active):
+        j = which[a]
+        reals[j, DEPTH], reals[j, RATE], reals[j, DEPTH_MAX] = seen[a, D0], seen[a, R0], loaded[a, 16]
+        reals[j, STRETCH], reals[j, ROTATION] = loaded[a, 17], loaded[a, 18]
+    return t, done
+
+
+@njit
+def _first_kink(h, active, loaded, seen, unpressed):
+    """Time in (0, h] of the first kink of the law in the trial step; h if there is none.
+
+    While unpressed also the highest point: a block that has cleared the surface there has left its crater.
+    """
+    first = h
+    for a in range(active):
+        row = loaded[a]
+        d0, d1 = seen[a, D0] - row[15], seen[a, D1] - row[15]
+        r0, r1 = seen[a, R0], seen[a, R1]
+        peak, t = row[16], h
+        gone = residual(peak, row[9 + K_L], row[9 + K_UL])
+        if d0 >= peak and r0 > 0.0 and r1 < 0.0:
+            t = h * r0 / (r0 - r1)
+        elif (d0 > gone) != (d1 > gone):
+            t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
+        elif d0 < peak < d1:
+            t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
+        elif unpressed and r0 < 0.0 < r1:
+            t = h * r0 / (r0 - r1)
+        if 1e-3 * h < t < first:
+            first = t
+    return first
+
+
+@njit
+def _commit(active, loaded, sums, seen, work_t, work_r, audit):
+    """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth)."""
+    stored_t = stored_r = total = deepest = 0.0
+    for a in range(active):
+        row = loaded[a]
+        k_l, k_ul, k_t, mu, k_r, cap = row[9], row[10], row[11], row[12], row[13], row[14]
+        peak, stretch, rotation = row[16], row[17], row[18]
+        was, pressed = seen[a, D0] - row[15], seen[a, D1] - row[15]
+        old_t = tangential_force(stretch, normal_force(was, peak, k_l, k_ul), k_t, mu)
+        if pressed > peak:
+            audit[PLASTIC] += plastic_work(pressed, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
+            row[16] = peak = pressed
+        force_n = normal_force(pressed, peak, k_l, k_ul)
+        force_t = tangential_force(sums[a, 0], force_n, k_t, mu)
+        row[17] = 0.0
+        if k_t > 0.0:
+            stored_t += 0.5 * (force_t * force_t - old_t * old_t) / k_t
+            row[17] = force_t / k_t
+        row[18] = sums[a, 1]
+        if cap > 0.0 and k_r > 0.0:
+            row[18] = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap) / k_r
+        stored_r += 0.5 * k_r * (row[18] * row[18] - rotation * rotation)
+        seen[a, D0], seen[a, R0] = seen[a, D1], seen[a, R1]
+        total += force_n
+        deepest = max(deepest, seen[a, D1])
+    audit[FRICTION] += work_t - stored_t
+    audit[ROLLING] += work_r - stored_r
+    return total, deepest

@@ -1,0 +1,155 @@
+"""What a release leaves behind: line crossings, samples, knots and impacts, noted while it runs, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import njit
+from rock2d.engines.slots import ACTIVE, ZONE
+
+# one impact: zone id, t, state before (6), t after, state after (6), penetration, force
+N_IMPACT = 17
+
+
+@njit
+def fly(q, tau, gravity):
+    q[0] += q[3] * tau
+    q[1] += q[4] * tau - 0.5 * gravity * tau * tau
+    q[2] += q[5] * tau
+    q[4] -= gravity * tau
+
+
+@njit
+def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
+    """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new."""
+    new = 0
+    for k in range(lines.shape[0]):
+        if crossings[k, 0] == crossings[k, 0] or lines[k, 0] != lines[k, 0]:
+            continue
+        ax, ay = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
+        side0 = (q0[1] - lines[k, 1]) * ax - (q0[0] - lines[k, 0]) * ay
+        side1 = (q1[1] - lines[k, 1]) * ax - (q1[0] - lines[k, 0]) * ay
+        when = -1.0
+        if flight:
+            # a s² + b s + c = 0, the side of the line along the parabola
+            a, b = -0.5 * gravity * ax, q0[4] * ax - q0[3] * ay
+            if a == 0.0:
+                if b != 0.0:
+                    when = -side0 / b
+            else:
+                disc = b * b - 4.0 * a * side0
+                if disc > 0.0:
+                    root = -0.5 * (b + np.copysign(np.sqrt(disc), b))
+                    low, high = root / a, side0 / root if root != 0.0 else 0.0
+                    if low > high:
+                        low, high = high, low
+                    when = low if low > 0.0 and _on_line(q0, low, gravity, lines[k], ax, ay) else high
+            if not 0.0 < when <= tau:
+                continue
+        elif side0 * side1 < 0.0:
+            when = tau * side0 / (side0 - side1)
+        else:
+            continue
+        if not flight:
+            s = when / tau
+            x, y = q0[0] + s * (q1[0] - q0[0]), q0[1] + s * (q1[1] - q0[1])
+            at = ((x - lines[k, 0]) * ax + (y - lines[k, 1]) * ay) / (ax * ax + ay * ay)
+            if not 0.0 <= at <= 1.0:
+                continue
+            for i in range(6):
+                crossings[k, 1 + i] = q0[i] + s * (q1[i] - q0[i])
+        else:
+            if not _on_line(q0, when, gravity, lines[k], ax, ay):
+                continue
+            crossings[k, 1:] = q0
+            fly(crossings[k, 1:], when, gravity)
+        crossings[k, 0] = t + when
+        new += 1
+    return new
+
+
+@njit
+def near_line(q, reach, lines, crossings):
+    """True if the centroid is within `reach` of a measure line that it has not crossed."""
+    for k in range(lines.shape[0]):
+        if crossings[k, 0] == crossings[k, 0] or lines[k, 0] != lines[k, 0]:
+            continue
+        ax, ay = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
+        dx, dy = q[0] - lines[k, 0], q[1] - lines[k, 1]
+        along = min(max((dx * ax + dy * ay) / (ax * ax + ay * ay), 0.0), 1.0)
+        dx, dy = dx - along * ax, dy - along * ay
+        if dx * dx + dy * dy < reach * reach:
+            return True
+    return False
+
+
+@njit
+def _on_line(q0, when, gravity, line, ax, ay):
+    x, y = q0[0] + q0[3] * when, q0[1] + q0[4] * when - 0.5 * gravity * when * when
+    at = ((x - line[0]) * ax + (y - line[1]) * ay) / (ax * ax + ay * ay)
+    return 0.0 <= at <= 1.0
+
+
+@njit
+def is_spent(q, stored, gravity, block, lines, crossings):
+    """True if no measure line that was not crossed begins low enough for the energy that is left."""
+    kinetic = 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
+    highest = q[1] + (kinetic + stored) / (block.mass * gravity)
+    for k in range(lines.shape[0]):
+        if crossings[k, 0] != crossings[k, 0] and min(lines[k, 1], lines[k, 3]) <= highest:
+            return False
+    return True
+
+
+@njit
+def sample(t, q0, tau, q1, flight, gravity, times, at, samples):
+    """Fill the samples that lie in (t, t + tau]; returns the index of the next one."""
+    while at < times.size and times[at] <= t + tau:
+        s = times[at] - t
+        if flight:
+            samples[at, 0] = q0[0] + q0[3] * s
+            samples[at, 1] = q0[1] + q0[4] * s - 0.5 * gravity * s * s
+            samples[at, 2] = q0[2] + q0[5] * s
+        else:
+            u = s / tau
+            for i in range(3):
+                samples[at, i] = (
+                    q0[i] * (1 + 2 * u) * (1 - u) ** 2
+                    + q0[i + 3] * tau * u * (1 - u) ** 2
+                    + q1[i] * u * u * (3 - 2 * u)
+                    + q1[i + 3] * tau * u * u * (u - 1)
+                )
+        at += 1
+    return at
+
+
+@njit
+def knot(knots, used, t, q, flight):
+    if used < len(knots):
+        knots[used, 0] = t
+        knots[used, 1:7] = q
+        knots[used, 7] = flight
+    return used + 1
+
+
+@njit
+def open_impact(current, t, q, ints):
+    current[0] = -1.0
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            current[0] = ints[j, ZONE]
+            break
+    current[1] = t
+    current[2:8] = q
+    current[8:15] = np.nan
+    current[15], current[16] = 0.0, 0.0
+
+
+@njit
+def close_impact(current, left, impacts, count):
+    """Record an impact if there is room; one that still presses has no state after."""
+    if count < len(impacts):
+        impacts[count] = current
+        if not left:
+            impacts[count, 8:15] = np.nan
+    return count + 1

@@ -1,0 +1,260 @@
+"""One release of the batch engine from its start to its end, compiled.
+
+Flight is not stepped: a lower bound of the time to the ground carries the block there in a few exact parabolas; then
+contact steps take over until the block is clear again: a full one where contacts begin, change or end, fast ones
+(`press`) in between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.approach import safe_time, time_to_ground
+from rock2d.compiled import njit
+from rock2d.contact import K_L, K_UL, residual
+from rock2d.engines import press, rest, slots, stepper
+from rock2d.engines.recording import (
+    N_IMPACT,
+    close_impact,
+    cross,
+    fly,
+    is_spent,
+    knot,
+    near_line,
+    open_impact,
+    sample,
+)
+from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, OFFSET, RATE, SMOOTH_SLOTS, VERTEX_SLOTS, ZONE
+from rock2d.geometry import (
+    CONVEX,
+    CORNER_X,
+    CORNER_Y,
+    POINT_X,
+    POINT_Y,
+    BlockArrays,
+    TerrainArrays,
+    facet_range,
+    point_depth,
+    polygon_depth,
+)
+
+STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
+TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
+EASE_LIMIT = 1.25  # growth of contact steps as the motion dies down: a quarter of a radian is the most
+LOOK_EVERY = 8  # contact steps between two looks at what energy is left
+FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
+
+
+@njit
+def _block(packed, i):
+    r = packed.block_reals[i]
+    sides = packed.sides[packed.side_start[i] : packed.side_start[i + 1]]
+    return BlockArrays(sides, r[0], r[1], r[2], r[3], r[4])
+
+
+@njit
+def _terrain(packed, i):
+    a, b = packed.bin_start[i], packed.bin_start[i + 1]
+    r = packed.terrain_reals[i]
+    facets = packed.facets[packed.facet_start[i] : packed.facet_start[i + 1]]
+    return TerrainArrays(facets, packed.first[a:b], packed.last[a:b], r[0], r[1], r[2], r[3])
+
+
+@njit
+def release(
+    packed, q, block_id, terrain_id, table_id, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
+    times, impacts, crossings, samples, audit, knots,
+):  # fmt: skip
+    """One release; q ends as the last state. Returns (stop, time, number of impacts, number of knots)."""
+    block, terrain = _block(packed, block_id), _terrain(packed, terrain_id)
+    tree = packed.trees[packed.tree_start[terrain_id] : packed.tree_start[terrain_id + 1]]
+    lines, params = packed.lines[terrain_id], packed.tables[table_id]
+    corners = block.sides.shape[0]
+    n = corners + VERTEX_SLOTS if corners > 0 else SMOOTH_SLOTS
+    ints, reals = np.zeros((n, 6), np.int64), np.zeros((n, 6))
+    found_i, found_r = np.zeros((n, 6), np.int64), np.zeros((n, 6))
+    slots.clear(ints, reals)
+    work, stack, tally = stepper.scratch(n), np.empty(64, np.int64), np.empty(4)
+    old, anchor = np.empty(6), np.zeros(4)
+    radius = block.radius
+    start_energy = 0.5 * (block.mass * (q[3] ** 2 + q[4] ** 2) + block.inertia * q[5] ** 2)
+    t, stop, count, at, used = 0.0, TIME, 0, 0, 0
+    while at < times.size and times[at] <= 0.0:
+        samples[at] = q[0:3]
+        at += 1
+    # the impact that is open: its record, whether and where the ground has ceased to press
+    current = np.full(N_IMPACT, np.nan)
+    is_open, left = False, False
+    watch = np.empty(8)
+    rest.forget_rest(watch)
+    active, steps, looked, eased = 0, 0, 0, 1.0
+    noticed = False  # whether the slots know the ground at the present pose
+    recording = times.size > 0 or len(knots) > 0
+
+    while t < time_limit:
+        if not terrain.x_low <= q[0] <= terrain.x_high:
+            stop = EXIT
+            break
+        if active == 0:
+            speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
+            tau = time_to_ground(q, gravity, block, terrain.facets, tree, stack)
+            if 0.0 < tau < h_contact and corners == 0 and block.semi_a == block.semi_b:
+                tau = min(tau, time_limit - t)  # a ball's last stretch is exact
+            elif tau < h_contact and corners > 0:
+                f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
+                gap = _gap(q, terrain, block, f0, f1)
+                if gap > 0.0:
+                    # no farther than the facets that were looked at
+                    tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity)
+            if tau >= h_contact:
+                tau = min(tau, time_limit - t)
+                old[:] = q
+                used = knot(knots, used, t, q, 1.0)
+                fly(q, tau, gravity)
+                new = cross(t, old, tau, q, True, gravity, lines, crossings)
+                at = sample(t, old, tau, q, True, gravity, times, at, samples)
+                t += tau
+                noticed = False
+                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, gravity, block, lines, crossings):
+                    stop = SPENT
+                    break
+                continue
+
+        # near the ground or on it
+        if steps >= looked:
+            looked = steps + LOOK_EVERY
+            eased = min(EASE_LIMIT, stepper.ease(q, start_energy, block, ints, reals, params))
+            if active > 0 and is_open:
+                if settled and rest.captured(q, gravity, terrain, block, params, ints, reals):
+                    stop = REST
+                    break
+                if rest.watch_rest(watch, t, q, radius, gravity):
+                    stop = REST
+                    break
+                if spent:
+                    stored = stepper.stored_energy(ints, reals, params)
+                    if is_spent(q, stored, gravity, block, lines, crossings):
+                        stop = SPENT
+                        break
+        h = h_contact * eased
+        old[:] = q
+        flying = active == 0
+        gone = 0.0
+        if active > 0 and anchor[3] > 0.0:
+            reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
+            single = recording or (len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings))
+            gone, done = press.press(
+                q, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit - t, anchor,
+                gravity, terrain, block, params, ints, reals, work, audit, left, current[16], tally,
+            )  # fmt: skip
+            steps += done
+            force, highest, depth = tally[0], tally[1], tally[2]
+            if tally[3] > 0.0:
+                anchor[3] = 0.0
+                reach = near_reach(q, h, gravity, radius)
+                f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
+                stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+            if gone == 0.0:
+                continue
+            used = knot(knots, used, t, old, 0.0)
+        else:
+            steps += 1
+            if active > 0:
+                loading, floating = pressing(ints, reals, params, radius)
+                h = FREE_STEP * h if floating and left else (h_loading * eased if loading else h)
+            h = min(h, time_limit - t)
+            reach = near_reach(q, h, gravity, radius)
+            f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
+            if active == 0 and not noticed:
+                slots.clear(ints, reals)
+                active = stepper.begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                noticed = True
+                if active > 0:
+                    is_open, left = True, False
+                    open_impact(current, t, q, ints)
+            flying = active == 0
+            used = knot(knots, used, t, q, 1.0 if flying else 0.0)
+            gone = stepper.step(
+                q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit
+            )
+            force, depth, active = stepper.pressure(ints, reals, params)
+            highest = force
+            if active > 0:
+                anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
+                anchor[3] = press.guard_distance(q, 0.1 * radius, f0, f1, terrain, block, ints)
+        cross(t, old, gone, q, flying, gravity, lines, crossings)
+        at = sample(t, old, gone, q, flying, gravity, times, at, samples)
+        t += gone
+        if depth > 0.5 * radius:
+            f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
+            if point_depth(q[0], q[1], terrain.facets, f0, f1)[0] > 0.0:
+                stop = BURIED
+                break
+        if not is_open:
+            if active > 0:
+                is_open, left = True, False
+                open_impact(current, t, q, ints)
+            continue
+        current[15] = max(current[15], depth)
+        current[16] = max(current[16], highest)
+        if force > stepper.PRESSED * current[16]:
+            left = False
+        elif not left:
+            left = True
+            current[8] = t
+            current[9:15] = q
+        if active == 0:
+            count = close_impact(current, left, impacts, count)
+            is_open = False
+            rest.forget_rest(watch)
+            if count == impact_limit:
+                stop = IMPACTS
+                break
+            if spent and is_spent(q, 0.0, gravity, block, lines, crossings):
+                stop = SPENT
+                break
+    if is_open and stop != IMPACTS:
+        count = close_impact(current, left, impacts, count)
+    while at < times.size and stop == REST:
+        samples[at] = q[0:3]
+        at += 1
+    used = knot(knots, used, t, q, 1.0)
+    return stop, t, count, used
+
+
+@njit(inline="always")
+def near_reach(q, h, gravity, radius):
+    """Half-width in m of the ground that a contact step looks at."""
+    return (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
+
+
+@njit
+def pressing(ints, reals, params, radius):
+    """(every contact goes deeper into virgin soil, none touches the bottom of its crater)."""
+    loading, floating = True, True
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
+            loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
+            floating = floating and press.floats(
+                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], radius
+            )
+    return loading, floating
+
+
+@njit
+def _gap(q, terrain, block, f0, f1):
+    """Lower bound of the distance between a polygon near the ground and the ground."""
+    x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
+    facets, sides = terrain.facets, block.sides
+    gap = np.inf
+    for i in range(sides.shape[0]):
+        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        depth, _, _ = point_depth(px, py, facets, f0, f1)
+        gap = min(gap, -depth)
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] > 0.0:
+            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], x, y, c, s, sides)
+            gap = min(gap, -depth)
+    return gap

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import kernel
 from rock2d.geometry import (
     CORNER_X,
     CORNER_Y,
@@ -51,7 +51,7 @@ def facet_tree(points: np.ndarray) -> np.ndarray:
     return tree
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def safe_time(distance, speed, gravity):
     """Time in which a point that starts at `speed` and gains at most gravity × time covers `distance`."""
     if gravity <= 0.0:
@@ -59,7 +59,7 @@ def safe_time(distance, speed, gravity):
     return 2.0 * distance / (speed + np.sqrt(speed * speed + 2.0 * gravity * distance))
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def _fall_time(gap, rate, pull):
     """First time at which gap + rate t - ½ pull t² is no longer positive (0 if it is not now, NO_BOX if never)."""
     if gap <= 0.0:
@@ -71,7 +71,7 @@ def _fall_time(gap, rate, pull):
     return 2.0 * gap / root if root > 0.0 else NO_BOX
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def _line_time(nx, ny, offset, q, c, s, gravity, block):
     """Lower bound of the time until a point of the block comes down to the line n · p = offset.
 
@@ -92,7 +92,7 @@ def _line_time(nx, ny, offset, q, c, s, gravity, block):
     return soonest
 
 
-@njit
+@kernel
 def _node_time(tree, node, q, c, s, speed, gravity, block):
     if tree[node, LOW_X] > tree[node, HIGH_X]:
         return NO_BOX
@@ -105,7 +105,7 @@ def _node_time(tree, node, q, c, s, speed, gravity, block):
     return max(away, down)
 
 
-@njit
+@kernel
 def time_to_ground(q, gravity, block, facets, tree, stack):
     """Lower bound in s of the time until the flying block touches a facet; `stack` is scratch of 64 integers."""
     leaves = tree.shape[0] // 2

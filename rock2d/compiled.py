@@ -24,7 +24,7 @@ def _cache_folder() -> Path:
     digest = hashlib.sha256(f"{numba.__version__}{_PACKAGE}".encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
         text = source.read_bytes()
-        if b"njit" in text:
+        if b"rock2d.compiled" in text or source.name == "compiled.py":
             digest.update(text)
     root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d" / "numba"
     folder = root / digest.hexdigest()[:16]
@@ -40,3 +40,13 @@ if "NUMBA_CACHE_DIR" not in os.environ:
         setattr(numba.config, "CACHE_DIR", str(_cache_folder()))  # noqa: B010 (numba makes its settings at run time)
 
 njit: Any = partial(numba.njit, cache=True, error_model="numpy")
+# For code that allocates no arrays: without reference counts, which numba keeps for every view and tuple of arrays by
+# calls and atomic instructions that take longer than the arithmetic of a contact step.
+kernel: Any = partial(njit, _nrt=False)
+
+
+@kernel
+def copy(source, target):
+    """Copy a vector; the slice assignment of compiled code would allocate."""
+    for i in range(source.size):
+        target[i] = source[i]

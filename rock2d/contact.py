@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import kernel
 from rock2d.terrain import by_zone
 
 # columns of a parameter row
@@ -68,7 +68,7 @@ def parameter_table(
     return np.array([own.row() for own in by_zone(parameters, zone_names, "contact")])
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. Virgin loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
     if delta <= 0.0:
@@ -78,13 +78,13 @@ def normal_force(delta, delta_max, k_l, k_ul):
     return max(0.0, min(k_l * delta, k_ul * (delta - residual(delta_max, k_l, k_ul))))
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def residual(delta_max, k_l, k_ul):
     """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
     return delta_max * (1.0 - k_l / k_ul)
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def tangential_force(stretch, force_n, k_t, mu):
     """Force of the tangential spring along +stretch in N: k_t s, but never beyond tan φ F_n."""
     force = k_t * stretch
@@ -96,7 +96,7 @@ def tangential_force(stretch, force_n, k_t, mu):
     return min(max(force, -limit), limit)
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def rolling_moment(rotation, force_n, arm, k_r, cap):
     """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed; cap: at most arm × F_n."""
     if force_n <= 0.0:
@@ -108,13 +108,13 @@ def rolling_moment(rotation, force_n, arm, k_r, cap):
     return moment
 
 
-@njit
+@kernel
 def plastic_work(delta_max, k_l, k_ul):
     """Energy in J that plasticity has taken since the contact began: ½ k_l δmax² (1 - k_l/k_ul)."""
     return 0.5 * k_l * delta_max * delta_max * (1.0 - k_l / k_ul)
 
 
-@njit
+@kernel
 def elastic_energy(force_n, force_t, p):
     """Energy in J stored by the normal and tangential springs at these forces; `p` is a parameter row."""
     energy = 0.5 * force_n * force_n / p[K_UL]
@@ -123,13 +123,13 @@ def elastic_energy(force_n, force_t, p):
     return energy
 
 
-@njit
+@kernel
 def rolling_energy(rotation, p):
     """Energy in J stored by the rolling spring: ½ k_r ρ²."""
     return 0.5 * p[K_R] * rotation * rotation
 
 
-@njit
+@kernel
 def cross_zone(force_n, force_t, rotation, old, new):
     """Memory (δmax, s, ρ) in a new zone for a contact that slides into it still pressed; δ is then counted
     from where δmax says (fresh soil loaded to the force that acts).

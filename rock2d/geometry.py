@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.blocks import Block
-from rock2d.compiled import njit
+from rock2d.compiled import kernel
 from rock2d.terrain import SMOOTH_TURN_RAD, Terrain
 
 Array = np.ndarray
@@ -103,7 +103,7 @@ def block_arrays(block: Block) -> BlockArrays:
     return BlockArrays(sides, a, b, block.mass_kg, block.inertia_kg_m2, block.radius_m)
 
 
-@njit
+@kernel
 def facet_range(terrain, x_low, x_high):
     """First and one-past-last index of the facets that can lie in [x_low, x_high]."""
     bins = terrain.first.size
@@ -112,7 +112,7 @@ def facet_range(terrain, x_low, x_high):
     return terrain.first[b0], terrain.last[b1] + 1
 
 
-@njit
+@kernel
 def point_depth(px, py, facets, f0, f1):
     """Depth of a point below the surface (negative: height above it), and the nearest feature.
 
@@ -141,7 +141,7 @@ def point_depth(px, py, facets, f0, f1):
     return -sign * np.sqrt(best), kind, index
 
 
-@njit
+@kernel
 def polygon_depth(px, py, x, y, c, s, sides):
     """Depth of a point inside a polygon at pose (x, y, cos, sin) and its nearest face; negative outside."""
     bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
@@ -153,7 +153,7 @@ def polygon_depth(px, py, x, y, c, s, sides):
     return depth, face
 
 
-@njit
+@kernel
 def nearest_on_ellipse(px, py, a, b):
     """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration.
 
@@ -178,52 +178,49 @@ def nearest_on_ellipse(px, py, a, b):
     return np.copysign(a * tx, px), np.copysign(b * ty, py)
 
 
-@njit
+@kernel
 def contact_point(kind, index, part, x, y, c, s, block, terrain):
     """Depth δ, direction of the force on the block (nx, ny) and arm from the centroid (rx, ry) of a feature.
 
     `part` is the block's corner or face; `index` the terrain's facet or vertex; (x, y, c, s) the pose.
     """
-    row = np.empty(9)
-    load_feature(kind, index, part, block, terrain.facets, row)
-    return place_feature(kind, row, x, y, c, s)
+    return place_feature(kind, load_feature(kind, index, part, block, terrain.facets), x, y, c, s)
 
 
-@njit(inline="always")
-def load_feature(kind, index, part, block, facets, row):
-    """Copy what `place_feature` needs of a feature into row[0:9]."""
-    row[0], row[1] = facets[index, POINT_X], facets[index, POINT_Y]
+@kernel(inline="always")
+def load_feature(kind, index, part, block, facets):
+    """What `place_feature` needs of a feature: terrain point, facet normal, and of the block its corner, its face's
+    normal and offset, or its semi-axes."""
+    px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
-        row[2], row[3] = facets[index, NORMAL_X], facets[index, NORMAL_Y]
+        nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]
     if kind <= CORNER_VERTEX:
-        row[4], row[5] = block.sides[part, CORNER_X], block.sides[part, CORNER_Y]
-    elif kind == VERTEX_FACE:
-        row[4], row[5] = block.sides[part, FACE_X], block.sides[part, FACE_Y]
-        row[6] = block.sides[part, FACE_OFFSET]
-    else:
-        row[7], row[8] = block.semi_a, block.semi_b
+        return px, py, nx, ny, block.sides[part, CORNER_X], block.sides[part, CORNER_Y], 0.0
+    if kind == VERTEX_FACE:
+        sides = block.sides
+        return px, py, nx, ny, sides[part, FACE_X], sides[part, FACE_Y], sides[part, FACE_OFFSET]
+    return px, py, nx, ny, block.semi_a, block.semi_b, 0.0
 
 
-@njit(inline="always")
-def place_feature(kind, row, x, y, c, s):
+@kernel(inline="always")
+def place_feature(kind, feature, x, y, c, s):
     """`contact_point` of a loaded feature."""
-    px, py = row[0], row[1]
+    px, py, nx, ny, w1, w2, offset = feature
     if kind <= CORNER_VERTEX:
-        rx, ry = c * row[4] - s * row[5], s * row[4] + c * row[5]
+        rx, ry = c * w1 - s * w2, s * w1 + c * w2
         dx, dy = x + rx - px, y + ry - py
         if kind == CORNER_FACET:
-            return -(dx * row[2] + dy * row[3]), row[2], row[3], rx, ry
+            return -(dx * nx + dy * ny), nx, ny, rx, ry
         distance = np.sqrt(dx * dx + dy * dy)
         if distance == 0.0:
             return 0.0, 0.0, 1.0, rx, ry
         return distance, -dx / distance, -dy / distance, rx, ry
     if kind == VERTEX_FACE:
-        nx, ny = -(c * row[4] - s * row[5]), -(s * row[4] + c * row[5])
+        nx, ny = -(c * w1 - s * w2), -(s * w1 + c * w2)
         rx, ry = px - x, py - y
-        return row[6] + nx * rx + ny * ry, nx, ny, rx, ry
-    a, b = row[7], row[8]
+        return offset + nx * rx + ny * ry, nx, ny, rx, ry
+    a, b = w1, w2
     if kind == SMOOTH_FACET:
-        nx, ny = row[2], row[3]
         if a == b:
             rx, ry = -a * nx, -a * ny
         else:

@@ -80,10 +80,14 @@ class Track:
         return np.where((t < k[-1, T])[:, None], moving, last)
 
     def crossings(self, line: Array) -> Array:
-        """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time."""
+        """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time.
+
+        Sums are written out, so that compiled code can give the same bits (`point_mass`).
+        """
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-        side = (self.knots[:, 1:3] - origin) @ normal
+        side = (self.knots[:, X] - origin[0]) * normal[0] + (self.knots[:, Y] - origin[1]) * normal[1]
+        length2 = along[0] * along[0] + along[1] * along[1]
         found: list[Array] = []
         for i in range(len(self.knots) - 1):
             a, b = self.knots[i], self.knots[i + 1]
@@ -91,7 +95,8 @@ class Track:
             if span <= 0:
                 continue
             if self.flight[i]:
-                times = _roots(-0.5 * self.gravity_m_s2 * normal[1], a[4:6] @ normal, side[i], span)
+                across = a[VX] * normal[0] + a[VY] * normal[1]
+                times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span)
                 states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
             elif side[i] * side[i + 1] < 0 or (side[i] == 0 != side[i + 1]):
                 times = [span * side[i] / (side[i] - side[i + 1])]
@@ -99,7 +104,7 @@ class Track:
             else:
                 continue
             for tau, state in zip(times, states, strict=True):
-                at = (state[:2] - origin) @ along / (along @ along)
+                at = ((state[0] - origin[0]) * along[0] + (state[1] - origin[1]) * along[1]) / length2
                 if 0.0 <= at <= 1.0:
                     found.append(np.concatenate([[a[T] + tau], state]))
         return np.array(found).reshape(-1, 7)

@@ -6,6 +6,9 @@ flies on a parabola and the block turns freely; the next impact is the first roo
 facets, found through a tree of boxes along the ground, so that a long cross-section costs little more than a
 short one.
 
+What the ensembles run in parallel handles numbers and whole arrays only: a view of a row counts references, and
+all threads would queue for that count.
+
 No block gets through the ground: the facet just left counts as touched exactly (its root is 2 v_n / (g n_y),
 no distance is compared), every impact puts the point back onto its facet, and facets reach `Surface.reach_m`
 (1e-12 of the coordinates: rounding, not physics) past their ends and to their rear, so a parabola through
@@ -14,7 +17,7 @@ a joint meets one of the two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +36,8 @@ REST, EXIT, TIME = range(3)
 # columns of an impact row: time, state before, velocities after, facet
 N_IMPACT = 11
 
-LEAF = 4  # facets in a leaf of the tree
+LEAF = 4
+NO_LINES, NO_CROSSINGS = np.empty((0, 9)), np.empty((1, 0, 7))
 CHATTER = 1000  # impacts between two looks at whether the block still gets anywhere
 
 
@@ -41,8 +45,9 @@ class Surface(NamedTuple):
     """A cross-section as the compiled core reads it.
 
     facets : (n, 5) start x, y, unit tangent x, y, length; zones : (n,) zone ids
-    boxes : (2 leaves - 1, 5) x_low, x_high, slope m, and the least and greatest y - m x in them: boxes that
-        lie along the ground. The children of box i are 2i+1 and 2i+2; the last `leaves` hold LEAF facets each
+    boxes : (2 leaves - 1, 6) x_low, x_high, slope m and the greatest y - m x in them: boxes that lie along the
+        ground, without a floor; then the x between which there are facets of this box only. The children of
+        box i are 2i+1 and 2i+2; the last `leaves` hold LEAF facets each
     x_low_m, x_high_m : beyond them a block has left; reach_m : see the module
     """
 
@@ -54,8 +59,15 @@ class Surface(NamedTuple):
     reach_m: float
 
 
+_latest: tuple[Terrain, Surface] | None = None
+
+
 def make_surface(terrain: Terrain) -> Surface:
-    """Prepare a cross-section for the compiled core."""
+    """Prepare a cross-section for the compiled core; the latest is kept, for release after release on it."""
+    global _latest
+    known = _latest
+    if known is not None and known[0] is terrain:
+        return known[1]
     points = terrain.points_m
     length = np.hypot(*np.diff(points, axis=0).T)
     facets = np.ascontiguousarray(np.column_stack([points[:-1], terrain.tangents, length]))
@@ -64,20 +76,28 @@ def make_surface(terrain: Terrain) -> Surface:
     while leaves * LEAF < len(facets):
         leaves *= 2
     left, right = float(points[:, 0].min()) - reach, float(points[:, 0].max()) + reach
-    return Surface(facets, terrain.zone_ids, _tree(points, leaves, reach), left, right, reach)
+    surface = Surface(facets, terrain.zone_ids, _tree(points, leaves, reach), left, right, reach)
+    _latest = terrain, surface
+    return surface
 
 
 @njit
 def _tree(points, leaves, reach):
     """The boxes of a Surface; those beyond the last facet are empty."""
-    boxes = np.empty((2 * leaves - 1, 5))
+    boxes = np.empty((2 * leaves - 1, 6))
+    last = len(points) - 1
+    before, after = points[:, 0].copy(), points[:, 0].copy()  # greatest x up to a point, least x from it on
+    for j in range(last):
+        before[j + 1] = max(before[j], before[j + 1])
+        after[last - j - 1] = min(after[last - j], after[last - j - 1])
     held, first = leaves * LEAF, 0  # facets a box holds, first box of the level
     while held >= LEAF:
         for i in range(first, 2 * first + 1):
             start = (i - first) * held
-            stop = min(start + held, len(points) - 1)
+            stop = min(start + held, last)
             box = boxes[i]
-            box[0], box[1], box[2], box[3], box[4] = np.inf, -np.inf, 0.0, np.inf, -np.inf
+            box[0], box[1], box[2], box[3] = np.inf, -np.inf, 0.0, -np.inf
+            box[4], box[5] = -np.inf, np.inf
             if start >= stop:
                 continue
             across, rise = points[stop, 0] - points[start, 0], points[stop, 1] - points[start, 1]
@@ -85,10 +105,13 @@ def _tree(points, leaves, reach):
             for j in range(start, stop + 1):
                 height = points[j, 1] - slope * points[j, 0]
                 box[0], box[1] = min(box[0], points[j, 0]), max(box[1], points[j, 0])
-                box[3], box[4] = min(box[3], height), max(box[4], height)
+                box[3] = max(box[3], height)
             margin = 2.0 * (1.0 + abs(slope)) * reach
-            box[0], box[1], box[2] = box[0] - margin, box[1] + margin, slope
-            box[3], box[4] = box[3] - margin, box[4] + margin
+            box[0], box[1], box[2], box[3] = box[0] - margin, box[1] + margin, slope, box[3] + margin
+            if start > 0:
+                box[4] = before[start] + margin
+            if stop < last:
+                box[5] = after[stop] - margin
         held, first = held // 2, 2 * first + 1
     return boxes
 
@@ -132,6 +155,34 @@ def run_point_mass(
     state = np.asarray(state6, float)
     if state.shape != (6,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
+    inputs = kernel_inputs(block, terrain, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
+    if rng is None and any(p.random for p in parameters.values()):
+        raise ValueError("slope_reduction is uniform: a random generator is needed")
+    seed = np.uint64(0) if rng is None else rng.integers(2**64, dtype=np.uint64)
+
+    ends, seeds = np.empty((1, 2, 7)), np.array([seed], np.uint64)
+    room = 128
+    while True:
+        impacts = np.empty((1, room, N_IMPACT))
+        count, stop = descend(0, state[None], seeds, *inputs, NO_LINES, impacts, NO_CROSSINGS, ends)
+        if count <= room:
+            break
+        room = count  # the same release once more, with room for all
+    return _track(block, terrain, release, impacts[0, :count], ends[0], STOPS[stop], float(gravity_m_s2))
+
+
+def kernel_inputs(
+    block: Block,
+    terrain: Terrain,
+    parameters: Mapping[str, ReboundParameters],
+    gravity_m_s2: float,
+    time_limit_s: float,
+    stop_speed_m_s: float | None,
+) -> tuple[float, float, float, Surface, Array, float, float, float]:
+    """Mass, spin radius, size, surface, rebound table, gravity, time limit and stop speed as `descend` reads them.
+
+    Raises ValueError as `run_point_mass` says.
+    """
     if stop_speed_m_s is None:
         stop_speed_m_s = 0.1 * float(np.sqrt(max(gravity_m_s2, 0.0) * block.size_m))
     for name, value in (
@@ -142,23 +193,8 @@ def run_point_mass(
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, got {value}")
     table = rebound_table(parameters, terrain.zone_names)
-    if rng is None and any(p.random for p in parameters.values()):
-        raise ValueError("slope_reduction is uniform: a random generator is needed")
-    seed = np.uint64(0) if rng is None else rng.integers(2**64, dtype=np.uint64)
-
-    surface, ends = make_surface(terrain), np.empty((2, 7))
-    radius, size = spin_radius_m(block), block.size_m
-    room = 128
-    while True:
-        impacts = np.empty((room, N_IMPACT))
-        count, stop = descend(
-            state, block.mass_kg, radius, size, surface, table, float(gravity_m_s2), float(time_limit_s),
-            float(stop_speed_m_s), seed, impacts, ends,
-        )  # fmt: skip
-        if count <= room:
-            break
-        room = count  # the same release once more, with room for all
-    return _track(block, terrain, release, impacts[:count], ends, STOPS[stop], float(gravity_m_s2))
+    physical = float(gravity_m_s2), float(time_limit_s), float(stop_speed_m_s)
+    return block.mass_kg, spin_radius_m(block), block.size_m, make_surface(terrain), table, *physical
 
 
 def _track(
@@ -180,21 +216,38 @@ def _track(
     return Track(release, block.name, knots, flight, events, stop, gravity_m_s2)
 
 
+def line_rows(lines: Collection[Array], reach_m: float) -> Array:
+    """(n, 9) what `descend` reads of measure lines (2, 2): start, vector to the end, unit normal, length², x range.
+
+    The range is widened by `reach_m`, so that rounding cannot hide a crossing.
+    """
+    rows = []
+    for line in lines:
+        along = line[1] - line[0]
+        normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+        low, high = line[:, 0].min() - reach_m, line[:, 0].max() + reach_m
+        rows.append([*line[0], *along, *normal, along[0] * along[0] + along[1] * along[1], low, high])
+    return np.array(rows).reshape(-1, 9)
+
+
 @njit
 def descend(
-    state, mass, radius, size, surface, table, gravity, time_limit, stop_speed, seed, impacts, ends
+    i, states, seeds, mass, radius, size, surface, table, gravity, time_limit, stop_speed,
+    lines, impacts, crossings, ends,
 ):  # fmt: skip
-    """(number of impacts, index into STOPS) of one release; allocates next to nothing, for ensembles too.
+    """(number of impacts, index into STOPS) of release `i`; allocates nothing but one small stack.
 
-    `impacts` (room, 11) takes as many rows as it has room for (none, if only the end matters), `ends` (2, 7)
-    the first and the last knot. `seed` (uint64) is the release's own: results do not depend on the order or
-    the thread in which releases run.
+    Read: `states` (n, 6), `seeds` (n,) uint64, `lines` from `line_rows`. Written, each at [i]: `impacts`
+    (n, room, 11), as many rows as there is room for; `crossings` (n, lines, 7), t and state at the first crossing of
+    each line, which must come as NaN; `ends` (n, 2, 7), the first and the last knot.
     """
     stack = np.empty(64, np.int64)
-    x, y, theta, vx, vy, omega = state[0], state[1], state[2], state[3], state[4], state[5]
+    facets, zones = surface.facets, surface.zones
+    x, y, theta = states[i, 0], states[i, 1], states[i, 2]
+    vx, vy, omega = states[i, 3], states[i, 4], states[i, 5]
     t, current = 0.0, -1
     y = _lifted(surface, stack, x, y)
-    _store(ends[0], t, x, y, theta, vx, vy, omega)
+    _store(ends, i, 0, t, x, y, theta, vx, vy, omega)
     count, stop = 0, EXIT
     mark_t, mark_x, mark_y = t, x, y
     while surface.x_low_m <= x <= surface.x_high_m:
@@ -204,6 +257,7 @@ def descend(
             leave = (edge - x) / vx if vx != 0.0 else np.inf
             stop = EXIT if leave < tau else TIME
             tau = min(leave, tau)
+        _cross(lines, crossings, i, t, x, y, theta, vx, vy, omega, t + tau - t, gravity)
         x, y = x + vx * tau, y + (vy - 0.5 * gravity * tau) * tau
         vy -= gravity * tau
         theta += omega * tau
@@ -211,17 +265,17 @@ def descend(
         if facet < 0:
             break
 
-        f = surface.facets[facet]
-        x0, y0, tx, ty, length = f[0], f[1], f[2], f[3], f[4]
-        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), length)
+        x0, y0, tx, ty = facets[facet, 0], facets[facet, 1], facets[facet, 2], facets[facet, 3]
+        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, 4])
         x, y = x0 + along * tx, y0 + along * ty
-        p = table[surface.zones[facet]]
-        alpha = slope_reduction(p, uniform(seed, count))
+        k = zones[facet]
+        p = (table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4])
+        alpha = slope_reduction(p, uniform(seeds[i], count))
         vx1, vy1, omega1 = rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p)
-        if count < len(impacts):
-            row = impacts[count]
-            _store(row, t, x, y, theta, vx, vy, omega)
-            row[7], row[8], row[9], row[10] = vx1, vy1, omega1, facet
+        if count < impacts.shape[1]:
+            _store(impacts, i, count, t, x, y, theta, vx, vy, omega)
+            impacts[i, count, 7], impacts[i, count, 8], impacts[i, count, 9] = vx1, vy1, omega1
+            impacts[i, count, 10] = facet
         count += 1
         vx, vy, omega, current = vx1, vy1, omega1, facet
 
@@ -234,13 +288,45 @@ def descend(
                 stop = REST
                 break
             mark_t, mark_x, mark_y = t, x, y
-    _store(ends[1], t, x, y, theta, vx, vy, omega)
+    _store(ends, i, 1, t, x, y, theta, vx, vy, omega)
     return count, stop
 
 
 @njit
-def _store(row, t, x, y, theta, vx, vy, omega):
-    row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, x, y, theta, vx, vy, omega
+def _store(rows, i, k, t, x, y, theta, vx, vy, omega):
+    rows[i, k, 0], rows[i, k, 1], rows[i, k, 2], rows[i, k, 3] = t, x, y, theta
+    rows[i, k, 4], rows[i, k, 5], rows[i, k, 6] = vx, vy, omega
+
+
+@njit
+def _cross(lines, crossings, i, t, x, y, theta, vx, vy, omega, span, gravity):
+    """Note the lines that release `i` crosses for the first time in a flight of `span`.
+
+    `Track.crossings` operation by operation: the two give the same bits.
+    """
+    end = x + vx * span
+    for k in range(lines.shape[0]):
+        if crossings[i, k, 0] == crossings[i, k, 0] or max(x, end) < lines[k, 7] or min(x, end) > lines[k, 8]:
+            continue
+        x0, y0, ax, ay, nx, ny = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3], lines[k, 4], lines[k, 5]
+        a, b, c = -0.5 * gravity * ny, vx * nx + vy * ny, (x - x0) * nx + (y - y0) * ny
+        square = b * b - 4.0 * a * c
+        if a == 0.0:
+            first = second = -c / b if b != 0.0 else -1.0
+        elif square > 0.0:
+            q = -0.5 * (b + np.copysign(np.sqrt(square), b))
+            first, second = (q / a, c / q) if q != 0.0 else (0.0, 0.0)
+        else:
+            continue
+        for tau in (min(first, second), max(first, second)):
+            if 0.0 < tau <= span:
+                x1, y1 = x + vx * tau, y + vy * tau - 0.5 * gravity * (tau * tau)
+                at = ((x1 - x0) * ax + (y1 - y0) * ay) / lines[k, 6]
+                if 0.0 <= at <= 1.0:
+                    _store(
+                        crossings, i, k, t + tau, x1, y1, theta + omega * tau, vx, vy - gravity * tau, omega
+                    )
+                    break
 
 
 @njit
@@ -264,56 +350,69 @@ def _next_impact(surface, stack, x, y, vx, vy, gravity, current, limit):
     best, found = limit, -1
     best_v_n = 0.0
     per_vx = 1.0 / vx if abs(vx) > 1e-300 else 0.0
-    stack[0], top = 0, 1
-    while top > 0:
-        top -= 1
-        i = stack[top]
-        if not _meets(boxes[i], x, y, vx, vy, per_vx, gravity, best):
+    first_child = 1 if vx >= 0.0 else 2  # the one that the flight gets to first
+    # most flights are short: search the leaf where this one starts, then wider and wider around it
+    searched = 0 if current < 0 else first_leaf + current // LEAF
+    box, top, met = searched, 0, True
+    while True:
+        # both children are looked at, without a branch between them: the processor could not guess it
+        while met and box < first_leaf:
+            near, far = 2 * box + first_child, 2 * box + 3 - first_child
+            near_met = _meets(boxes, near, x, y, vx, vy, per_vx, gravity, best)
+            far_met = _meets(boxes, far, x, y, vx, vy, per_vx, gravity, best)
+            stack[top] = far
+            top += near_met & far_met
+            met = near_met | far_met
+            box = near if near_met else far
+        if met:
+            start = (box - first_leaf) * LEAF
+            for j in range(start, min(start + LEAF, len(facets))):
+                tau, v_n = _facet_impact(facets, j, x, y, vx, vy, gravity, j == current, surface.reach_m)
+                # of two facets met at once, at a joint, the one that is hit harder
+                if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
+                    best, found = tau, j
+                    best_v_n = v_n
+            end = x + vx * best
+            if (vx >= 0.0 and end < boxes[box, 5]) or (vx < 0.0 and end > boxes[box, 4]):
+                top = 0  # what waits lies beyond the end of the flight
+        if top > 0:
+            top -= 1
+            box = stack[top]
+            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
             continue
-        if i < first_leaf:  # look first where the flight gets first
-            ahead = 1 if vx >= 0.0 else 2
-            stack[top], stack[top + 1] = 2 * i + 3 - ahead, 2 * i + ahead
-            top += 2
-            continue
-        start = (i - first_leaf) * LEAF
-        for j in range(start, min(start + LEAF, len(facets))):
-            tau, v_n = _facet_impact(facets[j], x, y, vx, vy, gravity, j == current, surface.reach_m)
-            # of two facets met at once, at a joint, the one that is hit harder
-            if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
-                best, found = tau, j
-                best_v_n = v_n
-    return best, found
+        end = x + vx * best
+        left, right = min(x, end), max(x, end)
+        met = False
+        while searched > 0 and not met and (boxes[searched, 4] >= left or boxes[searched, 5] <= right):
+            box = ((searched + 1) ^ 1) - 1  # the other child of its parent
+            searched = (searched - 1) // 2
+            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
+        if not met:
+            return best, found
 
 
 @njit
-def _meets(box, x, y, vx, vy, per_vx, gravity, limit):
-    """Whether the flight can touch the box within `limit`; never wrongly no. `per_vx` is 1/vx, 0 for none."""
+def _meets(boxes, i, x, y, vx, vy, per_vx, gravity, limit):
+    """Whether the flight can touch box `i` within `limit`; never wrongly no. `per_vx` is 1/vx, 0 for none."""
     t0, t1 = 0.0, limit
     if per_vx == 0.0:
-        if x < box[0] or x > box[1]:
+        if x < boxes[i, 0] or x > boxes[i, 1]:
             return False
     else:
-        a, b = (box[0] - x) * per_vx, (box[1] - x) * per_vx
+        a, b = (boxes[i, 0] - x) * per_vx, (boxes[i, 1] - x) * per_vx
         t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-        if not t0 <= t1:
-            return False
-    y, vy = y - box[2] * x, vy - box[2] * vx  # sheared, the flight is a parabola still
+    y, vy = y - boxes[i, 2] * x, vy - boxes[i, 2] * vx  # sheared, the flight is a parabola still
     y0, y1 = y + (vy - 0.5 * gravity * t0) * t0, y + (vy - 0.5 * gravity * t1) * t1
-    if min(y0, y1) > box[4]:
-        return False
-    top = max(y0, y1)
-    if t0 * gravity < vy < t1 * gravity:
-        top = y + 0.5 * vy * vy / gravity
-    return top >= box[3]
+    return (t0 <= t1) & (min(y0, y1) <= boxes[i, 3])
 
 
 @njit
-def _facet_impact(facet, x, y, vx, vy, gravity, touching, reach):
-    """(time, v_n) at which the flight comes down onto the facet's front, (-1, 0) if it does not.
+def _facet_impact(facets, j, x, y, vx, vy, gravity, touching, reach):
+    """(time, v_n) at which the flight comes down onto the front of facet `j`, (-1, 0) if it does not.
 
     The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0.
     """
-    x0, y0, tx, ty, length = facet[0], facet[1], facet[2], facet[3], facet[4]
+    x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
     b = vy * tx - vx * ty
     a = gravity * tx
     if touching:
@@ -351,7 +450,7 @@ def _lifted(surface, stack, x, y):
     while top > 0:
         top -= 1
         i = stack[top]
-        if x < boxes[i, 0] or x > boxes[i, 1] or y - boxes[i, 2] * x > boxes[i, 4]:
+        if x < boxes[i, 0] or x > boxes[i, 1] or y - boxes[i, 2] * x > boxes[i, 3]:
             continue
         if i < first_leaf:
             stack[top], stack[top + 1] = 2 * i + 1, 2 * i + 2
@@ -359,8 +458,7 @@ def _lifted(surface, stack, x, y):
             continue
         start = (i - first_leaf) * LEAF
         for j in range(start, min(start + LEAF, len(facets))):
-            f = facets[j]
-            x0, y0, tx, ty, length = f[0], f[1], f[2], f[3], f[4]
+            x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
             x1 = x0 + length * tx
             if tx == 0.0 or not min(x0, x1) <= x < max(x0, x1):
                 continue

@@ -10,10 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import kernel
 from rock2d.contact import (
+    CAP,
     K_L,
+    K_R,
+    K_T,
     K_UL,
+    MU,
     normal_force,
     plastic_work,
     residual,
@@ -23,11 +27,17 @@ from rock2d.contact import (
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
 from rock2d.engines.stepper import (
     FRICTION,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    L_ROTATION,
+    L_STRETCH,
     PLASTIC,
     PRESSED,
     ROLLING,
     hermite_root,
     load_active,
+    placed,
     runge_kutta,
 )
 from rock2d.geometry import (
@@ -46,7 +56,6 @@ from rock2d.geometry import (
     SMOOTH_FACET,
     TANGENT_X,
     TANGENT_Y,
-    place_feature,
 )
 
 TURN_ARM = (
@@ -54,9 +63,10 @@ TURN_ARM = (
 )
 # columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
 D0, R0, D1, R1, ARM = range(5)
+GUARD_LEFT, ENDS = 1.0, 2.0
 
 
-@njit
+@kernel
 def guard_distance(q, allowance, f0, f1, terrain, block, ints):
     """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
 
@@ -108,7 +118,7 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
     return max(guard, 0.0)
 
 
-@njit
+@kernel
 def _circle_guard(x, y, guard, f0, f1, facets, block, ints):
     if block.semi_a != block.semi_b:
         return 0.0  # an ellipse's contact point runs ahead of its motion
@@ -138,13 +148,13 @@ def _circle_guard(x, y, guard, f0, f1, facets, block, ints):
     return max(guard, 0.0)
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def floats(depth, rate, radius):
     """Whether a contact point at this depth below its crater's bottom does not press, nor is about to."""
     return depth < -1e-7 * radius or (depth <= 0.0 and rate < 0.0)
 
 
-@njit
+@kernel
 def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, terrain, block, params, ints, reals,
           work, audit, floating, peak_force, tally):  # fmt: skip
     """Advance q by up to `steps` contact steps within the guard; returns (time gone in s, number of steps).
@@ -154,7 +164,8 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     floating, peak_force : whether the ground has ceased to press, and the largest force in N of this impact so far;
         the stretch ends where it ceases or begins again
-    tally : (4,) filled with the last force in N, the largest force, the largest depth, and 1 if the guard was left
+    tally : (4,) filled with the last force in N, the largest force, the largest depth, and why the stretch ended:
+        1 if the guard was left, 2 if a contact is about to end, else 0
     """
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
     active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
@@ -167,38 +178,39 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
     while done < steps:
         loading, unpressed = True, True
         for a in range(active):
-            d0, peak = seen[a, D0] - loaded[a, 15], loaded[a, 16]
+            d0, peak = seen[a, D0] - loaded[a, L_OFFSET], loaded[a, L_PEAK]
             loading = loading and seen[a, R0] > 0.0 and d0 >= peak
-            bottom = residual(peak, loaded[a, 9 + K_L], loaded[a, 9 + K_UL])
+            bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
             unpressed = unpressed and floats(d0 - bottom, seen[a, R0], block.radius)
         unpressed = unpressed and floating
         h = min(h_floating if unpressed else (h_loading if loading else h_other), time_left - t)
         if h <= 0.0:
             break
-        kept, first, work_t, work_r = True, h, 0.0, 0.0
+        first, work_t, work_r = h, 0.0, 0.0
         for attempt in range(2):
             if unpressed:
                 runge_kutta(q, c, s, first, gravity, block, 0, loaded, sums, q1)
                 for a in range(active):
-                    sums[a, 0], sums[a, 1] = 0.0, loaded[a, 18]
+                    sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
             else:
                 work_t, work_r = runge_kutta(q, c, s, first, gravity, block, active, loaded, sums, q1)
             c1, s1 = np.cos(q1[2]), np.sin(q1[2])
             moved = abs(q1[0] - anchor[0]) + abs(q1[1] - anchor[1]) + arm * abs(q1[2] - anchor[2])
-            kept = moved < anchor[3]
+            if moved >= anchor[3]:
+                tally[3] = GUARD_LEFT
             for a in range(active):
-                depth, nx, ny, rx, ry = place_feature(int(loaded[a, 19]), loaded[a], q1[0], q1[1], c1, s1)
+                depth, nx, ny, rx, ry = placed(loaded, a, q1[0], q1[1], c1, s1)
                 seen[a, D1] = depth
                 seen[a, R1] = -((q1[3] - q1[5] * ry) * nx + (q1[4] + q1[5] * rx) * ny)
                 seen[a, ARM] = np.sqrt(rx * rx + ry * ry)
-                kept = kept and depth > 0.0
-            if not kept or attempt == 1:
+                if depth <= 0.0:
+                    tally[3] = ENDS
+            if tally[3] > 0.0 or attempt == 1:
                 break
             first = _first_kink(h, active, loaded, seen, unpressed)
             if first == h:
                 break
-        if not kept:
-            tally[3] = 1.0
+        if tally[3] > 0.0:
             break
         force, deepest = _commit(active, loaded, sums, seen, work_t, work_r, audit)
         for i in range(6):
@@ -212,12 +224,12 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
             break
     for a in range(active):
         j = which[a]
-        reals[j, DEPTH], reals[j, RATE], reals[j, DEPTH_MAX] = seen[a, D0], seen[a, R0], loaded[a, 16]
-        reals[j, STRETCH], reals[j, ROTATION] = loaded[a, 17], loaded[a, 18]
+        reals[j, DEPTH], reals[j, RATE], reals[j, DEPTH_MAX] = seen[a, D0], seen[a, R0], loaded[a, L_PEAK]
+        reals[j, STRETCH], reals[j, ROTATION] = loaded[a, L_STRETCH], loaded[a, L_ROTATION]
     return t, done
 
 
-@njit
+@kernel
 def _first_kink(h, active, loaded, seen, unpressed):
     """Time in (0, h] of the first kink of the law in the trial step; h if there is none.
 
@@ -225,11 +237,10 @@ def _first_kink(h, active, loaded, seen, unpressed):
     """
     first = h
     for a in range(active):
-        row = loaded[a]
-        d0, d1 = seen[a, D0] - row[15], seen[a, D1] - row[15]
+        d0, d1 = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         r0, r1 = seen[a, R0], seen[a, R1]
-        peak, t = row[16], h
-        gone = residual(peak, row[9 + K_L], row[9 + K_UL])
+        peak, t = loaded[a, L_PEAK], h
+        gone = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
         if d0 >= peak and r0 > 0.0 and r1 < 0.0:
             t = h * r0 / (r0 - r1)
         elif (d0 > gone) != (d1 > gone):
@@ -243,29 +254,30 @@ def _first_kink(h, active, loaded, seen, unpressed):
     return first
 
 
-@njit
+@kernel
 def _commit(active, loaded, sums, seen, work_t, work_r, audit):
     """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth)."""
     stored_t = stored_r = total = deepest = 0.0
     for a in range(active):
-        row = loaded[a]
-        k_l, k_ul, k_t, mu, k_r, cap = row[9], row[10], row[11], row[12], row[13], row[14]
-        peak, stretch, rotation = row[16], row[17], row[18]
-        was, pressed = seen[a, D0] - row[15], seen[a, D1] - row[15]
+        k_l, k_ul, k_t = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL], loaded[a, L_LAW + K_T]
+        mu, k_r, cap = loaded[a, L_LAW + MU], loaded[a, L_LAW + K_R], loaded[a, L_LAW + CAP]
+        peak, stretch, rotation = loaded[a, L_PEAK], loaded[a, L_STRETCH], loaded[a, L_ROTATION]
+        was, pressed = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         old_t = tangential_force(stretch, normal_force(was, peak, k_l, k_ul), k_t, mu)
         if pressed > peak:
             audit[PLASTIC] += plastic_work(pressed, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
-            row[16] = peak = pressed
+            loaded[a, L_PEAK] = peak = pressed
         force_n = normal_force(pressed, peak, k_l, k_ul)
         force_t = tangential_force(sums[a, 0], force_n, k_t, mu)
-        row[17] = 0.0
+        loaded[a, L_STRETCH] = 0.0
         if k_t > 0.0:
             stored_t += 0.5 * (force_t * force_t - old_t * old_t) / k_t
-            row[17] = force_t / k_t
-        row[18] = sums[a, 1]
+            loaded[a, L_STRETCH] = force_t / k_t
+        turned = sums[a, 1]
         if cap > 0.0 and k_r > 0.0:
-            row[18] = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap) / k_r
-        stored_r += 0.5 * k_r * (row[18] * row[18] - rotation * rotation)
+            turned = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap) / k_r
+        loaded[a, L_ROTATION] = turned
+        stored_r += 0.5 * k_r * (turned * turned - rotation * rotation)
         seen[a, D0], seen[a, R0] = seen[a, D1], seen[a, R1]
         total += force_n
         deepest = max(deepest, seen[a, D1])

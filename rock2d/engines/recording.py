@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import copy, kernel
 from rock2d.engines.slots import ACTIVE, ZONE
 
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
 
 
-@njit
+@kernel
 def fly(q, tau, gravity):
     q[0] += q[3] * tau
     q[1] += q[4] * tau - 0.5 * gravity * tau * tau
@@ -19,7 +19,7 @@ def fly(q, tau, gravity):
     q[4] -= gravity * tau
 
 
-@njit
+@kernel
 def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
     """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new."""
     new = 0
@@ -61,14 +61,14 @@ def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
         else:
             if not _on_line(q0, when, gravity, lines[k], ax, ay):
                 continue
-            crossings[k, 1:] = q0
+            copy(q0, crossings[k, 1:])
             fly(crossings[k, 1:], when, gravity)
         crossings[k, 0] = t + when
         new += 1
     return new
 
 
-@njit
+@kernel
 def near_line(q, reach, lines, crossings):
     """True if the centroid is within `reach` of a measure line that it has not crossed."""
     for k in range(lines.shape[0]):
@@ -83,14 +83,14 @@ def near_line(q, reach, lines, crossings):
     return False
 
 
-@njit
+@kernel
 def _on_line(q0, when, gravity, line, ax, ay):
     x, y = q0[0] + q0[3] * when, q0[1] + q0[4] * when - 0.5 * gravity * when * when
     at = ((x - line[0]) * ax + (y - line[1]) * ay) / (ax * ax + ay * ay)
     return 0.0 <= at <= 1.0
 
 
-@njit
+@kernel
 def is_spent(q, stored, gravity, block, lines, crossings):
     """True if no measure line that was not crossed begins low enough for the energy that is left."""
     kinetic = 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
@@ -101,7 +101,7 @@ def is_spent(q, stored, gravity, block, lines, crossings):
     return True
 
 
-@njit
+@kernel
 def sample(t, q0, tau, q1, flight, gravity, times, at, samples):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one."""
     while at < times.size and times[at] <= t + tau:
@@ -123,16 +123,16 @@ def sample(t, q0, tau, q1, flight, gravity, times, at, samples):
     return at
 
 
-@njit
+@kernel
 def knot(knots, used, t, q, flight):
     if used < len(knots):
         knots[used, 0] = t
-        knots[used, 1:7] = q
+        copy(q, knots[used, 1:7])
         knots[used, 7] = flight
     return used + 1
 
 
-@njit
+@kernel
 def open_impact(current, t, q, ints):
     current[0] = -1.0
     for j in range(ints.shape[0]):
@@ -140,16 +140,16 @@ def open_impact(current, t, q, ints):
             current[0] = ints[j, ZONE]
             break
     current[1] = t
-    current[2:8] = q
+    copy(q, current[2:8])
     current[8:15] = np.nan
     current[15], current[16] = 0.0, 0.0
 
 
-@njit
+@kernel
 def close_impact(current, left, impacts, count):
     """Record an impact if there is room; one that still presses has no state after."""
     if count < len(impacts):
-        impacts[count] = current
+        copy(current, impacts[count])
         if not left:
             impacts[count, 8:15] = np.nan
     return count + 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.approach import safe_time, time_to_ground
-from rock2d.compiled import njit
+from rock2d.compiled import copy, kernel, njit
 from rock2d.contact import K_L, K_UL, residual
 from rock2d.engines import press, rest, slots, stepper
 from rock2d.engines.recording import (
@@ -40,8 +40,10 @@ from rock2d.geometry import (
 
 STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
 TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
-EASE_LIMIT = 1.25  # growth of contact steps as the motion dies down: a quarter of a radian is the most
+EASE_LIMIT = 4.0  # growth of contact steps as the motion dies down: a quarter of a radian is the most
 LOOK_EVERY = 8  # contact steps between two looks at what energy is left
+LAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
+VIEW = 2.0  # radii to each side within which a contact knows the ground
 FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
 
 
@@ -68,24 +70,34 @@ def release(
     """One release; q ends as the last state. Returns (stop, time, number of impacts, number of knots)."""
     block, terrain = _block(packed, block_id), _terrain(packed, terrain_id)
     tree = packed.trees[packed.tree_start[terrain_id] : packed.tree_start[terrain_id + 1]]
-    lines, params = packed.lines[terrain_id], packed.tables[table_id]
     corners = block.sides.shape[0]
     n = corners + VERTEX_SLOTS if corners > 0 else SMOOTH_SLOTS
-    ints, reals = np.zeros((n, 6), np.int64), np.zeros((n, 6))
-    found_i, found_r = np.zeros((n, 6), np.int64), np.zeros((n, 6))
+    ints, found_i = np.zeros((n, 6), np.int64), np.zeros((n, 6), np.int64)
+    reals, found_r = np.zeros((n, 6)), np.zeros((n, 6))
     slots.clear(ints, reals)
-    work, stack, tally = stepper.scratch(n), np.empty(64, np.int64), np.empty(4)
-    old, anchor = np.empty(6), np.zeros(4)
-    radius = block.radius
+    return _descend(
+        block, terrain, tree, packed.lines[terrain_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
+        time_limit, impact_limit, spent, settled, times, impacts, crossings, samples, audit, knots, ints, reals,
+        found_i, found_r, stepper.scratch(n), np.empty(64, np.int64), np.empty((4, 8)), np.full(N_IMPACT, np.nan),
+    )  # fmt: skip
+
+
+@kernel
+def _descend(
+    block, terrain, tree, lines, params, q, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
+    times, impacts, crossings, samples, audit, knots, ints, reals, found_i, found_r, work, stack, room, current,
+):  # fmt: skip
+    """`release` on prepared arrays: `room` (4, 8), `stack` and `work` are scratch, `current` an impact's row."""
+    tally, old, anchor, watch = room[0, :4], room[1, :6], room[2, :4], room[3]
+    anchor[3] = 0.0
+    radius, corners = block.radius, block.sides.shape[0]
     start_energy = 0.5 * (block.mass * (q[3] ** 2 + q[4] ** 2) + block.inertia * q[5] ** 2)
     t, stop, count, at, used = 0.0, TIME, 0, 0, 0
     while at < times.size and times[at] <= 0.0:
-        samples[at] = q[0:3]
+        copy(q[0:3], samples[at])
         at += 1
     # the impact that is open: its record, whether and where the ground has ceased to press
-    current = np.full(N_IMPACT, np.nan)
     is_open, left = False, False
-    watch = np.empty(8)
     rest.forget_rest(watch)
     active, steps, looked, eased = 0, 0, 0, 1.0
     noticed = False  # whether the slots know the ground at the present pose
@@ -98,17 +110,16 @@ def release(
         if active == 0:
             speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
             tau = time_to_ground(q, gravity, block, terrain.facets, tree, stack)
-            if 0.0 < tau < h_contact and corners == 0 and block.semi_a == block.semi_b:
-                tau = min(tau, time_limit - t)  # a ball's last stretch is exact
-            elif tau < h_contact and corners > 0:
+            least = h_contact if corners > 0 else LAST_STRIDE * h_contact
+            if tau < least and corners > 0:
                 f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
                 gap = _gap(q, terrain, block, f0, f1)
                 if gap > 0.0:
                     # no farther than the facets that were looked at
                     tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity)
-            if tau >= h_contact:
+            if tau >= least:
                 tau = min(tau, time_limit - t)
-                old[:] = q
+                copy(q, old)
                 used = knot(knots, used, t, q, 1.0)
                 fly(q, tau, gravity)
                 new = cross(t, old, tau, q, True, gravity, lines, crossings)
@@ -137,7 +148,7 @@ def release(
                         stop = SPENT
                         break
         h = h_contact * eased
-        old[:] = q
+        copy(q, old)
         flying = active == 0
         gone = 0.0
         if active > 0 and anchor[3] > 0.0:
@@ -150,10 +161,14 @@ def release(
             steps += done
             force, highest, depth = tally[0], tally[1], tally[2]
             if tally[3] > 0.0:
-                anchor[3] = 0.0
-                reach = near_reach(q, h, gravity, radius)
-                f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
+                f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
                 stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                fresh = tally[3] == press.GUARD_LEFT and (
+                    gone > 0.0 or old[0] != anchor[0] or old[1] != anchor[1]
+                )
+                anchor[3] = 0.0
+                if fresh:
+                    set_anchor(anchor, q, f0, f1, terrain, block, ints)
             if gone == 0.0:
                 continue
             used = knot(knots, used, t, old, 0.0)
@@ -180,8 +195,8 @@ def release(
             force, depth, active = stepper.pressure(ints, reals, params)
             highest = force
             if active > 0:
-                anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
-                anchor[3] = press.guard_distance(q, 0.1 * radius, f0, f1, terrain, block, ints)
+                f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
+                set_anchor(anchor, q, f0, f1, terrain, block, ints)
         cross(t, old, gone, q, flying, gravity, lines, crossings)
         at = sample(t, old, gone, q, flying, gravity, times, at, samples)
         t += gone
@@ -202,7 +217,7 @@ def release(
         elif not left:
             left = True
             current[8] = t
-            current[9:15] = q
+            copy(q, current[9:15])
         if active == 0:
             count = close_impact(current, left, impacts, count)
             is_open = False
@@ -216,19 +231,26 @@ def release(
     if is_open and stop != IMPACTS:
         count = close_impact(current, left, impacts, count)
     while at < times.size and stop == REST:
-        samples[at] = q[0:3]
+        copy(q[0:3], samples[at])
         at += 1
     used = knot(knots, used, t, q, 1.0)
     return stop, t, count, used
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
     return (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
 
 
-@njit
+@kernel
+def set_anchor(anchor, q, f0, f1, terrain, block, ints):
+    """Take q as the pose whose guard is known; facets f0 to f1 - 1 reach VIEW radii to each side."""
+    anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
+    anchor[3] = press.guard_distance(q, (VIEW - 1.0) * block.radius, f0, f1, terrain, block, ints)
+
+
+@kernel
 def pressing(ints, reals, params, radius):
     """(every contact goes deeper into virgin soil, none touches the bottom of its crater)."""
     loading, floating = True, True
@@ -242,7 +264,7 @@ def pressing(ints, reals, params, radius):
     return loading, floating
 
 
-@njit
+@kernel
 def _gap(q, terrain, block, f0, f1):
     """Lower bound of the distance between a polygon near the ground and the ground."""
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import njit
-from rock2d.contact import K_R, K_UL, MU, normal_force
+from rock2d.compiled import kernel
+from rock2d.contact import K_L, K_R, K_UL, MU, normal_force
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
 from rock2d.engines.stepper import stored_energy
 from rock2d.geometry import SMOOTH_FACET, contact_point
@@ -15,18 +15,20 @@ from rock2d.geometry import SMOOTH_FACET, contact_point
 # below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
 # creeps without gaining speed. What slides above the friction angle, or tips, gains speed.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
+HOLD = 0.7  # of the friction must do to hold a captured block; the rest stops it
+STEEPEST = 100.0  # friction coefficient that stands for one without limit
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before
 W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_BEFORE = range(8)
 
 
-@njit
+@kernel
 def forget_rest(watch):
     """The block is not in contact: begin to watch anew."""
     watch[W_TIME] = -1.0
     watch[W_BEFORE] = np.inf
 
 
-@njit
+@kernel
 def watch_rest(watch, t, q, radius, gravity):
     """Note the state at time t of a block in contact; True if it has come to rest (see REST_WINDOW)."""
     x, y = q[0], q[1]
@@ -45,16 +47,13 @@ def watch_rest(watch, t, q, radius, gravity):
     return at_rest
 
 
-CAPTURED_DRIFT = 0.2  # radii that a captured block can still go
-
-
-@njit
+@kernel
 def captured(q, gravity, terrain, block, params, ints, reals):
-    """True if the energy that is left cannot carry the block farther than CAPTURED_DRIFT radii.
+    """True if the energy that is left cannot carry the block farther than REST_DRIFT radii.
 
-    That is so if friction holds it at every contact against the slope and stops it within that way, and it cannot
-    roll away: it stands on contacts left and right of its centroid and has not half the energy to tip over the
-    nearer, or it is a ball that cannot leave its crater and whose rolling spring turns it back.
+    It stands on contacts left and right of its centroid that hold it with HOLD of the friction (the rest stops it
+    within that way), and has not half the energy to tip over the nearer one; or it is a ball that friction holds,
+    that cannot leave its crater, and that its rolling spring turns back.
     """
     energy = 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
     energy += stored_energy(ints, reals, params)
@@ -62,29 +61,86 @@ def captured(q, gravity, terrain, block, params, ints, reals):
     if energy > weight * radius:
         return False
     c, s = np.cos(q[2]), np.sin(q[2])
-    left, right, hold, count, last = 0.0, 0.0, np.inf, 0, 0
+    left, right, count, last = -1, -1, 0, -1  # the outermost contacts, how many, the last
+    left_x, right_x = 0.0, 0.0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            _, nx, ny, rx, _ = contact_point(
+            _, _, _, rx, _ = contact_point(
                 ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
             )
-            left, right = max(left, -rx), max(right, rx)
-            hold = min(hold, params[ints[j, ZONE], MU] * ny - abs(nx))
+            if rx < left_x:
+                left, left_x = j, rx
+            if rx > right_x:
+                right, right_x = j, rx
             count, last = count + 1, j
-    if count == 0 or hold <= 0.0 or energy > CAPTURED_DRIFT * radius * weight * hold:
-        return False
-    support = min(left, right)
-    if count > 1:
-        return energy < 0.25 * weight * support * support / radius
+    if left >= 0 and right >= 0:
+        support = min(-left_x, right_x)
+        if energy > 0.25 * weight * support * support / radius:
+            return False
+        low1, high1, y1, mu1 = _force_slopes(left, q, c, s, block, terrain, params, ints)
+        low2, high2, y2, mu2 = _force_slopes(right, q, c, s, block, terrain, params, ints)
+        if energy > REST_DRIFT * radius * weight * (1.0 - HOLD) * min(mu1, mu2):
+            return False
+        return _stands(left_x, y1, low1, high1, right_x, y2, low2, high2)
     j = last
-    p = params[ints[j, ZONE]]
-    if ints[j, KIND] != SMOOTH_FACET or block.semi_a != block.semi_b or p[K_R] <= 0.0:
+    if count != 1 or ints[j, KIND] != SMOOTH_FACET or block.semi_a != block.semi_b:
         return False
+    p = params[ints[j, ZONE]]
     depth, nx, ny, _, _ = contact_point(SMOOTH_FACET, ints[j, INDEX], 0, q[0], q[1], c, s, block, terrain)
-    force = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[0], p[K_UL])
+    if p[K_R] <= 0.0 or ny <= 0.0 or energy > REST_DRIFT * radius * weight * (p[MU] * ny - abs(nx)):
+        return False
+    force = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
     v_n = q[3] * nx + q[4] * ny
     if 0.5 * (block.mass * v_n * v_n + force * force / p[K_UL]) >= weight * ny * depth:
         return False
     pull = weight * abs(nx) * radius
     swing = np.sqrt(pull * pull + 2.0 * p[K_R] * (energy + pull * abs(reals[j, ROTATION]))) / p[K_R]
-    return swing < CAPTURED_DRIFT
+    return swing < REST_DRIFT
+
+
+@kernel
+def _force_slopes(j, q, c, s, block, terrain, params, ints):
+    """(least, greatest ratio of horizontal to upward force within HOLD of the friction cone of contact j, height of the
+    contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
+    _, nx, ny, _, ry = contact_point(
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
+    )
+    mu = min(params[ints[j, ZONE], MU], STEEPEST)
+    most = HOLD * mu
+    if ny - most * abs(nx) <= 0.0:
+        return 1.0, -1.0, ry, mu
+    return (nx - most * ny) / (ny + most * nx), (nx + most * ny) / (ny - most * nx), ry, mu
+
+
+@kernel
+def _stands(x1, y1, low1, high1, x2, y2, low2, high2):
+    """True if a unit weight at the origin stands on contacts at (x1 < 0, y1) and (x2 > 0, y2) whose forces keep to
+    their ranges of slopes.
+
+    The contacts push against each other with H, and bear f1 = a - b H and f2 = 1 - f1: an interval of H must meet
+    low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, all linear in H.
+    """
+    if low1 > high1 or low2 > high2:
+        return False
+    a, b = x2 / (x2 - x1), (y1 - y2) / (x2 - x1)
+    least, most = -np.inf, np.inf
+    for k in range(6):  # u + v H >= 0
+        if k == 0:
+            u, v = -low1 * a, 1.0 + low1 * b
+        elif k == 1:
+            u, v = high1 * a, -1.0 - high1 * b
+        elif k == 2:
+            u, v = -low2 * (1.0 - a), -1.0 - low2 * b
+        elif k == 3:
+            u, v = high2 * (1.0 - a), 1.0 + high2 * b
+        elif k == 4:
+            u, v = a, -b
+        else:
+            u, v = 1.0 - a, b
+        if v > 0.0:
+            least = max(least, -u / v)
+        elif v < 0.0:
+            most = min(most, -u / v)
+        elif u < 0.0:
+            return False
+    return least <= most

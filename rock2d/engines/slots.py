@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.blocks import Block
-from rock2d.compiled import njit
+from rock2d.compiled import kernel
 from rock2d.geometry import (
     CONVEX,
     CORNER_VERTEX,
@@ -53,7 +53,7 @@ def new_slots(block: Block) -> tuple[np.ndarray, np.ndarray]:
     return ints, reals
 
 
-@njit
+@kernel
 def clear(ints, reals):
     """Empty the memory of all slots."""
     ints[:, :], reals[:, :] = 0, 0.0
@@ -61,7 +61,7 @@ def clear(ints, reals):
     reals[:, DEPTH] = NOWHERE
 
 
-@njit
+@kernel
 def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
     """Fill `found_*` with each slot's nearest feature and depth at pose q; slots keep the feature they follow.
 
@@ -91,27 +91,26 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
                         _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)
     else:
         _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r)
-    row = np.empty(9)
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
         if depth == NOWHERE:
             continue
         kind = found_i[j, KIND]
-        load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets, row)
-        _, nx, ny, rx, ry = place_feature(kind, row, x, y, c, s)
+        feature = load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets)
+        _, nx, ny, rx, ry = place_feature(kind, feature, x, y, c, s)
         if kind == CORNER_VERTEX and depth < 0.0:
             nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
         found_r[j, RATE] = -((q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny)
 
 
-@njit
+@kernel
 def _set(found_i, found_r, slot, kind, index, part, depth, key):
     found_i[slot, KIND], found_i[slot, INDEX], found_i[slot, PART] = kind, index, part
     found_i[slot, KEY] = key
     found_r[slot, DEPTH] = depth
 
 
-@njit
+@kernel
 def _slot_for(ints, found_r, start, key):
     """The slot that follows `key`, else a free one, else -1."""
     free, stale = -1, -1
@@ -126,23 +125,22 @@ def _slot_for(ints, found_r, start, key):
     return free if free >= 0 else stale
 
 
-@njit
+@kernel
 def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r):
     """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
-    row = np.empty(9)
     for f in range(f0, f1):
-        load_feature(SMOOTH_FACET, f, 0, block, facets, row)
-        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, row, x, y, c, s)
+        feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
+        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, feature, x, y, c, s)
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
-        along = (x + rx - row[0]) * tx + (y + ry - row[1]) * ty
+        along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
         if 0.0 <= along <= facets[f, LENGTH]:
             if -reach < depth < 2.0 * block.radius:
                 _offer(ints, found_i, found_r, SMOOTH_FACET, f, depth, 2 * int(facets[f, PATCH]))
         elif along > facets[f, LENGTH] and f + 2 < facets.shape[0]:
             # between this facet's end and the next one's begin: the vertex, if the ground is convex there
             v = f + 1
-            load_feature(SMOOTH_VERTEX, v, 0, block, facets, row)
-            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, row, x, y, c, s)
+            feature = load_feature(SMOOTH_VERTEX, v, 0, block, facets)
+            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, feature, x, y, c, s)
             turn_out = nx * tx + ny * ty
             turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
             up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X])
@@ -167,7 +165,7 @@ def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, fo
                     break
 
 
-@njit
+@kernel
 def _offer(ints, found_i, found_r, kind, index, depth, key):
     """Give a feature to the slot of its key, keeping the deepest of that key."""
     for j in range(ints.shape[0]):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.blocks import Block
-from rock2d.compiled import njit
+from rock2d.compiled import copy, kernel, njit
 from rock2d.contact import (
     CAP,
     K_L,
@@ -61,7 +61,8 @@ from rock2d.geometry import (
 
 # audit: energy in J that each mechanism has taken
 PLASTIC, FRICTION, ROLLING = range(3)
-
+# columns of a loaded contact: its feature (7), parameters of the law (6), memory, kind
+L_LAW, L_OFFSET, L_PEAK, L_STRETCH, L_ROTATION, L_KIND = 7, 13, 14, 15, 16, 17
 
 PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
@@ -80,7 +81,7 @@ def contact_steps_s(block: Block, table: np.ndarray, fraction: float = STEP_FRAC
     return float(fraction / np.sqrt(loading)), float(fraction / np.sqrt(unloading))
 
 
-@njit
+@kernel
 def ease(q, start_energy, block, ints, reals, params):
     """Factor (1 to EASE_LIMIT) by which a contact step may grow as the motion dies down.
 
@@ -93,45 +94,55 @@ def ease(q, start_energy, block, ints, reals, params):
     return min(EASE_LIMIT, max(1.0, np.sqrt(np.sqrt(start_energy / energy))))
 
 
-@njit
+@kernel
 def load_active(facets, block, params, ints, reals, loaded, which):
     """Copy feature, parameters and memory of the active slots into rows; returns how many there are."""
     active = 0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            row = loaded[active]
-            load_feature(ints[j, KIND], ints[j, INDEX], ints[j, PART], block, facets, row)
-            zone = ints[j, ZONE]
+            feature = load_feature(ints[j, KIND], ints[j, INDEX], ints[j, PART], block, facets)
+            px, py, nx, ny, w1, w2, w3 = feature
+            loaded[active, 0], loaded[active, 1], loaded[active, 2], loaded[active, 3] = px, py, nx, ny
+            loaded[active, 4], loaded[active, 5], loaded[active, 6] = w1, w2, w3
             for i in range(6):
-                row[9 + i] = params[zone, i]
-            row[15], row[16] = reals[j, OFFSET], reals[j, DEPTH_MAX]
-            row[17], row[18] = reals[j, STRETCH], reals[j, ROTATION]
-            row[19] = ints[j, KIND]
+                loaded[active, L_LAW + i] = params[ints[j, ZONE], i]
+            loaded[active, L_OFFSET], loaded[active, L_PEAK] = reals[j, OFFSET], reals[j, DEPTH_MAX]
+            loaded[active, L_STRETCH], loaded[active, L_ROTATION] = reals[j, STRETCH], reals[j, ROTATION]
+            loaded[active, L_KIND] = ints[j, KIND]
             which[active] = j
             active += 1
     return active
 
 
-@njit(inline="always")
-def _slot_rates(row, x, y, c, s, vx, vy, omega, stretch, rotation):
+@kernel(inline="always")
+def placed(loaded, a, x, y, c, s):
+    """`contact_point` of the a-th loaded contact."""
+    feature = (
+        loaded[a, 0], loaded[a, 1], loaded[a, 2], loaded[a, 3], loaded[a, 4], loaded[a, 5], loaded[a, 6]
+    )  # fmt: skip
+    return place_feature(int(loaded[a, L_KIND]), feature, x, y, c, s)
+
+
+@kernel(inline="always")
+def _slot_rates(loaded, a, x, y, c, s, vx, vy, omega, stretch, rotation):
     """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none
     while unpressed), and the power that its tangential and rolling springs take up."""
-    depth, nx, ny, rx, ry = place_feature(int(row[19]), row, x, y, c, s)
-    k_l, k_ul = row[9 + K_L], row[9 + K_UL]
-    depth -= row[15]
-    peak = row[16]
+    depth, nx, ny, rx, ry = placed(loaded, a, x, y, c, s)
+    k_l, k_ul, cap = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL], loaded[a, L_LAW + CAP]
+    depth -= loaded[a, L_OFFSET]
+    peak = loaded[a, L_PEAK]
     ux, uy = vx - omega * ry, vy + omega * rx
     slip = ux * ny - uy * nx
     force_n = normal_force(depth, peak, k_l, k_ul)
-    force_t = tangential_force(stretch, force_n, row[9 + K_T], row[9 + MU])
-    arm = np.sqrt(rx * rx + ry * ry)
-    rolling = rolling_moment(rotation, force_n, arm, row[9 + K_R], row[9 + CAP])
+    force_t = tangential_force(stretch, force_n, loaded[a, L_LAW + K_T], loaded[a, L_LAW + MU])
+    arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0
+    rolling = rolling_moment(rotation, force_n, arm, loaded[a, L_LAW + K_R], cap)
     spin = omega if depth >= residual(peak, k_l, k_ul) else 0.0
     fx, fy = force_n * nx - force_t * ny, force_n * ny + force_t * nx
     return fx, fy, rx * fy - ry * fx - rolling, slip, spin, force_t * slip, rolling * omega
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def _turned(c, s, angle):
     """(cos, sin) of a direction turned by a small angle in rad: series to rounding below a tenth, else exact."""
     if abs(angle) > 0.1:
@@ -143,7 +154,7 @@ def _turned(c, s, angle):
     return c * ca - s * sa, s * ca + c * sa
 
 
-@njit
+@kernel
 def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
     """Classical fourth-order step of a block whose `active` contacts are loaded; (c0, s0) is its direction at q.
 
@@ -156,6 +167,7 @@ def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
         q1[3], q1[4], q1[5] = vx, vy - h * gravity, omega
         return 0.0, 0.0
     ax = ay = alpha = 0.0
+    per_mass, per_inertia = 1.0 / block.mass, 1.0 / block.inertia
     for a in range(active):
         for i in range(4):
             sums[a, i] = 0.0
@@ -171,24 +183,24 @@ def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
             vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
         fx = fy = moment = 0.0
         for a in range(active):
-            row = loaded[a]
             f, g, m, slip, spin, power_t, power_r = _slot_rates(
-                row, x, y, c, s, vx, vy, omega, row[17] + ahead * sums[a, 2], row[18] + ahead * sums[a, 3]
-            )
+                loaded, a, x, y, c, s, vx, vy, omega,
+                loaded[a, L_STRETCH] + ahead * sums[a, 2], loaded[a, L_ROTATION] + ahead * sums[a, 3],
+            )  # fmt: skip
             fx, fy, moment = fx + f, fy + g, moment + m
             sums[a, 0] += weight * slip
             sums[a, 1] += weight * spin
             sums[a, 2], sums[a, 3] = slip, spin
             work_t += weight * power_t
             work_r += weight * power_r
-        ax, ay, alpha = fx / block.mass, fy / block.mass - gravity, moment / block.inertia
+        ax, ay, alpha = fx * per_mass, fy * per_mass - gravity, moment * per_inertia
         dx, dy, dtheta = dx + weight * vx, dy + weight * vy, dtheta + weight * omega
         dvx, dvy, domega = dvx + weight * ax, dvy + weight * ay, domega + weight * alpha
     q1[0], q1[1], q1[2] = q[0] + h * dx, q[1] + h * dy, q[2] + h * dtheta
     q1[3], q1[4], q1[5] = q[3] + h * dvx, q[4] + h * dvy, q[5] + h * domega
     for a in range(active):
-        sums[a, 0] = loaded[a, 17] + h * sums[a, 0]
-        sums[a, 1] = loaded[a, 18] + h * sums[a, 1]
+        sums[a, 0] = loaded[a, L_STRETCH] + h * sums[a, 0]
+        sums[a, 1] = loaded[a, L_ROTATION] + h * sums[a, 1]
     return h * work_t, h * work_r
 
 
@@ -196,12 +208,12 @@ def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
 def scratch(n):
     """Work arrays for n slots."""
     return (
-        np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, 20)), np.empty(n, np.int64),
+        np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, L_KIND + 1)), np.empty(n, np.int64),
         np.empty((n, 4)), np.empty((n, 5)),
     )  # fmt: skip
 
 
-@njit
+@kernel
 def hermite_root(g0, r0, g1, r1, h):
     """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""
     a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
@@ -223,7 +235,7 @@ def hermite_root(g0, r0, g1, r1, h):
     return min(1.0, ahead + 1e-14) * h
 
 
-@njit
+@kernel
 def _gap_to_found(j, q, ints, found_i, block, terrain):
     """What changes sign where slot j passes from its feature to the one found for it, and its rate.
 
@@ -255,7 +267,7 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
     return d0 - d1, r1 - r0
 
 
-@njit
+@kernel
 def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r):
     """Time in (0, h] of the first kink of the law within a trial step; h if there is none."""
     first = h
@@ -297,7 +309,7 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
     return first
 
 
-@njit
+@kernel
 def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit):
     """Take a finished step into the memory and the audit; returns the number of active slots."""
     active = 0
@@ -336,7 +348,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
                 after_r += rolling_energy(reals[j, ROTATION], p)
             zone = _zone(ints, j, terrain)
             new = params[zone]
-            if zone != ints[j, ZONE] and (new != p).any():
+            if zone != ints[j, ZONE] and _differ(p, new):
                 kept = reals[j, ROTATION]
                 stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
                 loaded, reals[j, STRETCH], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, p, new)
@@ -374,19 +386,27 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
     return active
 
 
-@njit(inline="always")
+@kernel(inline="always")
 def _touches(depth, rate, block):
     """Whether a contact begins: at the surface to rounding, if it goes in."""
     return depth > 0.0 or (depth > -1e-10 * block.radius and rate >= 0.0)
 
 
-@njit
+@kernel
+def _differ(p, new):
+    same = True
+    for i in range(p.size):
+        same = same and p[i] == new[i]
+    return not same
+
+
+@kernel
 def _release(ints, reals, j):
     ints[j, ACTIVE] = 0
     reals[j, DEPTH_MAX], reals[j, STRETCH], reals[j, ROTATION], reals[j, OFFSET] = 0.0, 0.0, 0.0, 0.0
 
 
-@njit
+@kernel
 def _arm(ints, j, q, block, terrain):
     _, _, _, rx, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block, terrain
@@ -394,7 +414,7 @@ def _arm(ints, j, q, block, terrain):
     return np.sqrt(rx * rx + ry * ry)
 
 
-@njit
+@kernel
 def _zone(ints, j, terrain):
     """Zone of a slot's feature; a vertex belongs to the facet before it, unless the slot knows better."""
     facets, index = terrain.facets, ints[j, INDEX]
@@ -405,7 +425,7 @@ def _zone(ints, j, terrain):
     return after if ints[j, ACTIVE] and ints[j, ZONE] == after else before
 
 
-@njit
+@kernel
 def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
     """Look at the ground for the first time: note depths, and seat what already touches.
 
@@ -418,7 +438,7 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
         reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
         ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
         if _touches(depth, found_r[j, RATE], block):
-            ints[j, :] = found_i[j, :]
+            copy(found_i[j], ints[j])
             ints[j, ACTIVE] = 1
             ints[j, ZONE] = _zone(ints, j, terrain)
             reals[j, OFFSET] = depth
@@ -426,7 +446,7 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
     return active
 
 
-@njit
+@kernel
 def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
     """Note afresh how deep lies what does not touch, after steps that did not look."""
     find_features(q, block.radius, f0, f1, terrain, block, ints, found_i, found_r)
@@ -436,7 +456,7 @@ def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
             ints[j, KEY] = found_i[j, KEY] if found_r[j, DEPTH] != NOWHERE else -1
 
 
-@njit
+@kernel
 def stored_energy(ints, reals, params):
     """Energy in J that the springs of all contacts hold."""
     total = 0.0
@@ -449,7 +469,7 @@ def stored_energy(ints, reals, params):
     return total
 
 
-@njit
+@kernel
 def pressure(ints, reals, params):
     """(sum of normal forces in N, largest penetration in m, number of active contacts)."""
     force, deepest, active = 0.0, 0.0, 0
@@ -462,7 +482,7 @@ def pressure(ints, reals, params):
     return force, deepest, active
 
 
-@njit
+@kernel
 def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit):
     """Advance q in place by at most h, to the first kink of the law if that comes before. Returns the time gone.
 
@@ -480,6 +500,6 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
         find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
     for a in range(active):
         stretch[which[a]], rotation[which[a]] = sums[a, 0], sums[a, 1]
-    q[:] = q1
+    copy(q1, q)
     _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit)
     return kink

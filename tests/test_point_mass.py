@@ -11,7 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.blocks import make_block
-from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
+from rock2d.engines.point_mass import (
+    _facet_impact,
+    _next_impact,
+    make_surface,
+    run_point_mass,
+    spin_radius_m,
+    uniform,
+)
 from rock2d.rebound import ReboundParameters
 from rock2d.terrain import Terrain
 from rock2d.track import T, X, Y
@@ -108,6 +115,33 @@ def test_no_release_of_a_thousand_gets_into_the_ground(law):
         y.append(states[:, 1])
         assert track.stop != "time"
     assert not inside_ground(BENCH, np.concatenate(x), np.concatenate(y), 1e-9).any()
+
+
+@pytest.mark.parametrize("pieces", [1, 7, 40])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirrored):
+    terrain = BENCH.subdivided(pieces)
+    if mirrored:
+        terrain = Terrain(terrain.points_m[::-1] * [-1, 1], terrain.zones[::-1])
+    surface, rng, stack, hits = make_surface(terrain), np.random.default_rng(5), np.empty(64, np.int64), 0
+    for _ in range(300):  # off a facet, hops of micrometres to flights of metres
+        current = int(rng.integers(len(terrain.zones)))
+        x, y = (
+            terrain.points_m[current]
+            + rng.uniform() * np.diff(terrain.points_m[current : current + 2], axis=0)[0]
+        )
+        direction = rng.uniform(-1, 1) * terrain.tangents[current] + rng.uniform() * terrain.normals[current]
+        vx, vy = 10 ** rng.uniform(-2.5, 1) * direction
+        each = [
+            _facet_impact(surface.facets, j, x, y, vx, vy, G, j == current, surface.reach_m)[0]
+            for j in range(len(terrain.zones))
+        ]
+        first = min([tau for tau in each if tau >= 0.0], default=5.0)
+        found = _next_impact(surface, stack, x, y, vx, vy, G, current, 5.0)
+        assert found[0] == min(first, 5.0)
+        assert found[1] == -1 or each[found[1]] == first
+        hits += found[1] >= 0
+    assert hits > 200
 
 
 def test_flights_through_joints_meet_a_facet():

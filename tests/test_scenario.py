@@ -94,8 +94,8 @@ def test_parameters_a_zone_does_not_give_come_from_the_defaults(write):
 def test_incident_states_are_drawn_as_described(write):
     scenario = load_scenario(write(SMALL))
     generator = np.random.default_rng(0)
-    assert scenario.incident_of("sphere").draw(generator).tolist() == [0.5, 0.3, 0, 1, 0, 0]
-    drawn = np.array([scenario.incident_of("cube").draw(generator) for _ in range(4000)])
+    assert scenario.incident_of("sphere").draw(generator, 2).tolist() == [[0.5, 0.3, 0, 1, 0, 0]] * 2
+    drawn = scenario.incident_of("cube").draw(generator, 4000)
     assert np.ptp(drawn[:, [0, 2, 4, 5]], axis=0).max() == 0
     assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001) and drawn[:, 1].std() == pytest.approx(
         0.01, rel=0.1

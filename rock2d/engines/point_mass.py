@@ -131,6 +131,7 @@ def run_point_mass(
     gravity_m_s2: float = 9.81,
     time_limit_s: float,
     rng: np.random.Generator | None = None,
+    seed: int | None = None,
     stop_speed_m_s: float | None = None,
 ) -> Track:
     """Run one release from `state6` (x, y, theta, vx, vy, omega of the centroid; SI) to its end.
@@ -146,19 +147,20 @@ def run_point_mass(
     - "exit": it flew beyond the left- or rightmost point;
     - "time": the time limit.
 
-    `rng` gives a single number, the seed of the release's own stream; only slope reductions drawn from
-    U(0, α) need it. Impacts carry NaN penetration and force, which this law does not know.
+    `seed` (in [0, 2^64), else a number that `rng` gives) is that of the release's own stream; only slope
+    reductions drawn from U(0, α) need it. Impacts carry NaN penetration and force, which this law does not know.
 
     Raises ValueError if the state is not six finite numbers; if gravity, time limit or stop speed is not
-    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `rng`.
+    positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed` or `rng`.
     """
     state = np.asarray(state6, float)
     if state.shape != (6,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
     inputs = kernel_inputs(block, terrain, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
-    if rng is None and any(p.random for p in parameters.values()):
-        raise ValueError("slope_reduction is uniform: a random generator is needed")
-    seed = np.uint64(0) if rng is None else rng.integers(2**64, dtype=np.uint64)
+    if seed is None and rng is None and any(p.random for p in parameters.values()):
+        raise ValueError("slope_reduction is uniform: a seed or a random generator is needed")
+    if seed is None:
+        seed = 0 if rng is None else int(rng.integers(2**64, dtype=np.uint64))
 
     ends, seeds = np.empty((1, 2, 7)), np.array([seed], np.uint64)
     room = 128

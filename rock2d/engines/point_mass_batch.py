@@ -55,8 +55,8 @@ def run_point_mass_batch(
 ) -> PointMassBatch:
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega of the centroid; SI); see `run_point_mass`.
 
-    `seeds` (n,) are whole numbers in [0, 2^64), each the seed of its release's own stream; `impact_room` is how many
-    impacts of a release are recorded.
+    `seeds` (n,) are whole numbers in [0, 2^64), each the `seed` of its release in `run_point_mass`; `impact_room` is
+    how many impacts of a release are recorded.
 
     Raises ValueError if states are not finite, seeds are not such numbers, one for each release, `impact_room` is
     negative; if gravity, time limit or stop speed is not positive; or if a zone has no parameters.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import kernel
+from rock2d.compiled import copy, kernel
 from rock2d.contact import (
     CAP,
     K_L,
@@ -24,6 +24,7 @@ from rock2d.contact import (
     rolling_moment,
     tangential_force,
 )
+from rock2d.engines.recording import note_pressure
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
 from rock2d.engines.stepper import (
     FRICTION,
@@ -33,7 +34,6 @@ from rock2d.engines.stepper import (
     L_ROTATION,
     L_STRETCH,
     PLASTIC,
-    PRESSED,
     ROLLING,
     hermite_root,
     load_active,
@@ -63,7 +63,7 @@ TURN_ARM = (
 )
 # columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
 D0, R0, D1, R1, ARM = range(5)
-GUARD_LEFT, ENDS = 1.0, 2.0
+GUARD_LEFT, ENDS = 1, 2
 
 
 @kernel
@@ -155,17 +155,15 @@ def floats(depth, rate, radius):
 
 
 @kernel
-def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, terrain, block, params, ints, reals,
-          work, audit, floating, peak_force, tally):  # fmt: skip
-    """Advance q by up to `steps` contact steps within the guard; returns (time gone in s, number of steps).
+def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, params, ints, reals,
+          work, audit, current, left):  # fmt: skip
+    """Advance q from time t by up to `steps` contact steps within the guard.
 
     h_loading, h_other, h_floating : contact step in s while every contact goes deeper into virgin soil, while none
         touches the bottom of its crater, and else
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
-    floating, peak_force : whether the ground has ceased to press, and the largest force in N of this impact so far;
-        the stretch ends where it ceases or begins again
-    tally : (4,) filled with the last force in N, the largest force, the largest depth, and why the stretch ended:
-        1 if the guard was left, 2 if a contact is about to end, else 0
+    current, left : the open impact, and whether the ground has ceased to press; see `note_pressure`
+    Returns (time now in s, number of steps, left, why it ended: GUARD_LEFT, ENDS if a contact is about to end, 0).
     """
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
     active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
@@ -173,8 +171,7 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
         seen[a, D0], seen[a, R0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[2]), np.sin(q[2])
     arm = TURN_ARM * block.radius
-    t, done = 0.0, 0
-    tally[0], tally[1], tally[2], tally[3] = 0.0, 0.0, 0.0, 0.0
+    done, why = 0, 0
     while done < steps:
         loading, unpressed = True, True
         for a in range(active):
@@ -182,8 +179,8 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
             loading = loading and seen[a, R0] > 0.0 and d0 >= peak
             bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
             unpressed = unpressed and floats(d0 - bottom, seen[a, R0], block.radius)
-        unpressed = unpressed and floating
-        h = min(h_floating if unpressed else (h_loading if loading else h_other), time_left - t)
+        unpressed = unpressed and left
+        h = min(h_floating if unpressed else (h_loading if loading else h_other), time_limit - t)
         if h <= 0.0:
             break
         first, work_t, work_r = h, 0.0, 0.0
@@ -197,36 +194,32 @@ def press(q, steps, h_loading, h_other, h_floating, time_left, anchor, gravity, 
             c1, s1 = np.cos(q1[2]), np.sin(q1[2])
             moved = abs(q1[0] - anchor[0]) + abs(q1[1] - anchor[1]) + arm * abs(q1[2] - anchor[2])
             if moved >= anchor[3]:
-                tally[3] = GUARD_LEFT
+                why = GUARD_LEFT
             for a in range(active):
                 depth, nx, ny, rx, ry = placed(loaded, a, q1[0], q1[1], c1, s1)
                 seen[a, D1] = depth
                 seen[a, R1] = -((q1[3] - q1[5] * ry) * nx + (q1[4] + q1[5] * rx) * ny)
                 seen[a, ARM] = np.sqrt(rx * rx + ry * ry)
                 if depth <= 0.0:
-                    tally[3] = ENDS
-            if tally[3] > 0.0 or attempt == 1:
+                    why = ENDS
+            if why > 0 or attempt == 1:
                 break
             first = _first_kink(h, active, loaded, seen, unpressed)
             if first == h:
                 break
-        if tally[3] > 0.0:
+        if why > 0:
             break
         force, deepest = _commit(active, loaded, sums, seen, work_t, work_r, audit)
-        for i in range(6):
-            q[i] = q1[i]
+        copy(q1, q)
         c, s = c1, s1
         t += first
         done += 1
-        tally[0] = force
-        tally[1], tally[2] = max(tally[1], force), max(tally[2], deepest)
-        if (force <= PRESSED * max(peak_force, tally[1])) != floating:
-            break
+        left = note_pressure(current, left, force, deepest, t, q)
     for a in range(active):
         j = which[a]
         reals[j, DEPTH], reals[j, RATE], reals[j, DEPTH_MAX] = seen[a, D0], seen[a, R0], loaded[a, L_PEAK]
         reals[j, STRETCH], reals[j, ROTATION] = loaded[a, L_STRETCH], loaded[a, L_ROTATION]
-    return t, done
+    return t, done, left, why
 
 
 @kernel

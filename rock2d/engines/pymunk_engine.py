@@ -175,7 +175,7 @@ class PymunkRelease:
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = stepper.ease(self.q, self._start["kinetic"], self._block, *self._slots, self.table)
+            eased = stepper.ease(self._start["kinetic"], self._block, *self._slots, self.table)
             return self.contact_step * float(eased)
         limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
         margin = MARGIN * self.block.radius_m

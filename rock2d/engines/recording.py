@@ -6,6 +6,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.engines.slots import ACTIVE, ZONE
+from rock2d.engines.stepper import PRESSED
 
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
@@ -143,6 +144,22 @@ def open_impact(current, t, q, ints):
     copy(q, current[2:8])
     current[8:15] = np.nan
     current[15], current[16] = 0.0, 0.0
+
+
+@kernel
+def note_pressure(current, left, force, depth, t, q):
+    """Take the sum of forces and the largest depth at time t into the open impact.
+
+    Returns whether the ground has ceased to press; the state is noted where it last did.
+    """
+    current[15] = max(current[15], depth)
+    current[16] = max(current[16], force)
+    if force > PRESSED * current[16]:
+        return False
+    if not left:
+        current[8] = t
+        copy(q, current[9:15])
+    return True
 
 
 @kernel

@@ -21,6 +21,7 @@ from rock2d.engines.recording import (
     is_spent,
     knot,
     near_line,
+    note_pressure,
     open_impact,
     sample,
 )
@@ -78,7 +79,7 @@ def release(
     return _descend(
         block, terrain, tree, packed.lines[terrain_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
         time_limit, impact_limit, spent, settled, times, impacts, crossings, samples, audit, knots, ints, reals,
-        found_i, found_r, stepper.scratch(n), np.empty(64, np.int64), np.empty((4, 8)), np.full(N_IMPACT, np.nan),
+        found_i, found_r, stepper.scratch(n), np.empty(64, np.int64), np.empty((3, 8)), np.full(N_IMPACT, np.nan),
     )  # fmt: skip
 
 
@@ -87,11 +88,11 @@ def _descend(
     block, terrain, tree, lines, params, q, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
     times, impacts, crossings, samples, audit, knots, ints, reals, found_i, found_r, work, stack, room, current,
 ):  # fmt: skip
-    """`release` on prepared arrays: `room` (4, 8), `stack` and `work` are scratch, `current` an impact's row."""
-    tally, old, anchor, watch = room[0, :4], room[1, :6], room[2, :4], room[3]
+    """`release` on prepared arrays: `room` (3, 8), `stack` and `work` are scratch, `current` an impact's row."""
+    old, anchor, watch = room[0, :6], room[1, :4], room[2]
     anchor[3] = 0.0
     radius, corners = block.radius, block.sides.shape[0]
-    start_energy = 0.5 * (block.mass * (q[3] ** 2 + q[4] ** 2) + block.inertia * q[5] ** 2)
+    highest_energy = 0.0  # kinetic, at the beginning of any contact so far
     t, stop, count, at, used = 0.0, TIME, 0, 0, 0
     while at < times.size and times[at] <= 0.0:
         copy(q[0:3], samples[at])
@@ -134,7 +135,7 @@ def _descend(
         # near the ground or on it
         if steps >= looked:
             looked = steps + LOOK_EVERY
-            eased = min(EASE_LIMIT, stepper.ease(q, start_energy, block, ints, reals, params))
+            eased = min(EASE_LIMIT, stepper.ease(highest_energy, block, ints, reals, params))
             if active > 0 and is_open:
                 if settled and rest.captured(q, gravity, terrain, block, params, ints, reals):
                     stop = REST
@@ -150,26 +151,22 @@ def _descend(
         h = h_contact * eased
         copy(q, old)
         flying = active == 0
-        gone = 0.0
         if active > 0 and anchor[3] > 0.0:
             reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
             single = recording or (len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings))
-            gone, done = press.press(
-                q, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit - t, anchor,
-                gravity, terrain, block, params, ints, reals, work, audit, left, current[16], tally,
+            until, done, left, why = press.press(
+                q, t, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit, anchor,
+                gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
-            force, highest, depth = tally[0], tally[1], tally[2]
-            if tally[3] > 0.0:
+            if why > 0:
                 f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
                 stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
-                fresh = tally[3] == press.GUARD_LEFT and (
-                    gone > 0.0 or old[0] != anchor[0] or old[1] != anchor[1]
-                )
+                fresh = why == press.GUARD_LEFT and (done > 0 or old[0] != anchor[0] or old[1] != anchor[1])
                 anchor[3] = 0.0
                 if fresh:
                     set_anchor(anchor, q, f0, f1, terrain, block, ints)
-            if gone == 0.0:
+            if done == 0:
                 continue
             used = knot(knots, used, t, old, 0.0)
         else:
@@ -187,38 +184,35 @@ def _descend(
                 if active > 0:
                     is_open, left = True, False
                     open_impact(current, t, q, ints)
+                    highest_energy = max(highest_energy, kinetic(q, block))
             flying = active == 0
             used = knot(knots, used, t, q, 1.0 if flying else 0.0)
-            gone = stepper.step(
+            until = t + stepper.step(
                 q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit
             )
+            before = active
             force, depth, active = stepper.pressure(ints, reals, params)
-            highest = force
+            if is_open:
+                left = note_pressure(current, left, force, depth, until, q)
+            elif active > 0:
+                is_open, left = True, False
+                open_impact(current, until, q, ints)
+                highest_energy = max(highest_energy, kinetic(q, block))
+            if active > before or flying:
+                looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
                 f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
                 set_anchor(anchor, q, f0, f1, terrain, block, ints)
+        gone = until - t
         cross(t, old, gone, q, flying, gravity, lines, crossings)
         at = sample(t, old, gone, q, flying, gravity, times, at, samples)
-        t += gone
-        if depth > 0.5 * radius:
+        t = until
+        if is_open and current[15] > 0.5 * radius:
             f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
             if point_depth(q[0], q[1], terrain.facets, f0, f1)[0] > 0.0:
                 stop = BURIED
                 break
-        if not is_open:
-            if active > 0:
-                is_open, left = True, False
-                open_impact(current, t, q, ints)
-            continue
-        current[15] = max(current[15], depth)
-        current[16] = max(current[16], highest)
-        if force > stepper.PRESSED * current[16]:
-            left = False
-        elif not left:
-            left = True
-            current[8] = t
-            copy(q, current[9:15])
-        if active == 0:
+        if active == 0 and is_open:
             count = close_impact(current, left, impacts, count)
             is_open = False
             rest.forget_rest(watch)
@@ -241,6 +235,12 @@ def _descend(
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
     return (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
+
+
+@kernel
+def kinetic(q, block):
+    """Kinetic energy in J."""
+    return 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
 
 
 @kernel

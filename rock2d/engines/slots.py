@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.blocks import Block
-from rock2d.compiled import kernel
+from rock2d.compiled import copy, kernel
 from rock2d.geometry import (
     CONVEX,
     CORNER_VERTEX,
@@ -70,9 +70,9 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
     """
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
     for j in range(ints.shape[0]):
-        for k in range(6):
-            found_i[j, k] = ints[j, k]
         found_r[j, DEPTH] = NOWHERE
+        if ints[j, ACTIVE]:
+            copy(ints[j], found_i[j])
     facets, sides = terrain.facets, block.sides
     n = sides.shape[0]
     if n > 0:

@@ -82,16 +82,22 @@ def contact_steps_s(block: Block, table: np.ndarray, fraction: float = STEP_FRAC
 
 
 @kernel
-def ease(q, start_energy, block, ints, reals, params):
-    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the motion dies down.
+def ease(reference_energy, block, ints, reals, params):
+    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the oscillation in the contacts dies down.
 
-    The scheme's energy error is of order energy × step⁴, so a step ∝ energy^(-1/4) keeps it constant.
+    The energy that a step errs by is of order energy × step⁵, so a step ∝ 1/√energy, once a sixteenth is left, lets it
+    shrink; steady rolling and sliding take no part in it.
     """
-    moving = block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5]
-    energy = 0.5 * moving + stored_energy(ints, reals, params)
+    energy, touching = stored_energy(ints, reals, params), False
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            energy += 0.5 * block.mass * reals[j, RATE] * reals[j, RATE]
+            touching = True
+    if not touching:
+        return 1.0
     if energy <= 0.0:
         return EASE_LIMIT
-    return min(EASE_LIMIT, max(1.0, np.sqrt(np.sqrt(start_energy / energy))))
+    return min(EASE_LIMIT, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))
 
 
 @kernel
@@ -316,6 +322,10 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
+        if depth == NOWHERE and not ints[j, ACTIVE]:
+            reals[j, DEPTH] = NOWHERE
+            ints[j, KEY] = -1
+            continue
         gone = ints[j, ACTIVE] and depth == NOWHERE  # slid off its feature: the step still acted on it
         if gone:
             depth, _, _, _, _ = contact_point(
@@ -335,8 +345,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
             if pressed > peak:
                 audit[PLASTIC] += plastic_work(pressed, p[K_L], p[K_UL]) - plastic_work(peak, p[K_L], p[K_UL])
                 reals[j, DEPTH_MAX] = peak = pressed
-            ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
-            ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
+            _follow(ints, found_i, j)
             force_n = normal_force(pressed, peak, p[K_L], p[K_UL])
             force_t = tangential_force(stretch[j], force_n, p[K_T], p[MU])
             moment = rolling_moment(rotation[j], force_n, arm, p[K_R], p[CAP])
@@ -371,8 +380,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
                 _release(ints, reals, j)
         elif _touches(depth, found_r[j, RATE], block):
             ints[j, ACTIVE] = 1
-            ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
-            ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
+            _follow(ints, found_i, j)
             ints[j, ZONE] = _zone(ints, j, terrain)
             reals[j, DEPTH_MAX], reals[j, STRETCH], reals[j, ROTATION] = 0.0, 0.0, 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
@@ -390,6 +398,13 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
 def _touches(depth, rate, block):
     """Whether a contact begins: at the surface to rounding, if it goes in."""
     return depth > 0.0 or (depth > -1e-10 * block.radius and rate >= 0.0)
+
+
+@kernel
+def _follow(ints, found_i, j):
+    """Let slot j follow the feature found for it."""
+    ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
+    ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
 
 
 @kernel
@@ -438,7 +453,7 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
         reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
         ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
         if _touches(depth, found_r[j, RATE], block):
-            copy(found_i[j], ints[j])
+            _follow(ints, found_i, j)
             ints[j, ACTIVE] = 1
             ints[j, ZONE] = _zone(ints, j, terrain)
             reals[j, OFFSET] = depth

@@ -13,9 +13,17 @@ lint: .venv/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+bench: .venv/bench  ## what the engines cost: a table, and every number in out/benchmarks.json
+	mkdir -p out
+	$(BIN)/python -m pytest -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
+
+.venv/bench: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	touch $@
+
 .venv/ready: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[test]"
 	touch $@
 
-.PHONY: demo test lint
+.PHONY: demo test lint bench

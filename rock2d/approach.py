@@ -67,8 +67,10 @@ def _fall_time(gap, rate, pull):
     square = rate * rate + 2.0 * pull * gap
     if square < 0.0:
         return NO_BOX
-    root = np.sqrt(square) - rate
-    return 2.0 * gap / root if root > 0.0 else NO_BOX
+    root = np.sqrt(square)
+    if rate < 0.0:
+        return 2.0 * gap / (root - rate)
+    return (root + rate) / pull if pull > 0.0 else NO_BOX
 
 
 @kernel(inline="always")

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
+OUTPUT = click.Choice(["ends", "crossings", "impacts", "samples"])
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -26,17 +27,45 @@ def cli() -> None:
 @click.option("--data", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
               help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
 @click.option("--video", is_flag=True, help="Also film the first releases.")
-@click.option("--workers", type=click.IntRange(1), help="Processes; all cores by default.")
+@click.option("--workers", type=click.IntRange(1),
+              help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS",
+              help="Campaign on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one "
+              "thread each, and must share a file system with this process: they write the files.")  # fmt: skip
+@click.option("--keep", multiple=True, type=OUTPUT,
+              help="What a campaign keeps of each release; may be given several times. Default: ends and "
+              "crossings. With crossings alone a release stops once it can reach no other line; samples "
+              "(at the scenario's frame rate) are large.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, seed, releases, out, data, video, workers, quiet) -> None:
-    """Run SCENARIOS (YAML) and write experiment folders, tables and figures."""
-    from rock2d.report import print_tables
+def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler, keep, quiet) -> None:
+    """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
+
+    More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
+    10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
+    same command goes on with it after an interruption. Campaigns need pip install 'rock2d[scale]'.
+    """
+    from rock2d.campaign import is_campaign, run_campaign
+    from rock2d.report import print_campaign, print_tables
     from rock2d.run import simulate, write_results
     from rock2d.scenario import load_scenario
 
     loaded = [load_scenario(path, data) for path in scenarios]
     for scenario in loaded:
+        large = scheduler is not None or is_campaign(scenario, releases)
+        if keep and not large:
+            raise click.UsageError("--keep is for campaigns: more than 10,000 releases, or --scheduler")
+        if video and large:
+            raise click.UsageError("--video is not for campaigns: they keep no full tracks")
         for engine in engines or [scenario.engine]:
+            if large:
+                folder = out / f"{scenario.name}_{engine}"
+                tables = run_campaign(
+                    scenario, folder, engine=engine, seed=seed, releases=releases, workers=workers,
+                    scheduler=scheduler, keep=keep, progress=not quiet, tell=click.echo,
+                )  # fmt: skip
+                print_campaign(scenario, engine, tables)
+                click.echo(f"written: {folder}")
+                continue
             result = simulate(
                 scenario, engine=engine, seed=seed, releases=releases, workers=workers, progress=not quiet
             )
@@ -81,8 +110,9 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted: nothing half-written was left", err=True)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        said = str(stop) or str(stop.__cause__ or "")  # click hides an interrupt behind its own
+        click.echo(f"interrupted: {said or 'nothing half-written was left'}", err=True)
         sys.exit(130)
 
 

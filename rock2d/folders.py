@@ -50,6 +50,16 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file under another name and rename it, so that it is never half there."""
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
 def path_inside(folder: str | Path, relative: str) -> Path:
     """`folder`/`relative`; ValueError if that leaves `folder` (by "..", an absolute path or a link)."""
     pure, windows = PurePosixPath(relative), PureWindowsPath(relative)

@@ -25,8 +25,11 @@ Array = np.ndarray
 CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 
 
+RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
 # columns of a row of TerrainArrays.facets
-POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX = range(10)
+(
+    POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST,
+) = range(12)  # fmt: skip
 # columns of a row of BlockArrays.sides
 CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 
@@ -38,7 +41,8 @@ class TerrainArrays(NamedTuple):
     """
 
     facets: (
-        Array  # (n + 1, 10): start point, tangent, normal, length, zone id, patch, start is a convex corner
+        Array  # (n + 1, 12): start point, tangent, normal, length, zone id, patch, start is a convex corner,
+        # first and last facet of the run of facets that are all but in line
     )
     first: Array  # (bins,) lowest facet that overlaps this bin of x or a later one
     last: Array  # (bins,) highest facet that overlaps this bin of x or an earlier one
@@ -46,6 +50,7 @@ class TerrainArrays(NamedTuple):
     bins_per_m: float
     x_low: float  # the true ends of the cross-section
     x_high: float
+    facet_m: float  # mean length of a facet along x
 
 
 class BlockArrays(NamedTuple):
@@ -62,20 +67,24 @@ class BlockArrays(NamedTuple):
 def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
     """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`.
 
-    Facets joined by turns below SMOOTH_TURN_RAD share a patch.
+    Facets joined by turns below SMOOTH_TURN_RAD share a patch; by turns below RUN_TURN_RAD, and of one zone, a run.
     """
     points = terrain.points_m.copy()
     points[0] -= terrain.tangents[0] * prolong_m
     points[-1] += terrain.tangents[-1] * prolong_m
     n = len(points) - 1
     turns = terrain.turns_rad
-    facets = np.zeros((n + 1, 10))
+    facets = np.zeros((n + 1, 12))
     facets[:, :2] = points
     facets[:n, 2:4], facets[:n, 4:6] = terrain.tangents, terrain.normals
     facets[:n, LENGTH] = np.hypot(*np.diff(points, axis=0).T)
     facets[:n, ZONE_ID] = terrain.zone_ids
     facets[:n, PATCH] = np.concatenate([[0], np.cumsum(np.abs(turns[1:-1]) > SMOOTH_TURN_RAD)])
     facets[:, CONVEX] = turns < -SMOOTH_TURN_RAD
+    broken = (np.abs(turns[1:-1]) > RUN_TURN_RAD) | (np.diff(terrain.zone_ids) != 0)
+    begins = np.concatenate([[0], np.flatnonzero(broken) + 1])
+    run = np.concatenate([[0], np.cumsum(broken)])
+    facets[:n, RUN_FIRST], facets[:n, RUN_LAST] = begins[run], np.append(begins[1:], n)[run] - 1
     low = np.minimum(points[:-1, 0], points[1:, 0])
     high = np.maximum(points[:-1, 0], points[1:, 0])
     x_start, bins = float(low.min()), max(8, 2 * n)
@@ -89,7 +98,14 @@ def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
     last = np.maximum.accumulate(last)
     x_low, x_high = float(terrain.points_m[0, 0]), float(terrain.points_m[-1, 0])
     return TerrainArrays(
-        facets, first.astype(np.int64), last.astype(np.int64), x_start, bins_per_m, x_low, x_high
+        facets,
+        first.astype(np.int64),
+        last.astype(np.int64),
+        x_start,
+        bins_per_m,
+        x_low,
+        x_high,
+        (x_high - x_low) / n,
     )
 
 
@@ -139,6 +155,21 @@ def point_depth(px, py, facets, f0, f1):
                 nx, ny = nx + facets[v - 1, NORMAL_X], ny + facets[v - 1, NORMAL_Y]
             sign = 1.0 if nx * dx + ny * dy >= 0.0 else -1.0
     return -sign * np.sqrt(best), kind, index
+
+
+@kernel
+def near_depth(px, py, terrain, f0, f1, reach):
+    """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
+    facets = terrain.facets
+    g0, g1 = facet_range(terrain, px, px)
+    g0, g1 = max(f0, g0), min(f1, g1)
+    depth, kind, index = point_depth(px, py, facets, g0, g1)
+    width = min(-depth, reach) if depth < 0.0 else depth
+    h0, h1 = facet_range(terrain, px - width, px + width)
+    h0, h1 = max(f0, h0), min(f1, h1)
+    if h0 >= g0 and h1 <= g1:
+        return depth, kind, index
+    return point_depth(px, py, facets, h0, h1)
 
 
 @kernel

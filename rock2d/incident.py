@@ -1,7 +1,12 @@
-"""Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames."""
+"""Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames.
+
+Releases are drawn in groups of `GROUP`, each group of a block whole and from its own random stream: release i
+of a block is the same however many releases there are and however they are shared out.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,43 +17,69 @@ from rock2d.terrain import Terrain
 
 if TYPE_CHECKING:
     from rock2d.scenario import Scenario
+    from rock2d.scenario_keys import Incident
 
 Array = np.ndarray
 
+GROUP = 1000  # releases drawn together
+STATES, SEEDS = range(2)  # what a random stream is for: first number of its spawn key
 CLEAR_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
 BREAK_SIGMA = 5.0  # a frame this far from the fitted flight ends it
 
 
 @dataclass(frozen=True)
 class Start:
-    """Start of one release: its number, block, time in s, state (6,) in SI, and the frames it was fitted to."""
+    """Start of one release: its number, block, time in s, state (6,) in SI, the seed of its own random stream
+    and the frames it was fitted to."""
 
     release: int
     block: str
     t_s: float
     state: Array
+    seed: int
     frames: int = 0
 
 
 def starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
-    """Starts of all releases of a scenario, block after block.
-
-    Each release draws from its own stream (SeedSequence with spawn key (0, block, i)), so a start does not
-    depend on how many releases there are.
-    """
+    """Starts of all releases of a scenario, block after block."""
     if scenario.experiment is not None:
-        return measured_starts(scenario, releases)
+        return measured_starts(scenario, seed, releases)
     count = releases or scenario.releases
     out = []
     for b, name in enumerate(scenario.make_blocks()):
-        incident = scenario.incident_of(name)
-        for i in range(count):
-            generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, b, i)))
-            out.append(Start(b * count + i, name, 0.0, incident.draw(generator)))
+        states = drawn_states(scenario.incident_of(name), seed, b, 0, count)
+        seeds = drawn_seeds(seed, b, 0, count)
+        out += [Start(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
     return out
 
 
-def measured_starts(scenario: Scenario, releases: int | None = None) -> list[Start]:
+def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: int) -> Array:
+    """(stop - first, 6) states of releases first .. stop - 1 of the block with index `block`; first < stop.
+
+    Raises ValueError for measured incident states.
+    """
+    return _of_groups(lambda stream: incident.draw(stream, GROUP), seed, STATES, block, first, stop)
+
+
+def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
+    """(stop - first,) uint64, seeds of the own random streams of releases first .. stop - 1; first < stop."""
+
+    def draw(stream: np.random.Generator) -> Array:
+        return stream.integers(2**64, size=GROUP, dtype=np.uint64)
+
+    return _of_groups(draw, seed, SEEDS, block, first, stop)
+
+
+def _of_groups(
+    draw: Callable[[np.random.Generator], Array], seed: int, what: int, block: int, first: int, stop: int
+) -> Array:
+    groups = range(first // GROUP, (stop - 1) // GROUP + 1)
+    keys = [np.random.SeedSequence(seed, spawn_key=(what, block, group)) for group in groups]
+    drawn = np.concatenate([draw(np.random.default_rng(key)) for key in keys])
+    return drawn[first - groups.start * GROUP :][: stop - first]
+
+
+def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
     """Starts of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
     experiment = scenario.experiment
     assert experiment is not None and experiment.trajectories is not None
@@ -57,15 +88,18 @@ def measured_starts(scenario: Scenario, releases: int | None = None) -> list[Sta
     blocks, terrain = scenario.make_blocks(), scenario.terrain()
     rows = experiment.trajectories.dropna()
     out, taken = [], dict.fromkeys(blocks, 0)
+    films = rows["release"].nunique()
+    seeds = {name: drawn_seeds(seed, b, 0, films + 1) for b, name in enumerate(blocks)}
     for release, film in rows.groupby("release", sort=True):
         name = str(film["block"].iloc[0])
         if taken[name] >= (releases or scenario.releases) or len(film) < 3:
             continue
+        own_seed = int(seeds[name][taken[name]])
         taken[name] += 1
         frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
         sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
         state, used = fit_first_flight(frames, blocks[name], terrain, experiment.gravity_m_s2, sigma)
-        out.append(Start(int(str(release)), name, float(frames[0, 0]), state, used))
+        out.append(Start(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))
     return out
 
 

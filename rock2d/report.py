@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.run import RunResult
+    from rock2d.scenario import Scenario
 
 
 def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
@@ -28,11 +29,25 @@ def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
         print(f"  assumed: {sentence}")
 
 
-def passing_text(passing: pd.DataFrame) -> str:
+def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFrame]) -> None:
+    """Passing frequencies and stops of a campaign."""
+    print(f"\n{scenario.name}: {scenario.about} [{engine}]")
+    if len(tables.get("passing", ())):
+        print(passing_text(tables["passing"], digits=2))
+    if "stops" in tables:
+        stops = tables["stops"].pivot_table(
+            index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
+        )
+        print(stops.to_string())
+    for sentence in scenario.assumed:
+        print(f"  assumed: {sentence}")
+
+
+def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
     """Passing frequency in % with its 95 % Wilson interval, one row a block."""
     cells = passing.assign(
         cell=[
-            f"{100 * f:.0f} [{100 * lo:.0f}, {100 * hi:.0f}]"
+            f"{100 * f:.{digits}f} [{100 * lo:.{digits}f}, {100 * hi:.{digits}f}]"
             for f, lo, hi in zip(passing["frequency"], passing["low95"], passing["high95"], strict=True)
         ]
     )

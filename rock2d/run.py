@@ -1,6 +1,6 @@
 """`rock2d run`: a checked scenario through an engine to a results folder.
 
-Every release has its own random streams, so results are bit-identical whatever the number of workers.
+Every release has its own random numbers, so results are bit-identical whatever the number of workers.
 """
 
 from __future__ import annotations
@@ -35,12 +35,10 @@ class _Job:
     """What a worker process needs to simulate releases."""
 
     engine: str
-    seed: int
     terrain: Terrain
     blocks: dict[str, Block]
     parameters: dict[str, Any]  # block -> parameters by zone
     gravity_m_s2: float
-    time_limit_s: float
 
 
 @dataclass
@@ -82,7 +80,7 @@ def simulate(
         parameters = {name: scenario.rebound_parameters(name) for name in blocks}
     else:
         raise ValueError(f"engine must be one of {ENGINES}, got {engine!r}")
-    job = _Job(engine, seed, terrain, blocks, parameters, scenario.gravity_m_s2, scenario.time_limit_s)
+    job = _Job(engine, terrain, blocks, parameters, scenario.gravity_m_s2)
     begin = starts(scenario, seed, releases)
     limits = _time_limits(scenario, begin)
     tracks = list(
@@ -177,11 +175,9 @@ def _track(job: _Job, start: Start, limit_s: float) -> Track:
     else:
         from rock2d.engines.point_mass import run_point_mass
 
-        stream = np.random.SeedSequence(job.seed, spawn_key=(1, start.release))
         track = run_point_mass(
             block, job.terrain, parameters, start.state,
-            release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s,
-            rng=np.random.default_rng(stream),
+            release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s, seed=start.seed,
         )  # fmt: skip
     track.shift_time(start.t_s)
     return track

@@ -201,22 +201,25 @@ class Incident(Checked):
             )
         return self
 
-    def draw(self, generator: Any) -> Any:
-        """(6,) state in the order of `STATE_KEYS`, drawn with a numpy Generator; not for from_experiment."""
+    def draw(self, generator: Any, count: int) -> Any:
+        """(count, 6) states in the order of `STATE_KEYS`, drawn with a numpy Generator.
+
+        Raises ValueError for from_experiment.
+        """
         import numpy as np
 
         source = self.fixed or self.distribution
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")
-        state = []
-        for key in STATE_KEYS:
+        states = np.empty((count, len(STATE_KEYS)))
+        for i, key in enumerate(STATE_KEYS):
             value = getattr(source, key)
             if isinstance(value, Normal):
-                value = generator.normal(value.normal.mean, value.normal.sd)
+                value = generator.normal(value.normal.mean, value.normal.sd, count)
             elif isinstance(value, Uniform):
-                value = generator.uniform(value.uniform.low, value.uniform.high)
-            state.append(float(value))
-        return np.array(state)
+                value = generator.uniform(value.uniform.low, value.uniform.high, count)
+            states[:, i] = value
+        return states
 
 
 class Outputs(Checked):

@@ -81,3 +81,14 @@ def test_repeated_bounds_arrive_at_the_ground():
         q[4] -= G * tau
     assert count < 10
     assert outline(SLAB, q, 0.0).bounds[1] == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-12, 1e-18])
+def test_a_ball_that_has_just_left_the_ground_comes_back(gap):
+    """Rounding of a tiny gap must not hide the return."""
+    floor = Terrain(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
+    ball = make_block("ball", shape="circle", diameter_m=1.0, mass_kg=100)
+    q = np.array([5.0, 0.5 + gap, 0.0, 0.1, 2.0, 0.0])
+    height = q[1] - 0.5
+    expected = (2.0 + np.sqrt(4.0 + 2 * G * height)) / G if height > 0 else 0.0
+    assert bound(ball, floor, q) == pytest.approx(expected, rel=1e-12)

@@ -45,7 +45,7 @@ class Packed(NamedTuple):
     bin_start: Array
     trees: Array
     tree_start: Array
-    terrain_reals: Array  # (terrains, 4) x_start, bins per m, x_exit low and high
+    terrain_reals: Array  # (terrains, 5) x_start, bins per m, x_exit low and high, mean facet length
     lines: Array  # (terrains, lines, 4) end points of measure lines, NaN where there are fewer
     tables: Array  # (tables, zones, 6)
 
@@ -114,7 +114,7 @@ def pack(ensemble: Ensemble) -> Packed:
         starts([len(g.first) for g in grounds]),
         np.concatenate(trees),
         starts([len(t) for t in trees]),
-        np.array([[g.x_start, g.bins_per_m, g.x_low, g.x_high] for g in grounds]),
+        np.array([[g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m] for g in grounds]),
         lines,
         tables,
     )

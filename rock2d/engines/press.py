@@ -28,6 +28,7 @@ from rock2d.engines.recording import note_pressure
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
 from rock2d.engines.stepper import (
     FRICTION,
+    L_KIND,
     L_LAW,
     L_OFFSET,
     L_PEAK,
@@ -53,9 +54,13 @@ from rock2d.geometry import (
     NORMAL_Y,
     POINT_X,
     POINT_Y,
+    RUN_FIRST,
+    RUN_LAST,
     SMOOTH_FACET,
     TANGENT_X,
     TANGENT_Y,
+    facet_range,
+    near_depth,
 )
 
 TURN_ARM = (
@@ -70,7 +75,8 @@ GUARD_LEFT, ENDS = 1, 2
 def guard_distance(q, allowance, f0, f1, terrain, block, ints):
     """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
 
-    At most `allowance`, the width that facets f0 to f1 - 1 reach beyond the block; 0 where it is not known.
+    At most `allowance`, the width that facets f0 to f1 - 1 reach beyond the block; 0 where it is not known. Passing
+    on within a run of facets is no change: `press` follows it.
     """
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
     facets, sides = terrain.facets, block.sides
@@ -78,28 +84,30 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
     if n == 0:
         return _circle_guard(x, y, guard, f0, f1, facets, block, ints)
     for i in range(n):
-        if ints[i, ACTIVE] and ints[i, KIND] != CORNER_FACET:
-            return 0.0
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        own, other = -1.0, np.inf  # squared distance to its own facet, and to the nearest other
-        for f in range(f0, f1):
-            dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
-            along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
-            above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
-            beyond = max(-along, along - facets[f, LENGTH])
-            if ints[i, ACTIVE] and f == ints[i, INDEX]:
-                guard = min(guard, -beyond)
-                own = above * above
-            else:
-                beyond = max(beyond, 0.0)
-                other = min(other, above * above + beyond * beyond)
         if not ints[i, ACTIVE]:
-            guard = min(guard, np.sqrt(other))
-        elif own < 0.0:
+            depth, _, _ = near_depth(px, py, terrain, f0, f1, guard)
+            guard = min(guard, -depth)
+        elif ints[i, KIND] != CORNER_FACET:
             return 0.0
         else:
-            guard = min(guard, 0.5 * (np.sqrt(other) - np.sqrt(own)))
+            own = ints[i, INDEX]
+            dx, dy = px - facets[own, POINT_X], py - facets[own, POINT_Y]
+            above = dx * facets[own, NORMAL_X] + dy * facets[own, NORMAL_Y]
+            guard = min(guard, _within_run(px, py, own, facets))
+            width = guard + 2.0 * abs(above)
+            g0, g1 = facet_range(terrain, px - width, px + width)
+            other = np.inf  # squared distance to the nearest facet of another run
+            for f in range(max(f0, g0), min(f1, g1)):
+                if facets[own, RUN_FIRST] <= f <= facets[own, RUN_LAST]:
+                    continue
+                dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+                along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+                away = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+                beyond = max(-along, along - facets[f, LENGTH], 0.0)
+                other = min(other, away * away + beyond * beyond)
+            guard = min(guard, 0.5 * (np.sqrt(other) - abs(above)))
         if guard <= 0.0:
             return 0.0
     for v in range(max(f0, 1), f1):
@@ -118,34 +126,76 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
     return max(guard, 0.0)
 
 
+@kernel(inline="always")
+def _within_run(px, py, own, facets):
+    """How far in m a point may move along the ground before it leaves the run of facet `own`."""
+    first, last = int(facets[own, RUN_FIRST]), int(facets[own, RUN_LAST])
+    dx, dy = px - facets[first, POINT_X], py - facets[first, POINT_Y]
+    behind = dx * facets[first, TANGENT_X] + dy * facets[first, TANGENT_Y]
+    dx, dy = px - facets[last, POINT_X], py - facets[last, POINT_Y]
+    ahead = facets[last, LENGTH] - dx * facets[last, TANGENT_X] - dy * facets[last, TANGENT_Y]
+    return min(behind, ahead)
+
+
 @kernel
 def _circle_guard(x, y, guard, f0, f1, facets, block, ints):
     if block.semi_a != block.semi_b:
         return 0.0  # an ellipse's contact point runs ahead of its motion
     r = block.radius
-    for f in range(f0, f1):
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            if ints[j, KIND] != SMOOTH_FACET:
+                return 0.0
+            guard = min(guard, _within_run(x, y, ints[j, INDEX], facets))
+    f = f0
+    while f < f1 and guard > 0.0:
+        owned = False  # by a contact: its run has been seen to
+        for j in range(ints.shape[0]):
+            if ints[j, ACTIVE] and facets[f, RUN_FIRST] <= ints[j, INDEX] <= facets[f, RUN_LAST]:
+                owned = True
+        if owned:
+            f = int(facets[f, RUN_LAST]) + 1
+            continue
         dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
         along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
         above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
-        beyond = max(-along, along - facets[f, LENGTH])
-        own = False
-        for j in range(ints.shape[0]):
-            if ints[j, ACTIVE] and ints[j, INDEX] == f:
-                if ints[j, KIND] != SMOOTH_FACET:
-                    return 0.0
-                own = True
-        guard = min(guard, -beyond if own else max(above - r, beyond))
-        if guard <= 0.0:
-            return 0.0
+        guard = min(guard, max(above - r, -along, along - facets[f, LENGTH]))
+        f += 1
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:
-            owned = False  # by a facet in contact that ends there: its own margin serves
+            owned = False  # by a contact whose run begins or ends there
             for j in range(ints.shape[0]):
-                owned = owned or (ints[j, ACTIVE] and (ints[j, INDEX] == v or ints[j, INDEX] == v - 1))
+                if ints[j, ACTIVE]:
+                    own = ints[j, INDEX]
+                    owned = owned or facets[own, RUN_FIRST] == v or facets[own, RUN_LAST] == v - 1
             if not owned:
                 dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
                 guard = min(guard, np.sqrt(dx * dx + dy * dy) - r)
     return max(guard, 0.0)
+
+
+@kernel
+def _follow_run(loaded, a, facets, index, x, y, c, s):
+    """Load the facet of its run that a contact has moved to; returns the facet's index."""
+    kind, px, py = int(loaded[a, L_KIND]), x, y
+    if kind == CORNER_FACET:
+        px, py = x + c * loaded[a, 4] - s * loaded[a, 5], y + s * loaded[a, 4] + c * loaded[a, 5]
+    elif kind != SMOOTH_FACET:
+        return index
+    first, last, found = int(facets[index, RUN_FIRST]), int(facets[index, RUN_LAST]), index
+    while True:
+        along = (px - facets[found, POINT_X]) * facets[found, TANGENT_X]
+        along += (py - facets[found, POINT_Y]) * facets[found, TANGENT_Y]
+        if along < 0.0 and found > first and found <= index:
+            found -= 1
+        elif along > facets[found, LENGTH] and found < last and found >= index:
+            found += 1
+        else:
+            break
+    if found != index:
+        loaded[a, 0], loaded[a, 1] = facets[found, POINT_X], facets[found, POINT_Y]
+        loaded[a, 2], loaded[a, 3] = facets[found, NORMAL_X], facets[found, NORMAL_Y]
+    return found
 
 
 @kernel(inline="always")
@@ -170,6 +220,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     for a in range(active):
         seen[a, D0], seen[a, R0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[2]), np.sin(q[2])
+    turning = block.sides.shape[0] > 0 or block.semi_a != block.semi_b
     arm = TURN_ARM * block.radius
     done, why = 0, 0
     while done < steps:
@@ -191,11 +242,15 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
                     sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
             else:
                 work_t, work_r = runge_kutta(q, c, s, first, gravity, block, active, loaded, sums, q1)
-            c1, s1 = np.cos(q1[2]), np.sin(q1[2])
+            c1, s1 = c, s
+            if turning:
+                c1, s1 = np.cos(q1[2]), np.sin(q1[2])
             moved = abs(q1[0] - anchor[0]) + abs(q1[1] - anchor[1]) + arm * abs(q1[2] - anchor[2])
             if moved >= anchor[3]:
                 why = GUARD_LEFT
             for a in range(active):
+                j = which[a]
+                ints[j, INDEX] = _follow_run(loaded, a, terrain.facets, ints[j, INDEX], q1[0], q1[1], c1, s1)
                 depth, nx, ny, rx, ry = placed(loaded, a, q1[0], q1[1], c1, s1)
                 seen[a, D1] = depth
                 seen[a, R1] = -((q1[3] - q1[5] * ry) * nx + (q1[4] + q1[5] * rx) * ny)

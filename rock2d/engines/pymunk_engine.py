@@ -168,7 +168,7 @@ class PymunkRelease:
         while dt - gone > 1e-12 * dt:
             gone += stepper.step(
                 self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._terrain, self._block,
-                self.table, ints, reals, *self._scratch, self.audit,
+                self.table, ints, reals, *self._scratch, self.audit, False,
             )  # fmt: skip
             self._kinks.append(self.knot_now()._replace(time=self.time + gone))
 

@@ -35,6 +35,7 @@ from rock2d.geometry import (
     BlockArrays,
     TerrainArrays,
     facet_range,
+    near_depth,
     point_depth,
     polygon_depth,
 )
@@ -45,6 +46,8 @@ EASE_LIMIT = 4.0  # growth of contact steps as the motion dies down: a quarter o
 LOOK_EVERY = 8  # contact steps between two looks at what energy is left
 LAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
 VIEW = 2.0  # radii to each side within which a contact knows the ground
+VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
+LONGEST_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
 FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
 
 
@@ -60,7 +63,7 @@ def _terrain(packed, i):
     a, b = packed.bin_start[i], packed.bin_start[i + 1]
     r = packed.terrain_reals[i]
     facets = packed.facets[packed.facet_start[i] : packed.facet_start[i + 1]]
-    return TerrainArrays(facets, packed.first[a:b], packed.last[a:b], r[0], r[1], r[2], r[3])
+    return TerrainArrays(facets, packed.first[a:b], packed.last[a:b], r[0], r[1], r[2], r[3], r[4])
 
 
 @njit
@@ -151,11 +154,13 @@ def _descend(
         h = h_contact * eased
         copy(q, old)
         flying = active == 0
+        pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
+            h_floating = min(FREE_STEP * h, max(h, 0.3 * anchor[3] / pace))
             reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
             single = recording or (len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings))
             until, done, left, why = press.press(
-                q, t, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit, anchor,
+                q, t, 1 if single else looked - steps, h_loading * eased, h, h_floating, time_limit, anchor,
                 gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
@@ -165,16 +170,18 @@ def _descend(
                 fresh = why == press.GUARD_LEFT and (done > 0 or old[0] != anchor[0] or old[1] != anchor[1])
                 anchor[3] = 0.0
                 if fresh:
-                    set_anchor(anchor, q, f0, f1, terrain, block, ints)
+                    set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
             if done == 0:
                 continue
             used = knot(knots, used, t, old, 0.0)
         else:
             steps += 1
+            floating = False
             if active > 0:
                 loading, floating = pressing(ints, reals, params, radius)
-                h = FREE_STEP * h if floating and left else (h_loading * eased if loading else h)
-            h = min(h, time_limit - t)
+                floating = floating and left
+                h = FREE_STEP * h if floating else (h_loading * eased if loading else h)
+            h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))
             reach = near_reach(q, h, gravity, radius)
             f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
             if active == 0 and not noticed:
@@ -188,7 +195,21 @@ def _descend(
             flying = active == 0
             used = knot(knots, used, t, q, 1.0 if flying else 0.0)
             until = t + stepper.step(
-                q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit
+                q,
+                h,
+                f0,
+                f1,
+                gravity,
+                terrain,
+                block,
+                params,
+                ints,
+                reals,
+                found_i,
+                found_r,
+                work,
+                audit,
+                floating,
             )
             before = active
             force, depth, active = stepper.pressure(ints, reals, params)
@@ -202,7 +223,7 @@ def _descend(
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
                 f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                set_anchor(anchor, q, f0, f1, terrain, block, ints)
+                set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
         gone = until - t
         cross(t, old, gone, q, flying, gravity, lines, crossings)
         at = sample(t, old, gone, q, flying, gravity, times, at, samples)
@@ -244,10 +265,14 @@ def kinetic(q, block):
 
 
 @kernel
-def set_anchor(anchor, q, f0, f1, terrain, block, ints):
-    """Take q as the pose whose guard is known; facets f0 to f1 - 1 reach VIEW radii to each side."""
+def set_anchor(anchor, q, h, f0, f1, terrain, block, ints):
+    """Take q as the pose whose guard is known, if it lasts for a step of h; facets f0 to f1 - 1 reach VIEW radii to
+    each side."""
     anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
-    anchor[3] = press.guard_distance(q, (VIEW - 1.0) * block.radius, f0, f1, terrain, block, ints)
+    allowance = min(VIEW - 1.0, max(0.1, VIEW_FACETS * terrain.facet_m / block.radius)) * block.radius
+    anchor[3] = press.guard_distance(q, allowance, f0, f1, terrain, block, ints)
+    if anchor[3] < h * (abs(q[3]) + abs(q[4]) + press.TURN_ARM * block.radius * abs(q[5])):
+        anchor[3] = 0.0
 
 
 @kernel
@@ -273,7 +298,7 @@ def _gap(q, terrain, block, f0, f1):
     for i in range(sides.shape[0]):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        depth, _, _ = point_depth(px, py, facets, f0, f1)
+        depth, _, _ = near_depth(px, py, terrain, f0, f1, min(gap, block.radius))
         gap = min(gap, -depth)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:

@@ -27,8 +27,8 @@ from rock2d.geometry import (
     TANGENT_Y,
     VERTEX_FACE,
     load_feature,
+    near_depth,
     place_feature,
-    point_depth,
     polygon_depth,
 )  # fmt: skip
 
@@ -79,7 +79,7 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
         for i in range(n):
             px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
             py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-            depth, kind, index = point_depth(px, py, facets, f0, f1)
+            depth, kind, index = near_depth(px, py, terrain, f0, f1, reach)
             _set(found_i, found_r, i, kind, index, i, depth, i)
         for v in range(max(f0, 1), f1):
             if facets[v, CONVEX] > 0.0:
@@ -128,7 +128,14 @@ def _slot_for(ints, found_r, start, key):
 @kernel
 def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r):
     """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
+    far = reach + max(block.semi_a, block.semi_b)
     for f in range(f0, f1):
+        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
+        if dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y] > far:
+            continue
+        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        if along < -far or along > facets[f, LENGTH] + far:
+            continue
         feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
         depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, feature, x, y, c, s)
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]

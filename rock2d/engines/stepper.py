@@ -180,12 +180,14 @@ def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
     dx = dy = dtheta = dvx = dvy = domega = 0.0
     work_t = work_r = 0.0
     c, s = c0, s0
+    turning = block.sides.shape[0] > 0 or block.semi_a != block.semi_b  # a ball looks the same at any angle
     for k in range(4):
         weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
         ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)
         if k > 0:  # the next stage, from the rates of the stage before
             x, y = q[0] + ahead * vx, q[1] + ahead * vy
-            c, s = _turned(c0, s0, ahead * omega)
+            if turning:
+                c, s = _turned(c0, s0, ahead * omega)
             vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
         fx = fy = moment = 0.0
         for a in range(active):
@@ -233,7 +235,7 @@ def hermite_root(g0, r0, g1, r1, h):
             low = s
         rate = a1 + s * (2.0 * a2 + 3.0 * a3 * s)
         ahead = s - value / rate if rate != 0.0 else -1.0
-        if not low < ahead < high:
+        if not low <= ahead <= high:
             ahead = 0.5 * (low + high)
         if abs(ahead - s) < 1e-14:
             break
@@ -299,6 +301,8 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
                 t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
             elif d0 < peak < d1:
                 t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
+            elif d0 <= gone and r0 < 0.0 < r1:
+                t = h * r0 / (r0 - r1)  # the top of a hop within its crater: the way back must not be missed
             t = min(t, clear)
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
@@ -498,22 +502,28 @@ def pressure(ints, reals, params):
 
 
 @kernel
-def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit):
+def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit, floating):
     """Advance q in place by at most h, to the first kink of the law if that comes before. Returns the time gone.
 
+    floating : no contact touches the bottom of its crater, so that the way to the next kink is a parabola
     (found_i, found_r, work) are scratch of the sizes of `new_slots` and `scratch`.
     """
     reach = 4.0 * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius) + 1e-6 * block.radius
     q1, stretch, rotation, spring_work, loaded, which, sums, _ = work
     active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
+    pressing = 0 if floating else active
     c, s = np.cos(q[2]), np.sin(q[2])
-    spring_work[0], spring_work[1] = runge_kutta(q, c, s, h, gravity, block, active, loaded, sums, q1)
+    spring_work[0], spring_work[1] = runge_kutta(q, c, s, h, gravity, block, pressing, loaded, sums, q1)
     find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
     kink = _first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)
     if kink < h:
-        spring_work[0], spring_work[1] = runge_kutta(q, c, s, kink, gravity, block, active, loaded, sums, q1)
+        spring_work[0], spring_work[1] = runge_kutta(
+            q, c, s, kink, gravity, block, pressing, loaded, sums, q1
+        )
         find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
     for a in range(active):
+        if floating:
+            sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
         stretch[which[a]], rotation[which[a]] = sums[a, 0], sums[a, 1]
     copy(q1, q)
     _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit)

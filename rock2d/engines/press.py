@@ -69,6 +69,7 @@ TURN_ARM = (
 # columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
 D0, R0, D1, R1, ARM = range(5)
 GUARD_LEFT, ENDS = 1, 2
+GUARD_SHARE = 0.3  # of the guard that one step afloat may use up
 
 
 @kernel
@@ -231,7 +232,11 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
             bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
             unpressed = unpressed and floats(d0 - bottom, seen[a, R0], block.radius)
         unpressed = unpressed and left
-        h = min(h_floating if unpressed else (h_loading if loading else h_other), time_limit - t)
+        h = h_loading if loading else h_other
+        if unpressed:
+            pace = np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius
+            h = min(h_floating, max(h_other, GUARD_SHARE * anchor[3] / max(pace, 1e-300)))
+        h = min(h, time_limit - t)
         if h <= 0.0:
             break
         first, work_t, work_r = h, 0.0, 0.0

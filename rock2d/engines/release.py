@@ -156,11 +156,10 @@ def _descend(
         flying = active == 0
         pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
-            h_floating = min(FREE_STEP * h, max(h, 0.3 * anchor[3] / pace))
             reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
             single = recording or (len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings))
             until, done, left, why = press.press(
-                q, t, 1 if single else looked - steps, h_loading * eased, h, h_floating, time_limit, anchor,
+                q, t, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit, anchor,
                 gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done

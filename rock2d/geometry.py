@@ -25,6 +25,7 @@ Array = np.ndarray
 CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 
 
+FEW = 8  # facets that are looked at one by one
 RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
 # columns of a row of TerrainArrays.facets
 (
@@ -161,6 +162,8 @@ def point_depth(px, py, facets, f0, f1):
 def near_depth(px, py, terrain, f0, f1, reach):
     """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
     facets = terrain.facets
+    if f1 - f0 <= FEW:
+        return point_depth(px, py, facets, f0, f1)
     g0, g1 = facet_range(terrain, px, px)
     g0, g1 = max(f0, g0), min(f1, g1)
     depth, kind, index = point_depth(px, py, facets, g0, g1)

@@ -43,9 +43,9 @@ def test_first_impacts_agree_with_the_pymunk_engine(name):
             after = [impact["vx_after_m_s"], impact["vy_after_m_s"], impact["omega_after_rad_s"]]
             scale = np.hypot(impact["vx_m_s"], impact["vy_m_s"]) / np.array([1, 1, block.radius_m])
             errors.append(np.abs((row[12:15] - after) / scale).max())
-        # a corner that leaves the ground a moment before or after the next one lands ends the impact, or not
+        # where a corner leaves the ground a moment before or after the next one lands, the impact ends, or not
         assert np.median(errors) < 1e-4
-        assert np.mean(np.array(errors) < 1e-3) >= 0.9
+        assert np.mean(np.array(errors) < 1e-3) >= 0.97
 
 
 def test_passing_frequencies_agree_with_the_pymunk_engine():
@@ -84,3 +84,32 @@ def test_results_do_not_depend_on_the_number_of_threads():
         )  # fmt: skip
         seen.add(done.stdout)
     assert len(seen) == 1
+
+
+def test_a_captured_block_would_have_come_to_rest_there():
+    """Stopping early changes no passing, and moves where blocks end by the creep that the law leaves them."""
+    bench = Terrain(BENCH.points_m, BENCH.zones, {"crest": [[0.1819, 0.083], [0.1819, 0.3]]})
+    for block in (SPHERE, CUBE, BLOCKS["parallelepiped"]):
+        ensemble, start = Ensemble([block], [bench], [TABLE]), states(100, 8)
+        early, late = (run_batch(ensemble, start, stop_when_captured=c) for c in (True, False))
+        assert (early.stop == STOPS.index("rest")).all()
+        assert (early.ends[:, 0] <= late.ends[:, 0]).all()
+        drift = np.hypot(*(early.ends[:, 1:3] - late.ends[:, 1:3]).T)
+        assert np.median(drift) < 0.25 * block.radius_m
+        assert np.array_equal(np.isfinite(early.crossings[:, 0, 0]), np.isfinite(late.crossings[:, 0, 0]))
+
+
+def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
+    """Contacts pass from facet to facet of a straight or gently curved ground without a trace."""
+    x = np.linspace(-1.0, 2.0, 1001)
+    flat = Terrain([[-1.0, 0.3], [2.0, -0.6]], ["floor"])
+    cut = Terrain(np.column_stack([x, -0.3 * x]), ["floor"] * 1000)
+    table = parameter_table(LAW, ("floor",))
+    start = np.array([[0, 0.02, 0, v, -0.2, 0] for v in np.linspace(0.3, 1.2, 6)])
+    times = np.linspace(0.02, 0.3, 15)
+    one, many = (
+        run_batch(Ensemble([SPHERE], [ground], [table]), start, times_s=times, time_limit_s=0.3)
+        for ground in (flat, cut)
+    )
+    assert one.samples[:, -1, 0].min() > 0.05
+    assert np.abs(one.samples[..., :2] - many.samples[..., :2]).max() < 0.02 * SPHERE.radius_m

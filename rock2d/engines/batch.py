@@ -21,6 +21,7 @@ from rock2d.engines.recording import N_IMPACT
 from rock2d.engines.release import STOPS
 from rock2d.engines.release import release as release_kernel
 from rock2d.geometry import (
+    CONVEX,
     block_arrays,
     terrain_arrays,
 )
@@ -45,7 +46,9 @@ class Packed(NamedTuple):
     bin_start: Array
     trees: Array
     tree_start: Array
-    terrain_reals: Array  # (terrains, 5) x_start, bins per m, x_exit low and high, mean facet length
+    terrain_reals: (
+        Array  # (terrains, 6) x_start, bins per m, x_exit low and high, mean facet length, convex corners
+    )
     lines: Array  # (terrains, lines, 4) end points of measure lines, NaN where there are fewer
     tables: Array  # (tables, zones, 6)
 
@@ -114,7 +117,12 @@ def pack(ensemble: Ensemble) -> Packed:
         starts([len(g.first) for g in grounds]),
         np.concatenate(trees),
         starts([len(t) for t in trees]),
-        np.array([[g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m] for g in grounds]),
+        np.array(
+            [
+                [g.x_start, g.bins_per_m, g.x_low, g.x_high, g.facet_m, g.facets[:, CONVEX].sum()]
+                for g in grounds
+            ]
+        ),
         lines,
         tables,
     )

@@ -200,9 +200,10 @@ def _follow_run(loaded, a, facets, index, x, y, c, s):
 
 
 @kernel(inline="always")
-def floats(depth, rate, radius):
-    """Whether a contact point at this depth below its crater's bottom does not press, nor is about to."""
-    return depth < -1e-7 * radius or (depth <= 0.0 and rate < 0.0)
+def floats(depth, rate, step):
+    """Whether a contact point at this depth below its crater's bottom does not press, nor will within a hundredth of
+    the step: a landing on the bottom may fall that short, and a step afloat must not begin there."""
+    return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
 @kernel
@@ -230,7 +231,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
             d0, peak = seen[a, D0] - loaded[a, L_OFFSET], loaded[a, L_PEAK]
             loading = loading and seen[a, R0] > 0.0 and d0 >= peak
             bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
-            unpressed = unpressed and floats(d0 - bottom, seen[a, R0], block.radius)
+            unpressed = unpressed and floats(d0 - bottom, seen[a, R0], h_floating)
         unpressed = unpressed and left
         h = h_loading if loading else h_other
         if unpressed:

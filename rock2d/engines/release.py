@@ -75,7 +75,8 @@ def release(
     block, terrain = _block(packed, block_id), _terrain(packed, terrain_id)
     tree = packed.trees[packed.tree_start[terrain_id] : packed.tree_start[terrain_id + 1]]
     corners = block.sides.shape[0]
-    n = corners + VERTEX_SLOTS if corners > 0 else SMOOTH_SLOTS
+    convex = int(packed.terrain_reals[terrain_id, 5])
+    n = corners + min(VERTEX_SLOTS, convex) if corners > 0 else SMOOTH_SLOTS
     ints, found_i = np.zeros((n, 6), np.int64), np.zeros((n, 6), np.int64)
     reals, found_r = np.zeros((n, 6)), np.zeros((n, 6))
     slots.clear(ints, reals)
@@ -104,6 +105,7 @@ def _descend(
     is_open, left = False, False
     rest.forget_rest(watch)
     active, steps, looked, eased = 0, 0, 0, 1.0
+    stale = False  # whether the slots have not looked at the ground since the block moved
     noticed = False  # whether the slots know the ground at the present pose
     recording = times.size > 0 or len(knots) > 0
 
@@ -129,7 +131,7 @@ def _descend(
                 new = cross(t, old, tau, q, True, gravity, lines, crossings)
                 at = sample(t, old, tau, q, True, gravity, times, at, samples)
                 t += tau
-                noticed = False
+                noticed = stale = False
                 if spent and (new > 0 or count == 0) and is_spent(q, 0.0, gravity, block, lines, crossings):
                     stop = SPENT
                     break
@@ -157,27 +159,27 @@ def _descend(
         pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
             reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
-            single = recording or (len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings))
+            near = len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings)
             until, done, left, why = press.press(
-                q, t, 1 if single else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit, anchor,
-                gravity, terrain, block, params, ints, reals, work, audit, current, left,
+                q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
+                anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
             if why > 0:
-                f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
                 fresh = why == press.GUARD_LEFT and (done > 0 or old[0] != anchor[0] or old[1] != anchor[1])
                 anchor[3] = 0.0
                 if fresh:
+                    f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
                     set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
+            stale = stale or done > 0
             if done == 0:
                 continue
             used = knot(knots, used, t, old, 0.0)
         else:
             steps += 1
-            floating = False
+            floating, near = False, True
             if active > 0:
-                loading, floating = pressing(ints, reals, params, radius)
+                loading, floating = pressing(ints, reals, params, FREE_STEP * h)
                 floating = floating and left
                 h = FREE_STEP * h if floating else (h_loading * eased if loading else h)
             h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))
@@ -192,6 +194,9 @@ def _descend(
                     open_impact(current, t, q, ints)
                     highest_energy = max(highest_energy, kinetic(q, block))
             flying = active == 0
+            if stale:
+                stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                stale = False
             used = knot(knots, used, t, q, 1.0 if flying else 0.0)
             until = t + stepper.step(
                 q,
@@ -224,7 +229,8 @@ def _descend(
                 f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
                 set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
         gone = until - t
-        cross(t, old, gone, q, flying, gravity, lines, crossings)
+        if near:
+            cross(t, old, gone, q, flying, gravity, lines, crossings)
         at = sample(t, old, gone, q, flying, gravity, times, at, samples)
         t = until
         if is_open and current[15] > 0.5 * radius:
@@ -275,7 +281,7 @@ def set_anchor(anchor, q, h, f0, f1, terrain, block, ints):
 
 
 @kernel
-def pressing(ints, reals, params, radius):
+def pressing(ints, reals, params, step):
     """(every contact goes deeper into virgin soil, none touches the bottom of its crater)."""
     loading, floating = True, True
     for j in range(ints.shape[0]):
@@ -283,7 +289,7 @@ def pressing(ints, reals, params, radius):
             p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
             loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
             floating = floating and press.floats(
-                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], radius
+                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step
             )
     return loading, floating
 

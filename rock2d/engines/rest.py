@@ -49,7 +49,8 @@ def watch_rest(watch, t, q, radius, gravity):
 
 @kernel
 def captured(q, gravity, terrain, block, params, ints, reals):
-    """True if the energy that is left cannot carry the block farther than REST_DRIFT radii.
+    """True if the energy that is left cannot carry the block farther than REST_DRIFT radii, but for the creep that the
+    law grants a trembling block for ever.
 
     It stands on contacts left and right of its centroid that hold it with HOLD of the friction (the rest stops it
     within that way), and has not half the energy to tip over the nearer one; or it is a ball that friction holds,

@@ -64,6 +64,7 @@ PLASTIC, FRICTION, ROLLING = range(3)
 # columns of a loaded contact: its feature (7), parameters of the law (6), memory, kind
 L_LAW, L_OFFSET, L_PEAK, L_STRETCH, L_ROTATION, L_KIND = 7, 13, 14, 15, 16, 17
 
+ROUNDING = 1e-10  # of the radius: a landing on the surface may fall so short
 PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
@@ -320,8 +321,10 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
 
 
 @kernel
-def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit):
-    """Take a finished step into the memory and the audit; returns the number of active slots."""
+def _commit(
+    h, q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit
+):
+    """Take a finished step (of h at first) into the memory and the audit; returns the number of active slots."""
     active = 0
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
@@ -372,7 +375,9 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
                 stored -= elastic_energy(new[K_L] * loaded, new[K_T] * reals[j, STRETCH], new)
                 audit[PLASTIC] += stored - rolling_energy(reals[j, ROTATION], new)
             ints[j, ZONE] = zone
-            if depth <= 0.0 or gone:
+            # a landing on the surface may fall short by what the cubic errs: who floats there has left
+            short = pressed < residual(peak, p[K_L], p[K_UL]) and depth + 0.01 * h * found_r[j, RATE] < 0.0
+            if gone or depth <= 0.0 or short:
                 if gone:  # what is still stored is lost
                     p = params[zone]
                     force_n = normal_force(depth - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
@@ -401,7 +406,7 @@ def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, rea
 @kernel(inline="always")
 def _touches(depth, rate, block):
     """Whether a contact begins: at the surface to rounding, if it goes in."""
-    return depth > 0.0 or (depth > -1e-10 * block.radius and rate >= 0.0)
+    return depth > 0.0 or (depth > -ROUNDING * block.radius and rate >= 0.0)
 
 
 @kernel
@@ -526,5 +531,7 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
             sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
         stretch[which[a]], rotation[which[a]] = sums[a, 0], sums[a, 1]
     copy(q1, q)
-    _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit)
+    _commit(
+        h, q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit
+    )
     return kink

@@ -3,7 +3,7 @@
     python figures/cost.py                        # up to a million releases
     python figures/cost.py --releases 10000000
 
-Releases: the paper's bench, cube, from the incident state to rest or exit. Facets: the scenario slope_embankment,
+Releases: the paper's bench, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
 its 1 m cube, on the same profile cut ever finer with a small smooth undulation on its long facets. Engines run in
 turns, on all threads; compiling is not in the times. Runs above CHUNK releases repeat the first CHUNK starts chunk
 by chunk, so that memory stays bounded; the point mass has new seeds in each.
@@ -77,11 +77,11 @@ def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
 def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
     """By engine: numbers of releases, all times in s, their medians."""
     scenario = load_scenario(HERE.parent / "scenarios" / "paper_bench.yaml")
-    states = states_of(scenario, "cube", min(most, CHUNK))
+    states = states_of(scenario, "sphere", min(most, CHUNK))
     numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
     found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
     for number in numbers:
-        runs = {e: run_of(e, scenario, "cube", scenario.terrain(), states, number) for e in ENGINES}
+        runs = {e: run_of(e, scenario, "sphere", scenario.terrain(), states, number) for e in ENGINES}
         for engine, times in in_turns(runs, rounds, seconds).items():
             found[engine]["times_s"].append(times)
             found[engine]["median_s"].append(float(np.median(times)))
@@ -140,7 +140,7 @@ def run_of(
         for first in range(0, number, CHUNK):
             part = states[: min(CHUNK, number - first)]
             if engine == "batch":
-                run_batch(ensemble, part, **shared)
+                run_batch(ensemble, part, stop_when_captured=True, **shared)
             else:
                 seeds = np.arange(first, first + len(part), dtype=np.uint64)
                 run_point_mass_batch(block, terrain, law, part, seeds, **shared)

@@ -28,7 +28,7 @@ def falling_on(facet: int, block, rng: np.random.Generator) -> np.ndarray:
     time = 1.2 * block.radius_m / abs(velocity @ normal)
     start = target - velocity * time + np.array([0, 0.5 * 9.81 * time**2])
     spin = rng.normal(0, 20)
-    return np.array([*start, rng.uniform(-np.pi, np.pi), *(velocity + [0, 9.81 * time]), spin])
+    return np.array([*start, rng.uniform(-np.pi, np.pi), velocity[0], velocity[1] + 9.81 * time, spin])
 
 
 @pytest.mark.parametrize("name", BLOCKS)

@@ -112,4 +112,5 @@ def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
         for ground in (flat, cut)
     )
     assert one.samples[:, -1, 0].min() > 0.05
-    assert np.abs(one.samples[..., :2] - many.samples[..., :2]).max() < 0.02 * SPHERE.radius_m
+    apart = np.abs(one.samples[..., :2] - many.samples[..., :2]).max(axis=(1, 2))
+    assert (apart < 2e-3 * one.samples[:, -1, 0]).all()  # of the way, as steps differ

@@ -292,7 +292,8 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
             p = params[ints[j, ZONE]]
-            clear = hermite_root(d0, r0, d1, r1, h) if d1 <= 0.0 < d0 else h
+            # land a little behind the surface: there is no force on either side, and the cubic errs by less
+            clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * h if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, DEPTH_MAX]
             gone = residual(peak, p[K_L], p[K_UL])
@@ -321,10 +322,8 @@ def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r
 
 
 @kernel
-def _commit(
-    h, q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit
-):
-    """Take a finished step (of h at first) into the memory and the audit; returns the number of active slots."""
+def _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit):
+    """Take a finished step into the memory and the audit; returns the number of active slots."""
     active = 0
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
@@ -375,9 +374,7 @@ def _commit(
                 stored -= elastic_energy(new[K_L] * loaded, new[K_T] * reals[j, STRETCH], new)
                 audit[PLASTIC] += stored - rolling_energy(reals[j, ROTATION], new)
             ints[j, ZONE] = zone
-            # a landing on the surface may fall short by what the cubic errs: who floats there has left
-            short = pressed < residual(peak, p[K_L], p[K_UL]) and depth + 0.01 * h * found_r[j, RATE] < 0.0
-            if gone or depth <= 0.0 or short:
+            if gone or depth <= 0.0:
                 if gone:  # what is still stored is lost
                     p = params[zone]
                     force_n = normal_force(depth - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
@@ -531,7 +528,5 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
             sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
         stretch[which[a]], rotation[which[a]] = sums[a, 0], sums[a, 1]
     copy(q1, q)
-    _commit(
-        h, q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit
-    )
+    _commit(q, stretch, rotation, spring_work, terrain, block, params, ints, reals, found_i, found_r, audit)
     return kink

@@ -11,14 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.blocks import make_block
-from rock2d.engines.point_mass import (
-    _facet_impact,
-    _next_impact,
-    make_surface,
-    run_point_mass,
-    spin_radius_m,
-    uniform,
-)
+from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
+from rock2d.engines.surface import facet_impact, make_surface, next_impact
 from rock2d.rebound import ReboundParameters
 from rock2d.terrain import Terrain
 from rock2d.track import T, X, Y
@@ -133,11 +127,11 @@ def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirr
         direction = rng.uniform(-1, 1) * terrain.tangents[current] + rng.uniform() * terrain.normals[current]
         vx, vy = 10 ** rng.uniform(-2.5, 1) * direction
         each = [
-            _facet_impact(surface.facets, j, x, y, vx, vy, G, j == current, surface.reach_m)[0]
+            facet_impact(surface.facets, j, x, y, vx, vy, G, j == current, surface.reach_m)[0]
             for j in range(len(terrain.zones))
         ]
         first = min([tau for tau in each if tau >= 0.0], default=5.0)
-        found = _next_impact(surface, stack, x, y, vx, vy, G, current, 5.0)
+        found = next_impact(surface, stack, x, y, vx, vy, G, current, 5.0)
         assert found[0] == min(first, 5.0)
         assert found[1] == -1 or each[found[1]] == first
         hits += found[1] >= 0

@@ -14,7 +14,8 @@ import numpy as np
 
 from rock2d.blocks import Block
 from rock2d.compiled import njit
-from rock2d.engines.point_mass import N_IMPACT, descend, kernel_inputs, line_rows, make_surface
+from rock2d.engines.point_mass import N_IMPACT, descend, kernel_inputs, line_rows
+from rock2d.engines.surface import make_surface
 from rock2d.rebound import ReboundParameters
 from rock2d.terrain import Terrain
 

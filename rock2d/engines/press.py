@@ -24,6 +24,7 @@ from rock2d.contact import (
     rolling_moment,
     tangential_force,
 )
+from rock2d.engines.kinks import law_kink
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
 from rock2d.engines.stepper import (
@@ -36,7 +37,6 @@ from rock2d.engines.stepper import (
     L_STRETCH,
     PLASTIC,
     ROLLING,
-    hermite_root,
     load_active,
     placed,
     runge_kutta,
@@ -265,7 +265,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
                     why = ENDS
             if why > 0 or attempt == 1:
                 break
-            first = _first_kink(h, active, loaded, seen, unpressed)
+            first = _first_kink(h, active, loaded, seen)
             if first == h:
                 break
         if why > 0:
@@ -284,7 +284,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
 
 
 @kernel
-def _first_kink(h, active, loaded, seen, unpressed):
+def _first_kink(h, active, loaded, seen):
     """Time in (0, h] of the first kink of the law in the trial step; h if there is none.
 
     While unpressed also the highest point: a block that has cleared the surface there has left its crater.
@@ -293,16 +293,9 @@ def _first_kink(h, active, loaded, seen, unpressed):
     for a in range(active):
         d0, d1 = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         r0, r1 = seen[a, R0], seen[a, R1]
-        peak, t = loaded[a, L_PEAK], h
+        peak = loaded[a, L_PEAK]
         gone = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
-        if d0 >= peak and r0 > 0.0 and r1 < 0.0:
-            t = h * r0 / (r0 - r1)
-        elif (d0 > gone) != (d1 > gone):
-            t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
-        elif d0 < peak < d1:
-            t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
-        elif unpressed and r0 < 0.0 < r1:
-            t = h * r0 / (r0 - r1)
+        t = law_kink(d0, r0, d1, r1, peak, gone, h)
         if 1e-3 * h < t < first:
             first = t
     return first

@@ -19,13 +19,14 @@ import pymunk
 
 from rock2d.blocks import Block
 from rock2d.contact import ContactParameters, parameter_table
-from rock2d.engines import rest, slots, stepper
+from rock2d.engines import rest, slots, springs, stepper
 from rock2d.geometry import block_arrays, point_depth, terrain_arrays
 from rock2d.terrain import Terrain
 from rock2d.track import STATE_NAMES, Track
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
+EASE_AT_ONCE = 16.0  # of the energy: these finer steps may grow as soon as it dies down
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
 
 
@@ -175,7 +176,7 @@ class PymunkRelease:
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = stepper.ease(self._start["kinetic"], self._block, *self._slots, self.table)
+            eased = springs.ease(EASE_AT_ONCE * self._start["kinetic"], self._block, *self._slots, self.table)
             return self.contact_step * float(eased)
         limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
         margin = MARGIN * self.block.radius_m
@@ -217,7 +218,7 @@ class PymunkRelease:
 
     def pressure(self) -> tuple[float, float, int]:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
-        return stepper.pressure(*self._slots, self.table)
+        return springs.pressure(*self._slots, self.table)
 
     def knot_now(self) -> Knot:
         """The present state as a knot."""
@@ -244,7 +245,7 @@ class PymunkRelease:
             "kinetic": 0.5 * m * float(q[3] ** 2 + q[4] ** 2)
             + 0.5 * self.block.inertia_kg_m2 * float(q[5] ** 2),
             "potential": m * self.gravity * float(q[1]),
-            "elastic": float(stepper.stored_energy(*self._slots, self.table)),
+            "elastic": float(springs.stored_energy(*self._slots, self.table)),
             "plastic": float(self.audit[stepper.PLASTIC]),
             "friction": float(self.audit[stepper.FRICTION]),
             "rolling": float(self.audit[stepper.ROLLING]),

@@ -12,7 +12,7 @@ import numpy as np
 from rock2d.approach import safe_time, time_to_ground
 from rock2d.compiled import copy, kernel, njit
 from rock2d.contact import K_L, K_UL, residual
-from rock2d.engines import press, rest, slots, stepper
+from rock2d.engines import press, rest, slots, springs, stepper
 from rock2d.engines.recording import (
     N_IMPACT,
     close_impact,
@@ -140,7 +140,7 @@ def _descend(
         # near the ground or on it
         if steps >= looked:
             looked = steps + LOOK_EVERY
-            eased = min(EASE_LIMIT, stepper.ease(highest_energy, block, ints, reals, params))
+            eased = min(EASE_LIMIT, springs.ease(highest_energy, block, ints, reals, params))
             if active > 0 and is_open:
                 if settled and rest.captured(q, gravity, terrain, block, params, ints, reals):
                     stop = REST
@@ -149,7 +149,7 @@ def _descend(
                     stop = REST
                     break
                 if spent:
-                    stored = stepper.stored_energy(ints, reals, params)
+                    stored = springs.stored_energy(ints, reals, params)
                     if is_spent(q, stored, gravity, block, lines, crossings):
                         stop = SPENT
                         break
@@ -158,8 +158,11 @@ def _descend(
         flying = active == 0
         pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
-            reach = LOOK_EVERY * FREE_STEP * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(gravity) * h)
-            near = len(lines) > 0 and near_line(q, min(reach, anchor[3]), lines, crossings)
+            # as fast as the block may become in so many steps, if the springs give all that they hold
+            held = kinetic(q, block) + springs.stored_energy(ints, reals, params)
+            span = LOOK_EVERY * FREE_STEP * h
+            reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
+            near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
             until, done, left, why = press.press(
                 q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
                 anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
@@ -216,7 +219,7 @@ def _descend(
                 floating,
             )
             before = active
-            force, depth, active = stepper.pressure(ints, reals, params)
+            force, depth, active = springs.pressure(ints, reals, params)
             if is_open:
                 left = note_pressure(current, left, force, depth, until, q)
             elif active > 0:

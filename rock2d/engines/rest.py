@@ -7,7 +7,7 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.contact import K_L, K_R, K_UL, MU, normal_force
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
-from rock2d.engines.stepper import stored_energy
+from rock2d.engines.springs import stored_energy
 from rock2d.geometry import SMOOTH_FACET, contact_point
 
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net

@@ -28,6 +28,7 @@ from rock2d.contact import (
     rolling_moment,
     tangential_force,
 )
+from rock2d.engines.kinks import first_kink
 from rock2d.engines.slots import (
     ACTIVE,
     DEPTH,
@@ -46,13 +47,7 @@ from rock2d.engines.slots import (
 )  # fmt: skip
 from rock2d.geometry import (
     CORNER_FACET,
-    CORNER_VERTEX,
-    POINT_X,
-    POINT_Y,
     SMOOTH_FACET,
-    SMOOTH_VERTEX,
-    TANGENT_X,
-    TANGENT_Y,
     ZONE_ID,
     contact_point,
     load_feature,
@@ -66,7 +61,6 @@ L_LAW, L_OFFSET, L_PEAK, L_STRETCH, L_ROTATION, L_KIND = 7, 13, 14, 15, 16, 17
 
 ROUNDING = 1e-10  # of the radius: a landing on the surface may fall so short
 PRESSED = 1e-6  # of an impact's peak force: below it the ground no longer presses
-EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
@@ -80,25 +74,6 @@ def contact_steps_s(block: Block, table: np.ndarray, fraction: float = STEP_FRAC
     others = max(tangential, table[:, K_R].max() / block.inertia_kg_m2)
     loading, unloading = (max(table[:, k].max() * free, others) for k in (K_L, K_UL))
     return float(fraction / np.sqrt(loading)), float(fraction / np.sqrt(unloading))
-
-
-@kernel
-def ease(reference_energy, block, ints, reals, params):
-    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the oscillation in the contacts dies down.
-
-    The energy that a step errs by is of order energy × step⁵, so a step ∝ 1/√energy, once a sixteenth is left, lets it
-    shrink; steady rolling and sliding take no part in it.
-    """
-    energy, touching = stored_energy(ints, reals, params), False
-    for j in range(ints.shape[0]):
-        if ints[j, ACTIVE]:
-            energy += 0.5 * block.mass * reals[j, RATE] * reals[j, RATE]
-            touching = True
-    if not touching:
-        return 1.0
-    if energy <= 0.0:
-        return EASE_LIMIT
-    return min(EASE_LIMIT, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))
 
 
 @kernel
@@ -220,105 +195,6 @@ def scratch(n):
         np.empty(6), np.empty(n), np.empty(n), np.empty(2), np.empty((n, L_KIND + 1)), np.empty(n, np.int64),
         np.empty((n, 4)), np.empty((n, 5)),
     )  # fmt: skip
-
-
-@kernel
-def hermite_root(g0, r0, g1, r1, h):
-    """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""
-    a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
-    low, high = 0.0, 1.0
-    s = g0 / (g0 - g1)
-    for _ in range(60):
-        value = g0 + s * (a1 + s * (a2 + s * a3))
-        if (value > 0.0) == (g1 > 0.0):
-            high = s
-        else:
-            low = s
-        rate = a1 + s * (2.0 * a2 + 3.0 * a3 * s)
-        ahead = s - value / rate if rate != 0.0 else -1.0
-        if not low <= ahead <= high:
-            ahead = 0.5 * (low + high)
-        if abs(ahead - s) < 1e-14:
-            break
-        s = ahead
-    return min(1.0, ahead + 1e-14) * h
-
-
-@kernel
-def _gap_to_found(j, q, ints, found_i, block, terrain):
-    """What changes sign where slot j passes from its feature to the one found for it, and its rate.
-
-    Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
-    lies from the facet's end (their depths touch there without crossing).
-    """
-    c, s = np.cos(q[2]), np.sin(q[2])
-    d0, nx, ny, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
-    )
-    vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
-    if ints[j, KIND] != found_i[j, KIND]:
-        facet, vertex = ints[j, INDEX], found_i[j, INDEX]
-        if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
-            facet, vertex = vertex, facet
-        if ints[j, KIND] == SMOOTH_VERTEX:
-            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, terrain)
-        facets = terrain.facets
-        tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
-        dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
-        if ints[j, KIND] >= SMOOTH_FACET:
-            vx, vy = q[3], q[4]  # the foot moves with the centroid, not with the material
-        return dx * tx + dy * ty, vx * tx + vy * ty
-    r0 = vx * nx + vy * ny
-    d1, nx, ny, rx, ry = contact_point(
-        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], q[0], q[1], c, s, block, terrain
-    )
-    r1 = (q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny
-    return d0 - d1, r1 - r0
-
-
-@kernel
-def _first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r):
-    """Time in (0, h] of the first kink of the law within a trial step; h if there is none."""
-    first = h
-    for j in range(ints.shape[0]):
-        d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
-        d0, r0 = reals[j, DEPTH], reals[j, RATE]
-        if d0 == NOWHERE or d1 == NOWHERE:
-            continue
-        t = h
-        if not ints[j, ACTIVE]:
-            if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
-                # a landing may fall short by rounding: the touch must not wait for the end of the next step
-                t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
-        else:
-            p = params[ints[j, ZONE]]
-            # land a little behind the surface: there is no force on either side, and the cubic errs by less
-            clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * h if d1 <= 0.0 < d0 else h
-            d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
-            peak = reals[j, DEPTH_MAX]
-            gone = residual(peak, p[K_L], p[K_UL])
-            if d0 >= peak and r0 > 0.0 and r1 < 0.0:
-                t = h * r0 / (r0 - r1)
-            elif (d0 > gone) != (d1 > gone):
-                t = hermite_root(d0 - gone, r0, d1 - gone, r1, h)
-            elif d0 < peak < d1:
-                t = hermite_root(d0 - peak, r0, d1 - peak, r1, h)
-            elif d0 <= gone and r0 < 0.0 < r1:
-                t = h * r0 / (r0 - r1)  # the top of a hop within its crater: the way back must not be missed
-            t = min(t, clear)
-            if (
-                ints[j, INDEX] != found_i[j, INDEX]
-                or ints[j, PART] != found_i[j, PART]
-                or ints[j, KIND] != found_i[j, KIND]
-            ):
-                # another feature has become the nearest: land just behind the change
-                g0, s0 = _gap_to_found(j, q0, ints, found_i, block, terrain)
-                g1, s1 = _gap_to_found(j, q1, ints, found_i, block, terrain)
-                if (g0 > 0.0) != (g1 > 0.0):
-                    t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
-        if 1e-3 * h < t < first:
-            first = t
-    return first
 
 
 @kernel
@@ -478,32 +354,6 @@ def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
 
 
 @kernel
-def stored_energy(ints, reals, params):
-    """Energy in J that the springs of all contacts hold."""
-    total = 0.0
-    for j in range(ints.shape[0]):
-        if ints[j, ACTIVE]:
-            p = params[ints[j, ZONE]]
-            force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-            force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
-            total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
-    return total
-
-
-@kernel
-def pressure(ints, reals, params):
-    """(sum of normal forces in N, largest penetration in m, number of active contacts)."""
-    force, deepest, active = 0.0, 0.0, 0
-    for j in range(ints.shape[0]):
-        if ints[j, ACTIVE]:
-            p = params[ints[j, ZONE]]
-            force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-            deepest = max(deepest, reals[j, DEPTH])
-            active += 1
-    return force, deepest, active
-
-
-@kernel
 def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit, floating):
     """Advance q in place by at most h, to the first kink of the law if that comes before. Returns the time gone.
 
@@ -517,7 +367,7 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
     c, s = np.cos(q[2]), np.sin(q[2])
     spring_work[0], spring_work[1] = runge_kutta(q, c, s, h, gravity, block, pressing, loaded, sums, q1)
     find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
-    kink = _first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)
+    kink = first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)
     if kink < h:
         spring_work[0], spring_work[1] = runge_kutta(
             q, c, s, kink, gravity, block, pressing, loaded, sums, q1

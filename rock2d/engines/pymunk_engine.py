@@ -26,7 +26,6 @@ from rock2d.track import STATE_NAMES, Track
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
-EASE_AT_ONCE = 16.0  # of the energy: these finer steps may grow as soon as it dies down
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
 
 
@@ -176,7 +175,7 @@ class PymunkRelease:
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = springs.ease(EASE_AT_ONCE * self._start["kinetic"], self._block, *self._slots, self.table)
+            eased = springs.ease(self._start["kinetic"], self._block, *self._slots, self.table)
             return self.contact_step * float(eased)
         limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
         margin = MARGIN * self.block.radius_m

@@ -89,17 +89,20 @@ class Track:
         side = (self.knots[:, X] - origin[0]) * normal[0] + (self.knots[:, Y] - origin[1]) * normal[1]
         length2 = along[0] * along[0] + along[1] * along[1]
         found: list[Array] = []
-        for i in range(len(self.knots) - 1):
+        # only intervals in which the centroid comes as far as the line
+        span = np.diff(self.knots[:, T])
+        speed = np.hypot(self.knots[:-1, VX], self.knots[:-1, VY])
+        far = np.abs(side[:-1]) > 1.001 * (speed + self.gravity_m_s2 * span) * span
+        for i in np.flatnonzero(~(far & self.flight[: len(span)])):
             a, b = self.knots[i], self.knots[i + 1]
-            span = b[T] - a[T]
-            if span <= 0:
+            if span[i] <= 0:
                 continue
             if self.flight[i]:
                 across = a[VX] * normal[0] + a[VY] * normal[1]
-                times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span)
+                times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span[i])
                 states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
             elif side[i] * side[i + 1] < 0 or (side[i] == 0 != side[i + 1]):
-                times = [span * side[i] / (side[i] - side[i + 1])]
+                times = [span[i] * side[i] / (side[i] - side[i + 1])]
                 states = _hermite(a[None], b[None], np.array(times) + a[T])
             else:
                 continue

@@ -20,6 +20,7 @@ from rock2d.geometry import (
     POINT_Y,
     TANGENT_X,
     TANGENT_Y,
+    is_ball,
 )
 
 LEAF = 4  # facets in a leaf
@@ -83,7 +84,7 @@ def _line_time(nx, ny, offset, q, c, s, gravity, block):
     sides = block.sides
     n = sides.shape[0]
     if n == 0:
-        spin = 0.0 if block.semi_a == block.semi_b else abs(q[5]) * block.radius
+        spin = 0.0 if is_ball(block) else abs(q[5]) * block.radius
         return _fall_time(height - block.radius, rate - spin, gravity * ny)
     soonest, pull = NO_BOX, gravity * ny + q[5] * q[5] * block.radius
     for i in range(n):

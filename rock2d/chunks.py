@@ -234,12 +234,10 @@ def _batch(job: Job, block: int, states: Array, first: int) -> _Outcome:
             stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
         )  # fmt: skip
 
-    keep = "impacts" in job.keep
-    result = run(slice(None), IMPACT_ROOM if keep else 0)
-    outcome = _Outcome([STOPS[i] for i in result.stop], result.ends, result.crossings)
-    if keep:
-        release, rows = _all_impacts(result.impacts, result.impact_count, run)
-        outcome.impacts = release, rows[:, 0].astype(int), rows[:, 1:]
+    def impacts(rows: Array) -> tuple[Array, Array]:
+        return rows[:, 0].astype(int), rows[:, 1:]
+
+    outcome, result = _outcome(job, STOPS, run, impacts)
     if times is not None:
         outcome.samples = result.samples
     return outcome
@@ -257,15 +255,29 @@ def _point_mass(job: Job, block: int, states: Array, first: int) -> _Outcome:
             gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
         )  # fmt: skip
 
-    keep = "impacts" in job.keep
-    result = run(slice(None), IMPACT_ROOM if keep else 0)
-    outcome = _Outcome([STOPS[i] for i in result.stop], result.ends, result.crossings)
-    if keep:
-        release, rows = _all_impacts(result.impacts, result.impact_count, run)
+    def impacts(rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
         values = np.column_stack([rows[:, :7], rows[:, :4], rows[:, 7:10], unknown])
-        outcome.impacts = release, job.terrain.zone_ids[rows[:, 10].astype(int)], values
-    return outcome
+        return job.terrain.zone_ids[rows[:, 10].astype(int)], values
+
+    return _outcome(job, STOPS, run, impacts)[0]
+
+
+def _outcome(
+    job: Job,
+    stops: Sequence[str],
+    run: Callable[[Array | slice, int], Any],
+    impacts: Callable[[Array], tuple[Array, Array]],
+) -> tuple[_Outcome, Any]:
+    """The outcome of an engine's `run` (releases, room for impacts), and what it gave; `impacts` takes its rows to zone
+    indices and values."""
+    keep = "impacts" in job.keep
+    result = run(slice(None), IMPACT_ROOM if keep else 0)
+    outcome = _Outcome([stops[i] for i in result.stop], result.ends, result.crossings)
+    if keep:
+        release, rows = _all_impacts(result.impacts, result.impact_count, run)
+        outcome.impacts = release, *impacts(rows)
+    return outcome, result
 
 
 def _all_impacts(impacts: Array, count: Array, run: Callable[[Array, int], Any]) -> tuple[Array, Array]:

@@ -120,6 +120,12 @@ def block_arrays(block: Block) -> BlockArrays:
     return BlockArrays(sides, a, b, block.mass_kg, block.inertia_kg_m2, block.radius_m)
 
 
+@kernel(inline="always")
+def is_ball(block):
+    """Whether the block looks the same at any angle."""
+    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b
+
+
 @kernel
 def facet_range(terrain, x_low, x_high):
     """First and one-past-last index of the facets that can lie in [x_low, x_high]."""

@@ -60,11 +60,12 @@ from rock2d.geometry import (
     TANGENT_X,
     TANGENT_Y,
     facet_range,
+    is_ball,
     near_depth,
 )
 
 TURN_ARM = (
-    1.5  # arm in block radii with which rotation counts as motion: also that of a vertex near the block
+    1.5  # arm in block radii with which rotation counts as motion: a vertex near the block is as far off
 )
 # columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
 D0, R0, D1, R1, ARM = range(5)
@@ -140,7 +141,8 @@ def _within_run(px, py, own, facets):
 
 @kernel
 def _circle_guard(x, y, guard, f0, f1, facets, block, ints):
-    if block.semi_a != block.semi_b:
+    """`guard_distance` of a smooth profile: that of a ball, whose contact points lie below its centre."""
+    if not is_ball(block):
         return 0.0  # an ellipse's contact point runs ahead of its motion
     r = block.radius
     for j in range(ints.shape[0]):
@@ -211,7 +213,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
           work, audit, current, left):  # fmt: skip
     """Advance q from time t by up to `steps` contact steps within the guard.
 
-    h_loading, h_other, h_floating : contact step in s while every contact goes deeper into virgin soil, while none
+    h_loading, h_floating, h_other : contact step in s while every contact goes deeper into virgin soil, while none
         touches the bottom of its crater, and else
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     current, left : the open impact, and whether the ground has ceased to press; see `note_pressure`
@@ -222,7 +224,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     for a in range(active):
         seen[a, D0], seen[a, R0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[2]), np.sin(q[2])
-    turning = block.sides.shape[0] > 0 or block.semi_a != block.semi_b
+    turning = not is_ball(block)
     arm = TURN_ARM * block.radius
     done, why = 0, 0
     while done < steps:
@@ -285,10 +287,7 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
 
 @kernel
 def _first_kink(h, active, loaded, seen):
-    """Time in (0, h] of the first kink of the law in the trial step; h if there is none.
-
-    While unpressed also the highest point: a block that has cleared the surface there has left its crater.
-    """
+    """Time in (0, h] of the first kink of the law in the trial step; h if there is none."""
     first = h
     for a in range(active):
         d0, d1 = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]

@@ -6,6 +6,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.engines.slots import ACTIVE, ZONE
+from rock2d.engines.springs import kinetic_energy
 from rock2d.engines.stepper import PRESSED
 
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
@@ -94,8 +95,7 @@ def _on_line(q0, when, gravity, line, ax, ay):
 @kernel
 def is_spent(q, stored, gravity, block, lines, crossings):
     """True if no measure line that was not crossed begins low enough for the energy that is left."""
-    kinetic = 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
-    highest = q[1] + (kinetic + stored) / (block.mass * gravity)
+    highest = q[1] + (kinetic_energy(q, block) + stored) / (block.mass * gravity)
     for k in range(lines.shape[0]):
         if crossings[k, 0] != crossings[k, 0] and min(lines[k, 1], lines[k, 3]) <= highest:
             return False

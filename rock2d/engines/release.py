@@ -159,7 +159,7 @@ def _descend(
         pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
             # as fast as the block may become in so many steps, if the springs give all that they hold
-            held = kinetic(q, block) + springs.stored_energy(ints, reals, params)
+            held = springs.kinetic_energy(q, block) + springs.stored_energy(ints, reals, params)
             span = LOOK_EVERY * FREE_STEP * h
             reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
             near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
@@ -195,7 +195,7 @@ def _descend(
                 if active > 0:
                     is_open, left = True, False
                     open_impact(current, t, q, ints)
-                    highest_energy = max(highest_energy, kinetic(q, block))
+                    highest_energy = max(highest_energy, springs.kinetic_energy(q, block))
             flying = active == 0
             if stale:
                 stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
@@ -225,7 +225,7 @@ def _descend(
             elif active > 0:
                 is_open, left = True, False
                 open_impact(current, until, q, ints)
-                highest_energy = max(highest_energy, kinetic(q, block))
+                highest_energy = max(highest_energy, springs.kinetic_energy(q, block))
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
@@ -264,12 +264,6 @@ def _descend(
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
     return (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
-
-
-@kernel
-def kinetic(q, block):
-    """Kinetic energy in J."""
-    return 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
 
 
 @kernel

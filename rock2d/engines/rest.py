@@ -7,8 +7,8 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.contact import K_L, K_R, K_UL, MU, normal_force
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
-from rock2d.engines.springs import stored_energy
-from rock2d.geometry import SMOOTH_FACET, contact_point
+from rock2d.engines.springs import kinetic_energy, stored_energy
+from rock2d.geometry import SMOOTH_FACET, contact_point, is_ball
 
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
 # motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
@@ -56,8 +56,7 @@ def captured(q, gravity, terrain, block, params, ints, reals):
     within that way), and has not half the energy to tip over the nearer one; or it is a ball that friction holds,
     that cannot leave its crater, and that its rolling spring turns back.
     """
-    energy = 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
-    energy += stored_energy(ints, reals, params)
+    energy = kinetic_energy(q, block) + stored_energy(ints, reals, params)
     weight, radius = block.mass * gravity, block.radius
     if energy > weight * radius:
         return False
@@ -84,7 +83,7 @@ def captured(q, gravity, terrain, block, params, ints, reals):
             return False
         return _stands(left_x, y1, low1, high1, right_x, y2, low2, high2)
     j = last
-    if count != 1 or ints[j, KIND] != SMOOTH_FACET or block.semi_a != block.semi_b:
+    if count != 1 or ints[j, KIND] != SMOOTH_FACET or not is_ball(block):
         return False
     p = params[ints[j, ZONE]]
     depth, nx, ny, _, _ = contact_point(SMOOTH_FACET, ints[j, INDEX], 0, q[0], q[1], c, s, block, terrain)

@@ -1,4 +1,4 @@
-"""What the springs of all contacts hold: energy, pressure, and how long a contact step may be, compiled."""
+"""What the block has and its contacts hold: energy, pressure, and how long a contact step may be, compiled."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ from rock2d.contact import K_L, K_T, K_UL, MU, elastic_energy, normal_force, rol
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, OFFSET, RATE, ROTATION, STRETCH, ZONE
 
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
+
+
+@kernel
+def kinetic_energy(q, block):
+    """Kinetic energy in J."""
+    return 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
 
 
 @kernel

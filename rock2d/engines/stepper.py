@@ -50,6 +50,7 @@ from rock2d.geometry import (
     SMOOTH_FACET,
     ZONE_ID,
     contact_point,
+    is_ball,
     load_feature,
     place_feature,
 )
@@ -156,7 +157,7 @@ def runge_kutta(q, c0, s0, h, gravity, block, active, loaded, sums, q1):
     dx = dy = dtheta = dvx = dvy = domega = 0.0
     work_t = work_r = 0.0
     c, s = c0, s0
-    turning = block.sides.shape[0] > 0 or block.semi_a != block.semi_b  # a ball looks the same at any angle
+    turning = not is_ball(block)
     for k in range(4):
         weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
         ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)

@@ -75,18 +75,19 @@ def _fall_time(gap, rate, pull):
 
 
 @kernel(inline="always")
-def _line_time(nx, ny, offset, q, c, s, gravity, block):
+def _line_time(nx, ny, offset, q, c, s, gravity, extra, block):
     """Lower bound of the time until a point of the block comes down to the line n · p = offset.
 
-    A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation.
+    A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation and ½ `extra` t² by other forces.
     """
     height, rate = q[0] * nx + q[1] * ny - offset, q[3] * nx + q[4] * ny
     sides = block.sides
     n = sides.shape[0]
     if n == 0:
         spin = 0.0 if is_ball(block) else abs(q[5]) * block.radius
-        return _fall_time(height - block.radius, rate - spin, gravity * ny)
-    soonest, pull = NO_BOX, gravity * ny + q[5] * q[5] * block.radius
+        return _fall_time(height - block.radius, rate - spin, gravity * ny + extra)
+    height -= block.rounding
+    soonest, pull = NO_BOX, gravity * ny + q[5] * q[5] * block.radius + extra
     for i in range(n):
         rx = c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         ry = s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
@@ -96,21 +97,24 @@ def _line_time(nx, ny, offset, q, c, s, gravity, block):
 
 
 @kernel
-def _node_time(tree, node, q, c, s, speed, gravity, block):
+def _node_time(tree, node, q, c, s, speed, gravity, extra, block):
     if tree[node, LOW_X] > tree[node, HIGH_X]:
         return NO_BOX
     dx = max(max(tree[node, LOW_X] - q[0], q[0] - tree[node, HIGH_X]), 0.0)
     dy = max(max(tree[node, LOW_Y] - q[1], q[1] - tree[node, HIGH_Y]), 0.0)
-    away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity)
+    away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity + extra)
     down = _line_time(
-        tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET], q, c, s, gravity, block
+        tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET], q, c, s, gravity, extra, block
     )
     return max(away, down)
 
 
 @kernel
-def time_to_ground(q, gravity, block, facets, tree, stack):
-    """Lower bound in s of the time until the flying block touches a facet; `stack` is scratch of 64 integers."""
+def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
+    """Lower bound in s of the time until the flying block touches a facet; `stack` is scratch of 64 integers.
+
+    extra : bound of the acceleration in m/s² that any point of the block has beside gravity's and a steady spin's
+    """
     leaves = tree.shape[0] // 2
     n = facets.shape[0] - 1
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -123,8 +127,8 @@ def time_to_ground(q, gravity, block, facets, tree, stack):
         if node < leaves:
             # the child that can be met first is looked at first
             near, far = 2 * node, 2 * node + 1
-            t_near = _node_time(tree, near, q, c, s, speed, gravity, block)
-            t_far = _node_time(tree, far, q, c, s, speed, gravity, block)
+            t_near = _node_time(tree, near, q, c, s, speed, gravity, extra, block)
+            t_far = _node_time(tree, far, q, c, s, speed, gravity, extra, block)
             if t_far < t_near:
                 near, far, t_near, t_far = far, near, t_far, t_near
             if t_far < soonest:
@@ -141,9 +145,10 @@ def time_to_ground(q, gravity, block, facets, tree, stack):
             dx, dy = q[0] - px, q[1] - py
             along = min(max(dx * tx + dy * ty, 0.0), facets[f, LENGTH])
             dx, dy = dx - along * tx, dy - along * ty
-            away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity)
+            away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity + extra)
             if away >= soonest:
                 continue
             nx, ny = facets[f, NORMAL_X], facets[f, NORMAL_Y]
-            soonest = min(soonest, max(away, _line_time(nx, ny, px * nx + py * ny, q, c, s, gravity, block)))
+            down = _line_time(nx, ny, px * nx + py * ny, q, c, s, gravity, extra, block)
+            soonest = min(soonest, max(away, down))
     return soonest

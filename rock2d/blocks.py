@@ -24,6 +24,9 @@ class Block:
     mass_kg, inertia_kg_m2 : mass and moment of inertia about the centroid
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners of a polygon, counter-clockwise, centroid at the origin; (0, 2) if smooth
+    rounding_m : radius with which the corners of a polygon are rounded; its faces stay where they are
+    centre_of_mass_m : (ex, ey) in body axes, from the centroid
+    air : what air does to it, the columns of `rock2d.effects.columns.AIR_NAMES`; () for nothing
     """
 
     name: str
@@ -32,6 +35,9 @@ class Block:
     inertia_kg_m2: float
     semi_axes_m: tuple[float, float] = (0.0, 0.0)
     corners_m: Array = field(default_factory=lambda: np.empty((0, 2)))
+    rounding_m: float = 0.0
+    centre_of_mass_m: tuple[float, float] = (0.0, 0.0)
+    air: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.mass_kg > 0 and np.isfinite(self.mass_kg)):
@@ -50,6 +56,14 @@ class Block:
         if self.smooth:
             return max(self.semi_axes_m)
         return float(np.hypot(*self.corners_m.T).max())
+
+    @property
+    def reach_m(self) -> float:
+        """Radius of a circle about the centre of mass that holds the profile."""
+        ex, ey = self.centre_of_mass_m
+        if self.smooth:
+            return self.radius_m + float(np.hypot(ex, ey))
+        return float(np.hypot(*(self.corners_m - np.array([ex, ey])).T).max())
 
     @property
     def area_m2(self) -> float:

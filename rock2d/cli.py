@@ -87,6 +87,37 @@ def demo(out, quiet) -> None:
 
 
 @cli.command()
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True,
+              help="Folder for diagnosis.json and report.html.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
+              help="Of the bootstrap intervals.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def diagnose(experiment, out, seed, workers, quiet) -> None:
+    """Say where the simulation of EXPERIMENT (a folder) is wrong, which effect is missing, how far the gap shrinks.
+
+    Every effect of the catalogue is fitted with the paper's law and judged on releases that the fit did not see.
+    An interrupted diagnosis goes on where it stopped when the same command is given again.
+    """
+    from rock2d.diagnosis.command import run_diagnosis
+
+    run_diagnosis(experiment, out, seed=seed, workers=workers, progress=not quiet, tell=click.echo)
+
+
+@cli.command()
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.option("--diagnosis", type=click.Path(path_type=Path), required=True, help="A diagnosis.json.")
+@click.option("--base-only", is_flag=True, help="The paper's law refitted, without the diagnosed effect.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV to write.")
+def predict(experiment, diagnosis, base_only, out) -> None:
+    """Predict every stretch of EXPERIMENT from the measured flight before it, with a diagnosed model."""
+    from rock2d.diagnosis.command import run_prediction
+
+    run_prediction(experiment, diagnosis, out, base_only=base_only, tell=click.echo)
+
+
+@cli.command()
 def schema() -> None:
     """Print the JSON Schema of a scenario file, for editors."""
     import json

@@ -24,7 +24,7 @@ def _cache_folder() -> Path:
     digest = hashlib.sha256(f"{numba.__version__}{_PACKAGE}".encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
         text = source.read_bytes()
-        if b"rock2d.compiled" in text or source.name == "compiled.py":
+        if b"rock2d.compiled" in text or source.name == "compiled.py" or source.parent.name == "effects":
             digest.update(text)
     root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d" / "numba"
     folder = root / digest.hexdigest()[:16]

@@ -3,11 +3,13 @@
 Five kinds of contact point, each with a depth δ (positive inside) whose rate is minus the normal velocity of
 the block's material there, so that a force k δ along the normal is conservative:
 
-- CORNER_FACET: a block corner below a facet; CORNER_VERTEX: the same where a re-entrant vertex is nearest
+- CORNER_FACET: a block corner below a facet; CORNER_VERTEX: the same where a vertex is nearest (a re-entrant one, or
+  a convex one if the corner is rounded)
 - VERTEX_FACE: a convex corner of the terrain inside a polygon, measured to the nearest block face
 - SMOOTH_FACET, SMOOTH_VERTEX: a circle's or ellipse's lowest point against a facet, or a vertex against it
 
-Depths come from the nearest feature only, so they are continuous over joints: a facet cut in ten is the same.
+Depths come from the nearest feature only, so they are continuous over joints: a facet cut in ten is the same. A
+rounded corner is a circle; convex terrain corners meet it or the flat part of a face, never both.
 """
 
 from __future__ import annotations
@@ -55,14 +57,22 @@ class TerrainArrays(NamedTuple):
 
 
 class BlockArrays(NamedTuple):
-    """What compiled code reads of a block."""
+    """What compiled code reads of a block; its axes begin in the centre of mass.
 
-    sides: Array  # (n, 5) corner, outward normal and distance from the centroid of the face behind it
+    The corners of a polygon are circles of radius `rounding` (0: sharp) about centres so far inside that they touch
+    the faces.
+    """
+
+    sides: Array  # (n, 5) centre of a corner, outward normal and distance from the centre of mass of the face behind it
+    air: Array  # columns of the laws of flight, none without them
     semi_a: float
     semi_b: float
     mass: float
     inertia: float
-    radius: float
+    radius: float  # of the smallest circle about the centre of mass that holds the block
+    rounding: float
+    centre_x: float  # of a smooth profile, in the block's axes
+    centre_y: float
 
 
 def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
@@ -112,18 +122,26 @@ def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
 
 def block_arrays(block: Block) -> BlockArrays:
     """Arrays of a block."""
-    corners = np.asarray(block.corners_m, float).reshape(-1, 2)
+    ex, ey = block.centre_of_mass_m
+    corners = np.asarray(block.corners_m, float).reshape(-1, 2) - np.array([ex, ey])
     edge = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.maximum(np.hypot(*edge.T), 1e-300)[:, None]
-    sides = np.column_stack([corners, normals, (normals * corners).sum(axis=1)])
+    before = np.roll(normals, 1, axis=0)
+    inward = -(before + normals) / (1.0 + (before * normals).sum(axis=1))[:, None]
+    centres = corners + block.rounding_m * inward if block.rounding_m > 0.0 else corners
+    sides = np.column_stack([centres, normals, (normals * corners).sum(axis=1)])
     a, b = block.semi_axes_m
-    return BlockArrays(sides, a, b, block.mass_kg, block.inertia_kg_m2, block.radius_m)
+    air = np.array(block.air if any(block.air) else (), float)
+    return BlockArrays(
+        sides, air, a, b, block.mass_kg, block.inertia_kg_m2, block.reach_m, block.rounding_m, -ex, -ey
+    )
 
 
 @kernel(inline="always")
 def is_ball(block):
     """Whether the block looks the same at any angle."""
-    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b
+    round_about = block.centre_x == 0.0 and block.centre_y == 0.0
+    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b and round_about
 
 
 @kernel
@@ -194,6 +212,48 @@ def polygon_depth(px, py, x, y, c, s, sides):
 
 
 @kernel
+def under_face(face, px, py, x, y, c, s, sides):
+    """Whether a point's foot on a face of the polygon lies between the circles of its corners."""
+    bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
+    tx, ty = -sides[face, FACE_Y], sides[face, FACE_X]
+    end = face + 1 if face + 1 < sides.shape[0] else 0
+    from_start = (bx - sides[face, CORNER_X]) * tx + (by - sides[face, CORNER_Y]) * ty
+    from_end = (bx - sides[end, CORNER_X]) * tx + (by - sides[end, CORNER_Y]) * ty
+    return from_start >= 0.0 >= from_end
+
+
+@kernel
+def beyond_corner(i, px, py, x, y, c, s, sides):
+    """How far in m a point lies beyond the end of a face next to corner i, and the direction (block's axes) in which
+    that grows. Positive beyond the ends of both faces: there the corner's circle is what is nearest."""
+    bx = c * (px - x) + s * (py - y) - sides[i, CORNER_X]
+    by = -s * (px - x) + c * (py - y) - sides[i, CORNER_Y]
+    before = i - 1 if i > 0 else sides.shape[0] - 1
+    in_x, in_y = -sides[before, FACE_Y], sides[before, FACE_X]
+    out_x, out_y = sides[i, FACE_Y], -sides[i, FACE_X]
+    past, short = bx * in_x + by * in_y, bx * out_x + by * out_y
+    if past < short:
+        return past, in_x, in_y
+    return short, out_x, out_y
+
+
+@kernel
+def repeats(sides, i):
+    """Whether corner i is the circle of a corner before it: rounded until a face between two of them has vanished."""
+    other = i - 1
+    if i == 0:
+        return False
+    for _ in range(2):
+        dx, dy = sides[i, CORNER_X] - sides[other, CORNER_X], sides[i, CORNER_Y] - sides[other, CORNER_Y]
+        if dx * dx + dy * dy < 1e-18 * sides[i, FACE_OFFSET] ** 2:
+            return True
+        if i < sides.shape[0] - 1:
+            break
+        other = 0
+    return False
+
+
+@kernel
 def nearest_on_ellipse(px, py, a, b):
     """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration.
 
@@ -220,7 +280,7 @@ def nearest_on_ellipse(px, py, a, b):
 
 @kernel
 def contact_point(kind, index, part, x, y, c, s, block, terrain):
-    """Depth δ, direction of the force on the block (nx, ny) and arm from the centroid (rx, ry) of a feature.
+    """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
 
     `part` is the block's corner or face; `index` the terrain's facet or vertex; (x, y, c, s) the pose.
     """
@@ -229,55 +289,73 @@ def contact_point(kind, index, part, x, y, c, s, block, terrain):
 
 @kernel(inline="always")
 def load_feature(kind, index, part, block, facets):
-    """What `place_feature` needs of a feature: terrain point, facet normal, and of the block its corner, its face's
-    normal and offset, or its semi-axes."""
+    """What `place_feature` needs of a feature: terrain point, facet normal, and four numbers: of a corner its centre, its
+    radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes and
+    centre."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]
+    sides = block.sides
     if kind <= CORNER_VERTEX:
-        return px, py, nx, ny, block.sides[part, CORNER_X], block.sides[part, CORNER_Y], 0.0
+        side = 1.0
+        if kind == CORNER_VERTEX and block.rounding > 0.0:
+            side = vertex_side(facets, index)
+        return px, py, nx, ny, sides[part, CORNER_X], sides[part, CORNER_Y], block.rounding, side
     if kind == VERTEX_FACE:
-        sides = block.sides
-        return px, py, nx, ny, sides[part, FACE_X], sides[part, FACE_Y], sides[part, FACE_OFFSET]
-    return px, py, nx, ny, block.semi_a, block.semi_b, 0.0
+        return px, py, nx, ny, sides[part, FACE_X], sides[part, FACE_Y], sides[part, FACE_OFFSET], 0.0
+    return px, py, nx, ny, block.semi_a, block.semi_b, block.centre_x, block.centre_y
+
+
+@kernel
+def vertex_side(facets, v):
+    """-1 if a point nearest to vertex v lies outside the ground (the ground is convex there), 1 if inside."""
+    if v == 0:
+        return 1.0
+    turn = facets[v - 1, TANGENT_X] * facets[v, TANGENT_Y] - facets[v - 1, TANGENT_Y] * facets[v, TANGENT_X]
+    return -1.0 if turn < 0.0 else 1.0
 
 
 @kernel(inline="always")
 def place_feature(kind, feature, x, y, c, s):
     """`contact_point` of a loaded feature."""
-    px, py, nx, ny, w1, w2, offset = feature
+    px, py, nx, ny, w1, w2, w3, w4 = feature
     if kind <= CORNER_VERTEX:
         rx, ry = c * w1 - s * w2, s * w1 + c * w2
         dx, dy = x + rx - px, y + ry - py
         if kind == CORNER_FACET:
-            return -(dx * nx + dy * ny), nx, ny, rx, ry
+            return w3 - (dx * nx + dy * ny), nx, ny, rx - w3 * nx, ry - w3 * ny
         distance = np.sqrt(dx * dx + dy * dy)
         if distance == 0.0:
-            return 0.0, 0.0, 1.0, rx, ry
-        return distance, -dx / distance, -dy / distance, rx, ry
+            return w3, 0.0, 1.0, rx, ry - w3
+        nx, ny = -w4 * dx / distance, -w4 * dy / distance
+        return w3 + w4 * distance, nx, ny, rx - w3 * nx, ry - w3 * ny
     if kind == VERTEX_FACE:
         nx, ny = -(c * w1 - s * w2), -(s * w1 + c * w2)
         rx, ry = px - x, py - y
-        return offset + nx * rx + ny * ry, nx, ny, rx, ry
+        return w3 + nx * rx + ny * ry, nx, ny, rx, ry
     a, b = w1, w2
+    mx, my = 0.0, 0.0
+    if w3 != 0.0 or w4 != 0.0:
+        mx, my = c * w3 - s * w4, s * w3 + c * w4  # from the centre of mass to that of the profile
+        x, y = x + mx, y + my
     if kind == SMOOTH_FACET:
         if a == b:
             rx, ry = -a * nx, -a * ny
         else:
-            mx, my = -(c * nx + s * ny), -(-s * nx + c * ny)
-            h = np.sqrt(a * a * mx * mx + b * b * my * my)
-            bx, by = a * a * mx / h, b * b * my / h
+            ux, uy = -(c * nx + s * ny), -(-s * nx + c * ny)
+            h = np.sqrt(a * a * ux * ux + b * b * uy * uy)
+            bx, by = a * a * ux / h, b * b * uy / h
             rx, ry = c * bx - s * by, s * bx + c * by
-        return -((x + rx - px) * nx + (y + ry - py) * ny), nx, ny, rx, ry
+        return -((x + rx - px) * nx + (y + ry - py) * ny), nx, ny, mx + rx, my + ry
     dx, dy = px - x, py - y
     if a == b:
         distance = np.sqrt(dx * dx + dy * dy)
         nx, ny = -dx / distance, -dy / distance
-        return a - distance, nx, ny, -a * nx, -a * ny
+        return a - distance, nx, ny, mx - a * nx, my - a * ny
     qx, qy = c * dx + s * dy, -s * dx + c * dy
     bx, by = nearest_on_ellipse(qx, qy, a, b)
-    mx, my = bx / (a * a), by / (b * b)
-    norm = np.sqrt(mx * mx + my * my)
-    mx, my = mx / norm, my / norm
-    depth = (bx - qx) * mx + (by - qy) * my
-    return depth, -(c * mx - s * my), -(s * mx + c * my), c * bx - s * by, s * bx + c * by
+    ux, uy = bx / (a * a), by / (b * b)
+    norm = np.sqrt(ux * ux + uy * uy)
+    ux, uy = ux / norm, uy / norm
+    depth = (bx - qx) * ux + (by - qy) * uy
+    return depth, -(c * ux - s * uy), -(s * ux + c * uy), mx + c * bx - s * by, my + s * bx + c * by

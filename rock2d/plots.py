@@ -83,7 +83,7 @@ def trajectories_figure(
     colours = block_colours(blocks)
     stops: set[str] = set()
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        _cross_section(axis, terrain, view, np.vstack(ways[name]), axis_in)
+        draw_cross_section(axis, terrain, view, np.vstack(ways[name]), axis_in)
         own = [t for t in tracks if t.block == name]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
         for track, way in zip(own, ways[name], strict=True):
@@ -322,7 +322,8 @@ def _length_unit(limits: drawing.Limits) -> tuple[str, float]:
     return ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)
 
 
-def _cross_section(axis: Any, terrain: Terrain, view: View, ways: Array, axis_in: float) -> None:
+def draw_cross_section(axis: Any, terrain: Terrain, view: View, ways: Array, axis_in: float) -> None:
+    """The ground with zones and measure lines, their names off the points `ways` (n, 2), on an axis `axis_in` wide."""
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 

@@ -97,7 +97,7 @@ class Scenario(Checked):
         if self.model.deterministic is None:
             raise self._error("missing key 'deterministic', which engine pymunk needs", "model")
         table = self.model.deterministic.named()
-        start: dict[str, Any] = {"rolling_cap": False}
+        start: dict[str, Any] = {"rolling_cap": False, "rolling_in_crater": False}
         out = {}
         for zone, keys in table.items():
             values = _merged(start, table["default"], keys)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ Array = np.ndarray
 P = TypeVar("P")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
+LEAST_RISE = 0.02  # of the cross-section's relief: what rises less is roughness
+FLOOR = 0.05  # of an embankment's height: what rises less above the ground beside it is ditch or run-out
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,11 @@ class Terrain:
         cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
         return np.concatenate([[0.0], np.arctan2(cross, (before * after).sum(axis=1)), [0.0]])
 
+    @cached_property
+    def embankment(self) -> Rise | None:
+        """The rise with the lowest ground on both sides, told by its shape; None on a floor or a plain slope."""
+        return _highest_rise(self.points_m[:, 1])
+
     def height_m(self, x_m: Array) -> Array:
         """Highest surface height at positions `x_m`; NaN beside the cross-section."""
         x = np.asarray(x_m, float)
@@ -148,3 +155,62 @@ def _refuse_crossing(points: Array) -> None:
             if abs(u[0] * v[1] - u[1] * v[0]) <= 1e-12 * np.hypot(*u) * np.hypot(*v) and u @ v < 0:
                 raise ValueError(f"the cross-section folds back on itself: facets {i} and {j}")
     raise ValueError("the cross-section crosses itself")
+
+
+def embankment_facets(terrain: Terrain) -> Array:
+    """(n,) bool, the facets of the embankment: see `Terrain.embankment`. None on a floor or a plain slope."""
+    found = np.zeros(len(terrain.zones), bool)
+    if terrain.embankment is not None:
+        found[terrain.embankment.left : terrain.embankment.right] = True
+    return found
+
+
+def ditch_facets(terrain: Terrain) -> Array:
+    """(n,) bool, the facets of the ditch: the level ground at the foot of the embankment's left flank, if any."""
+    found = np.zeros(len(terrain.zones), bool)
+    if terrain.embankment is not None:
+        y, foot = terrain.points_m[:, 1], terrain.embankment.left
+        first = foot
+        while first > 0 and abs(y[first - 1] - y[foot]) < FLOOR * terrain.embankment.height_m:
+            first -= 1
+        found[first:foot] = True
+    return found
+
+
+def facet_zones(terrain: Terrain, facets: Array) -> Array:
+    """(zones,) bool, the zones that consist of such facets only."""
+    return ~np.isin(np.arange(len(terrain.zone_names)), terrain.zone_ids[~facets])
+
+
+class Rise(NamedTuple):
+    """An embankment: the vertices at its left foot, at the left and right end of its crest, at its right foot, and its
+    height above the higher of its feet."""
+
+    left: int
+    crest: int
+    crest_end: int
+    right: int
+    height_m: float
+
+
+def _highest_rise(y: Array) -> Rise | None:
+    """The vertex of greatest prominence (its height above the higher of the two lowest points that lie between it and
+    higher ground, or an end) with its two flanks; None if it is mere roughness."""
+    best = None
+    for top in range(1, len(y) - 1):
+        higher = np.flatnonzero(y > y[top])
+        before, after = higher[higher < top], higher[higher > top]
+        start = int(before[-1]) if len(before) else 0
+        end = int(after[0]) if len(after) else len(y) - 1
+        base = max(y[start : top + 1].min(), y[top : end + 1].min())
+        height = float(y[top] - base)
+        if height <= (LEAST_RISE * np.ptp(y) if best is None else best.height_m):
+            continue
+        left = right = top  # outwards as long as the ground is raised, and down to the foot of the flanks
+        while left > start and (y[left] > base + FLOOR * height or base <= y[left - 1] < y[left]):
+            left -= 1
+        while right < end and (y[right] > base + FLOOR * height or base <= y[right + 1] < y[right]):
+            right += 1
+        crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - FLOOR * height)
+        best = Rise(left, int(crest[0]), int(crest[-1]), right, height)
+    return best

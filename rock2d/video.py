@@ -24,7 +24,9 @@ from rock2d.terrain import Terrain
 from rock2d.video_file import Progress, write_video
 
 Array = np.ndarray
-__all__ = ["Clip", "clip_from_measured", "clip_from_track", "panel_views", "render_video", "side_by_side"]
+__all__ = [
+    "Clip", "clip_from_measured", "clip_from_track", "compare_video", "panel_views", "render_video", "side_by_side",
+]  # fmt: skip
 
 _PAPER = "#ffffff"
 
@@ -87,19 +89,49 @@ def side_by_side(
     """
     first = [replace(c, colour=c.colour or MEASURED_COLOUR) for c in left]
     second = [replace(c, colour=c.colour or SIMULATED_COLOUR) for c in right]
-    if not first or not second:
+    return compare_video(
+        path, terrain, blocks, [(first, second)], labels, fps_video=fps_video, slow_motion=slow_motion,
+        size_px=size_px, titles=[title], view=view, trail=trail, hold_s=hold_s, progress=progress,
+    )  # fmt: skip
+
+
+def compare_video(
+    path: str | Path,
+    terrain: Terrain,
+    blocks: Mapping[str, Block],
+    scenes: Sequence[Sequence[Sequence[Clip]]],
+    labels: Sequence[str],
+    *,
+    fps_video: float = 25,
+    slow_motion: float = 10,
+    size_px: tuple[int, int] = (1280, 720),
+    titles: Sequence[str] = (),
+    view: Limits | None = None,
+    trail: bool = True,
+    hold_s: float = 1.0,
+    progress: Progress | None = None,
+    quick: bool = False,
+) -> Path:
+    """Panels with one clock and one view, a panel for each of `labels`; the first panel's blocks appear as ghosts in
+    the others. `scenes` follow one another; each holds the clips of every panel, and has one of `titles`.
+
+    Where every panel shows one clip, its distance and angle from the first panel's are written below it. `quick` as in
+    `write_video`; other arguments, file handling and errors as in `render_video`.
+    """
+    if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
         raise InputError("side by side needs at least one clip on each side")
-    clips = _dressed([[*first, *second]], blocks)[0]
-    layout = _Layout(size_px, 2)
-    seen = _view(terrain, blocks, [clips], layout, view)
-    frames = _Frames(layout, fps_video, slow_motion, hold_s, title, trail)
-    a, b = clips[: len(first)], clips[len(first) :]
-    panels = [
-        _Panel(terrain, blocks, a, (), seen, labels[0], clips),
-        _Panel(terrain, blocks, b, a, seen, labels[1], clips),
-    ]
-    frames.add(panels, clips)
-    return write_video(path, frames, len(frames), fps_video, size_px, progress)
+    layout = _Layout(size_px, len(labels))
+    dressed = [[_dressed([panel], blocks)[0] for panel in scene] for scene in scenes]
+    together = [[clip for panel in scene for clip in panel] for scene in dressed]
+    seen = _view(terrain, blocks, together, layout, view)
+    frames = _Frames(layout, fps_video, slow_motion, hold_s, "", trail)
+    for i, (scene, clips) in enumerate(zip(dressed, together, strict=True)):
+        panels = [
+            _Panel(terrain, blocks, own, scene[0] if k else (), seen, label, clips)
+            for k, (own, label) in enumerate(zip(scene, labels, strict=True))
+        ]
+        frames.add(panels, clips, titles[i] if i < len(titles) else "")
+    return write_video(path, frames, len(frames), fps_video, size_px, progress, quick=quick)
 
 
 def panel_views(
@@ -258,20 +290,20 @@ class _Frames:
         self.layout, self.step_s = layout, 1.0 / (fps_video * slow_motion)
         self.hold, self.fresh_s = round(hold_s * fps_video), 0.9 / slow_motion
         self.slow_motion, self.title, self.trail = slow_motion, title, trail
-        self.scenes: list[tuple[list[_Panel], Sequence[Clip], Array]] = []
+        self.scenes: list[tuple[list[_Panel], Sequence[Clip], Array, str]] = []
 
-    def add(self, panels: list[_Panel], clips: Sequence[Clip]) -> None:
+    def add(self, panels: list[_Panel], clips: Sequence[Clip], title: str = "") -> None:
         start, end = min(c.t_s[0] for c in clips), max(c.t_s[-1] for c in clips)
         count = int(np.floor((end - start) / self.step_s + 1e-6)) + 1
         times = np.concatenate([start + self.step_s * np.arange(count), np.full(self.hold, end)])
-        self.scenes.append((panels, clips, times))
+        self.scenes.append((panels, clips, times, title or self.title))
 
     def __len__(self) -> int:
-        return sum(len(times) for *_, times in self.scenes)
+        return sum(len(times) for *_, times, _ in self.scenes)
 
     def __iter__(self) -> Iterator[Array]:
-        for panels, clips, times in self.scenes:
-            sheet = self._sheet(panels[0].view, clips, len(panels))
+        for panels, clips, times, title in self.scenes:
+            sheet = self._sheet(panels[0].view, clips, len(panels), title)
             for panel in panels:
                 panel.prepare(self.layout)
             milliseconds = times[-1] - times[0] < 2.0
@@ -284,11 +316,12 @@ class _Frames:
                     )
                 clock = f"{1e3 * t:.0f} ms" if milliseconds else f"{t:.2f} s"
                 self._right(frame, clock, 24, 8, bold=True)
-                if len(panels) == 2 and len(clips) == 2:
-                    self._difference(frame, clips, t)
+                if len(panels) > 1 and len(clips) == len(panels):
+                    for left, clip in zip(self.layout.lefts[1:], clips[1:], strict=True):
+                        self._difference(frame, clips[0], clip, t, left + self.layout.panel_width)
                 yield frame
 
-    def _sheet(self, view: View, clips: Sequence[Clip], panels: int) -> Array:
+    def _sheet(self, view: View, clips: Sequence[Clip], panels: int, title: str) -> Array:
         """What stays the same over a scene: title, slow motion, scale bar, legend."""
         lay, unit = self.layout, self.layout.unit
         sheet = np.full((lay.height, lay.width, 3), drawing.bgr(_PAPER), np.uint8)
@@ -306,7 +339,7 @@ class _Frames:
         at = lay.width - side - clock_width - 24 * unit - pace_width
         drawing.draw_text(sheet, (at, 0.5 * (lay.top - tall)), pace, lay.text, "#6a6a6a")
         size = round(24 * unit)
-        title = _shortened(self.title, size, at - 2 * side)
+        title = _shortened(title, size, at - 2 * side)
         drawing.draw_text(sheet, (side, 0.5 * (lay.top - 1.2 * size)), title, size, bold=True)
 
         middle = lay.height - 0.5 * lay.foot
@@ -319,7 +352,8 @@ class _Frames:
         text = _length_text(bar_m)
         drawing.draw_text(sheet, (side + bar + 10 * unit, middle - 0.6 * lay.text), text, lay.text)
         x = side + bar + 10 * unit + drawing.text_size(text, lay.text)[0] + 40 * unit
-        limit = lay.width - side if panels == 1 else lay.lefts[-1] + 0.28 * lay.panel_width
+        # two panels leave room for a legend, more do not: their labels must do
+        limit = {1: lay.width - side, 2: lay.lefts[-1] + 0.28 * lay.panel_width}.get(panels, 0.0)
         for label, colour in dict.fromkeys((c.label, c.colour) for c in clips):
             wide = drawing.text_size(label, lay.text)[0] + 26 * unit
             if x + wide > limit:
@@ -330,15 +364,25 @@ class _Frames:
             x += wide + 26 * unit
         return sheet
 
-    def _right(self, frame: Array, text: str, size: float, top: float, *, bold: bool = False) -> None:
+    def _right(
+        self,
+        frame: Array,
+        text: str,
+        size: float,
+        top: float,
+        *,
+        right: float | None = None,
+        bold: bool = False,
+    ) -> None:
         lay = self.layout
         size_px = max(10, round(size * lay.unit))
         wide, tall = drawing.text_size(text, size_px, bold)
         y = 0.5 * (lay.top - tall) if top < lay.top else top
-        drawing.draw_text(frame, (lay.width - 16 * lay.unit - wide, y), text, size_px, bold=bold)
+        x = (lay.width if right is None else right) - 16 * lay.unit - wide
+        drawing.draw_text(frame, (x, y), text, size_px, bold=bold)
 
-    def _difference(self, frame: Array, clips: Sequence[Clip], t_s: float) -> None:
-        a, b = clips[0].pose(t_s), clips[1].pose(t_s)
+    def _difference(self, frame: Array, first: Clip, other: Clip, t_s: float, right: float) -> None:
+        a, b = first.pose(t_s), other.pose(t_s)
         if a is None or b is None:
             return
         turn = np.rad2deg((b[2] - a[2] + np.pi) % (2 * np.pi) - np.pi)
@@ -346,7 +390,7 @@ class _Frames:
         apart = f"{1e3 * away:.1f} mm" if away < 1 else f"{away:.2f} m"
         lay = self.layout
         y = lay.height - 0.5 * lay.foot - 0.6 * lay.text
-        self._right(frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y)
+        self._right(frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y, right=right)
 
 
 def _chip(image: Array, label: str, colour: str, layout: _Layout) -> None:

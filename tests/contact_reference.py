@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from rock2d.contact import (
     CAP,
+    CRATER,
     K_L,
     K_R,
     K_T,
@@ -61,7 +62,7 @@ def rebound(
         def f(_, y):
             n = force_n(y, peak)
             t = tangential_force(slip * np.inf if slip else y[STRETCH], n, p[K_T], p[MU])
-            moment = rolling_moment(y[ROTATION], n, radius_m, p[K_R], p[CAP])
+            moment = rolling_moment(y[ROTATION], n, radius_m, p[K_R], p[CAP], p[CRATER])
             u = y[V_T] + radius_m * y[OMEGA]
             return [
                 y[RATE],

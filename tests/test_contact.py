@@ -147,7 +147,7 @@ def test_friction_and_capped_rolling_never_exceed_what_the_normal_force_allows(s
     p = law(phi, k_t_N_m=k).row()
     assert abs(tangential_force(s, force, p[2], p[3])) <= np.tan(np.deg2rad(phi)) * force * (1 + 1e-12)
     assert tangential_force(s, 0.0, p[2], p[3]) == 0.0
-    moment = rolling_moment(s, force, 0.01, k, float(cap))
+    moment = rolling_moment(s, force, 0.01, k, float(cap), 0.0)
     assert abs(moment) <= (0.01 * force if cap else k * abs(s)) * (1 + 1e-12)
     assert moment * s >= 0.0
 

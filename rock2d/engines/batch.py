@@ -16,10 +16,12 @@ import numpy as np
 from rock2d.approach import facet_tree
 from rock2d.blocks import Block
 from rock2d.compiled import njit
+from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import stepper
 from rock2d.engines.recording import N_IMPACT
 from rock2d.engines.release import STOPS
 from rock2d.engines.release import release as release_kernel
+from rock2d.engines.stepper import AUDIT, N_AUDIT
 from rock2d.geometry import (
     CONVEX,
     block_arrays,
@@ -27,6 +29,7 @@ from rock2d.geometry import (
 )
 from rock2d.terrain import Terrain
 from rock2d.track import IMPACT_COLUMNS, Track
+from rock2d.world import World
 
 Array = np.ndarray
 
@@ -38,7 +41,9 @@ class Packed(NamedTuple):
 
     sides: Array
     side_start: Array
-    block_reals: Array  # (blocks, 5) semi-axes, mass, inertia, radius
+    air: Array
+    air_start: Array
+    block_reals: Array  # (blocks, 8) semi-axes, mass, inertia, radius, rounding, centre
     facets: Array
     facet_start: Array
     first: Array
@@ -50,16 +55,17 @@ class Packed(NamedTuple):
         Array  # (terrains, 6) x_start, bins per m, x_exit low and high, mean facet length, convex corners
     )
     lines: Array  # (terrains, lines, 4) end points of measure lines, NaN where there are fewer
-    tables: Array  # (tables, zones, 6)
+    tables: Array  # (tables, zones, columns of `effects.columns.engine_rows`)
 
 
 @dataclass(frozen=True)
 class Ensemble:
-    """What releases may refer to, by index: blocks, cross-sections, parameter tables (zones, 6) in SI."""
+    """What releases may refer to, by index: blocks, cross-sections, parameter tables (zones, columns) in SI (thousands
+    of tables are best given as one array)."""
 
     blocks: Sequence[Block]
     terrains: Sequence[Terrain]
-    tables: Sequence[Array]
+    tables: Sequence[Array] | Array
 
 
 @dataclass
@@ -75,7 +81,7 @@ class BatchResult:
         the impacts that were, and after an impact that had not ended
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if never
     samples : (n, times, 3) x, y, theta at the asked times
-    audit : (n, 3) energy in J that plasticity, friction and rolling took
+    audit : (n, 4) energy in J that plasticity, friction, rolling and effects took
     """
 
     stop: Array
@@ -98,10 +104,6 @@ def pack(ensemble: Ensemble) -> Packed:
     for i, ends in enumerate(names):
         for k, line in enumerate(ends):
             lines[i, k] = line.reshape(4)
-    zones = max(len(t) for t in ensemble.tables)
-    tables = np.full((len(ensemble.tables), zones, ensemble.tables[0].shape[1]), np.nan)
-    for i, table in enumerate(ensemble.tables):
-        tables[i, : len(table)] = table
 
     def starts(lengths: list[int]) -> Array:
         return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
@@ -109,7 +111,9 @@ def pack(ensemble: Ensemble) -> Packed:
     return Packed(
         np.concatenate([b.sides for b in blocks]),
         starts([len(b.sides) for b in blocks]),
-        np.array([b[1:] for b in blocks]),
+        np.concatenate([b.air for b in blocks]),
+        starts([len(b.air) for b in blocks]),
+        np.array([b[2:] for b in blocks]),
         np.concatenate([g.facets for g in grounds]),
         starts([len(g.facets) for g in grounds]),
         np.concatenate([g.first for g in grounds]),
@@ -124,7 +128,26 @@ def pack(ensemble: Ensemble) -> Packed:
             ]
         ),
         lines,
-        tables,
+        _tables(ensemble),
+    )
+
+
+def _tables(ensemble: Ensemble) -> Array:
+    """(tables, zones, columns) parameters as the engines read them, NaN in the zones that a table has not."""
+    given = ensemble.tables
+    if isinstance(given, np.ndarray):
+        return engine_rows(given)
+    tables = np.full((len(given), max(map(len, given)), N_COLUMNS + 1), np.nan)
+    for i, table in enumerate(given):
+        tables[i, : len(table)] = engine_rows(table)
+    return tables
+
+
+def world_ensemble(world: World) -> tuple[Ensemble, Array]:
+    """What `run_batch` needs of a world: the ensemble (blocks in the world's order), and the `table_ids` of its
+    releases: (1,) if all are alike, else (n,)."""
+    return Ensemble(list(world.blocks.values()), [world.terrain], world.contact), np.arange(
+        len(world.contact)
     )
 
 
@@ -158,7 +181,8 @@ def run_batch(
 
     Raises ValueError if states are not finite or an index does not exist.
     """
-    states = np.ascontiguousarray(np.atleast_2d(states), float)
+    # copies: compiled code would be compiled anew for a read-only view or another memory order
+    states = np.array(np.atleast_2d(states), float, order="C")
     n = len(states)
     if states.shape != (n, 6) or not np.isfinite(states).all():
         raise ValueError("states must be an (n, 6) array of finite numbers")
@@ -171,19 +195,20 @@ def run_batch(
         index = np.broadcast_to(np.asarray(given, np.int64), (n,))
         if index.size and not (index.min() >= 0 and index.max() < len(choices)):
             raise ValueError(f"{name} must lie in [0, {len(choices)})")
-        ids.append(np.ascontiguousarray(index))
-    limits = np.ascontiguousarray(np.broadcast_to(np.asarray(time_limit_s, float), (n,)))
-    times = np.empty((1, 0)) if times_s is None else np.atleast_2d(np.asarray(times_s, float))
+        ids.append(np.array(index))
+    limits = np.array(np.broadcast_to(np.asarray(time_limit_s, float), (n,)))
+    times = np.empty((1, 0)) if times_s is None else np.array(np.atleast_2d(times_s), float, order="C")
     packed = pack(ensemble)
-    steps = _contact_steps(ensemble, ids[0], ids[2], step_fraction)
+    steps = _contact_steps(ensemble.blocks, packed.tables, ids[0], ids[2], step_fraction)
     result = BatchResult(
         np.zeros(n, np.int64), np.empty((n, 7)), np.zeros(n, np.int64), np.full((n, impact_room, N_IMPACT), np.nan),
-        np.full((n, packed.lines.shape[1], 7), np.nan), np.full((n, times.shape[1], 3), np.nan), np.zeros((n, 3)),
+        np.full((n, packed.lines.shape[1], 7), np.nan), np.full((n, times.shape[1], 3), np.nan), np.zeros((n, N_AUDIT)),
     )  # fmt: skip
     _ensemble(
         packed, states, *ids, steps, gravity_m_s2, limits, impact_limit, stop_when_spent, stop_when_captured, times,
         result.stop, result.ends, result.impact_count, result.impacts, result.crossings, result.samples, result.audit,
     )  # fmt: skip
+    result.audit = result.audit[:, : len(AUDIT)]
     return result
 
 
@@ -202,12 +227,12 @@ def run_batch_track(
     """One release of the batch engine as a track, every contact step a knot."""
     ensemble = Ensemble([block], [terrain], [table])
     packed = pack(ensemble)
-    steps = stepper.contact_steps_s(block, table, step_fraction)
+    steps = stepper.contact_steps_s(block, packed.tables[0], step_fraction)
     room = 4096
     while True:
         knots = np.empty((room, 8))
         impacts = np.full((max(room // 64, 64), N_IMPACT), np.nan)
-        audit, crossings, samples = np.zeros(3), np.full((packed.lines.shape[1], 7), np.nan), np.empty((0, 3))
+        audit, crossings, samples = np.zeros(N_AUDIT), np.full((packed.lines.shape[1], 7), np.nan), np.empty((0, 3))
         stop, _, count, used = release_kernel(
             packed, np.array(state, float), 0, 0, 0, *steps, gravity_m_s2, time_limit_s, impact_limit, False, False,
             np.empty(0), impacts, crossings, samples, audit, knots,
@@ -232,14 +257,16 @@ def run_batch_track(
         rows,
         STOPS[stop],
         gravity_m_s2,
-        dict(zip(("plastic", "friction", "rolling"), map(float, audit), strict=True)),
+        dict(zip(AUDIT, map(float, audit), strict=False)),
     )
 
 
-def _contact_steps(ensemble: Ensemble, block_ids: Array, table_ids: Array, fraction: float) -> Array:
-    pairs, where = np.unique(np.column_stack([block_ids, table_ids]), axis=0, return_inverse=True)
-    steps = [stepper.contact_steps_s(ensemble.blocks[b], ensemble.tables[t], fraction) for b, t in pairs]
-    return np.array(steps)[where.ravel()]
+def _contact_steps(
+    blocks: Sequence[Block], tables: Array, block_ids: Array, table_ids: Array, fraction: float
+) -> Array:
+    """(n, 2) contact steps in s of every release."""
+    steps = np.array([stepper.contact_steps_s(block, tables, fraction) for block in blocks])
+    return np.array(steps[block_ids, :, table_ids], order="C")
 
 
 @njit(parallel=True)

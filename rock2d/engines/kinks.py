@@ -5,16 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.contact import K_L, K_UL, residual
+from rock2d.contact import K_L, K_UL, normal_force, residual
+from rock2d.effects.forces import ACTS, FIRST, normal
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KEY, KIND, NOWHERE, OFFSET, PART, RATE, ZONE
 from rock2d.geometry import (
     CORNER_VERTEX,
+    CORNER_X,
+    CORNER_Y,
     POINT_X,
     POINT_Y,
     SMOOTH_FACET,
     SMOOTH_VERTEX,
     TANGENT_X,
     TANGENT_Y,
+    beyond_corner,
     contact_point,
 )
 
@@ -61,6 +65,19 @@ def law_kink(d0, r0, d1, r1, peak, gone, h):
 
 
 @kernel
+def hold_kink(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
+    """Time in (0, h] at which a pressing contact with effects begins or ceases to be kept from pulling; h if it does
+    not. `row`, `first` as in `forces.ground_forces`; force0, force1: the law's normal force before and after."""
+    if d0 < bottom or d1 < bottom:
+        return h
+    whole0 = force0 + normal(row, first, d0, r0, peak, bottom, force0)
+    whole1 = force1 + normal(row, first, d1, r1, max(peak, d1), bottom, force1)
+    if (whole0 > 0.0) == (whole1 > 0.0):
+        return h
+    return h * whole0 / (whole0 - whole1)
+
+
+@kernel
 def _gap_to_found(j, q, ints, found_i, block, terrain):
     """What changes sign where slot j passes from its feature to the one found for it, and its rate.
 
@@ -78,11 +95,16 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
             facet, vertex = vertex, facet
         if ints[j, KIND] == SMOOTH_VERTEX:
             _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, terrain)
+        elif ints[j, KIND] <= CORNER_VERTEX:  # the centre of a rounded corner, above the foot
+            rx, ry = rx + block.rounding * nx, ry + block.rounding * ny
+            vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
         facets = terrain.facets
         tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
         dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
         if ints[j, KIND] >= SMOOTH_FACET:
-            vx, vy = q[3], q[4]  # the foot moves with the centroid, not with the material
+            # the foot moves with the profile's centre, not with the material
+            vx = q[3] - q[5] * (s * block.centre_x + c * block.centre_y)
+            vy = q[4] + q[5] * (c * block.centre_x - s * block.centre_y)
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
     d1, nx, ny, rx, ry = contact_point(
@@ -93,6 +115,49 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
 
 
 @kernel
+def _corner_kink(j, q0, q1, h, terrain, block, ints, found_i):
+    """Time in (0, h] just behind which a terrain corner passes between a rounded corner of the block (a corner's slot)
+    and the flat part of a face next to it (a vertex's slot): the contact changes hands there, see `slots.hand_over`."""
+    n = block.sides.shape[0]
+    corner, vertex = j, found_i[j, INDEX]
+    if j >= n:
+        vertex, corner = ints[j, INDEX], ints[j, PART]
+        if not _nearer_start(corner, vertex, q1, terrain, block):
+            corner = corner + 1 if corner + 1 < n else 0
+    elif found_i[j, KIND] != CORNER_VERTEX:
+        return h
+    g0, s0 = _beyond(corner, vertex, q0, terrain, block)
+    g1, s1 = _beyond(corner, vertex, q1, terrain, block)
+    if (g0 > 0.0) == (g1 > 0.0):
+        return h
+    t = hermite_root(g0, s0, g1, s1, h) + 1e-5 * h
+    return t if 1e-3 * h < t < h else h
+
+
+@kernel
+def _nearer_start(face, vertex, q, terrain, block):
+    """Whether a terrain corner lies nearer to the first corner of a face than to its second."""
+    sides, facets = block.sides, terrain.facets
+    end = face + 1 if face + 1 < sides.shape[0] else 0
+    dx, dy = facets[vertex, POINT_X] - q[0], facets[vertex, POINT_Y] - q[1]
+    c, s = np.cos(q[2]), np.sin(q[2])
+    bx, by = c * dx + s * dy, -s * dx + c * dy
+    start_x, start_y = bx - sides[face, CORNER_X], by - sides[face, CORNER_Y]
+    end_x, end_y = bx - sides[end, CORNER_X], by - sides[end, CORNER_Y]
+    return start_x * start_x + start_y * start_y < end_x * end_x + end_y * end_y
+
+
+@kernel
+def _beyond(corner, vertex, q, terrain, block):
+    """`beyond_corner` of a terrain corner, and its rate."""
+    c, s = np.cos(q[2]), np.sin(q[2])
+    px, py = terrain.facets[vertex, POINT_X], terrain.facets[vertex, POINT_Y]
+    past, tx, ty = beyond_corner(corner, px, py, q[0], q[1], c, s, block.sides)
+    vx, vy = q[3] - q[5] * (py - q[1]), q[4] + q[5] * (px - q[0])  # of the block's material there
+    return past, -(vx * (c * tx - s * ty) + vy * (s * tx + c * ty))
+
+
+@kernel
 def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r):
     """Time in (0, h] of the first kink of the law within a trial step; h if there is none."""
     first = h
@@ -100,6 +165,8 @@ def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r)
         d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
         d0, r0 = reals[j, DEPTH], reals[j, RATE]
         if d0 == NOWHERE or d1 == NOWHERE:
+            if ints[j, ACTIVE] and block.rounding > 0.0:
+                first = min(first, _corner_kink(j, q0, q1, h, terrain, block, ints, found_i))
             continue
         t = h
         if not ints[j, ACTIVE]:
@@ -115,6 +182,11 @@ def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r)
             gone = residual(peak, p[K_L], p[K_UL])
             t = law_kink(d0, r0, d1, r1, peak, gone, h)
             t = min(t, clear)
+            if p[ACTS] != 0.0:
+                force0 = normal_force(d0, peak, p[K_L], p[K_UL])
+                force1 = normal_force(d1, peak, p[K_L], p[K_UL])
+                held = hold_kink(p, FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+                t = held if 1e-3 * h < held < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]

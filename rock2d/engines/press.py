@@ -13,6 +13,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.contact import (
     CAP,
+    CRATER,
     K_L,
     K_R,
     K_T,
@@ -24,11 +25,15 @@ from rock2d.contact import (
     rolling_moment,
     tangential_force,
 )
-from rock2d.engines.kinks import law_kink
+from rock2d.effects.forces import ground_forces
+from rock2d.engines.kinks import hold_kink, law_kink
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, RATE, ROTATION, STRETCH
 from rock2d.engines.stepper import (
+    EFFECTS,
     FRICTION,
+    L_ACTS,
+    L_FIRST,
     L_KIND,
     L_LAW,
     L_OFFSET,
@@ -36,7 +41,9 @@ from rock2d.engines.stepper import (
     L_ROTATION,
     L_STRETCH,
     PLASTIC,
+    RECOIL,
     ROLLING,
+    effects_act,
     load_active,
     placed,
     runge_kutta,
@@ -67,8 +74,9 @@ from rock2d.geometry import (
 TURN_ARM = (
     1.5  # arm in block radii with which rotation counts as motion: a vertex near the block is as far off
 )
-# columns of a contact's row in `seen`: depth and its rate before and after a step, arm of the contact point after it
-D0, R0, D1, R1, ARM = range(5)
+# columns of a contact's row in `seen`: depth and its rate before and after a step, arm and slip of the contact point
+# after it
+D0, R0, D1, R1, ARM, SLIP = range(6)
 GUARD_LEFT, ENDS = 1, 2
 GUARD_SHARE = 0.3  # of the guard that one step afloat may use up
 
@@ -89,8 +97,8 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
         if not ints[i, ACTIVE]:
-            depth, _, _ = near_depth(px, py, terrain, f0, f1, guard)
-            guard = min(guard, -depth)
+            depth, _, _ = near_depth(px, py, terrain, f0, f1, guard + block.rounding)
+            guard = min(guard, -depth - block.rounding)
         elif ints[i, KIND] != CORNER_FACET:
             return 0.0
         else:
@@ -124,6 +132,8 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
                 nearest, second = d, nearest
             elif d < second:
                 second = d
+        if nearest > 0.0 and block.rounding > 0.0:
+            return 0.0  # a face's flat part may end there
         guard = min(guard, 0.5 * (second - nearest) if nearest > 0.0 else -nearest)
     return max(guard, 0.0)
 
@@ -219,8 +229,42 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     current, left : the open impact, and whether the ground has ceased to press; see `note_pressure`
     Returns (time now in s, number of steps, left, why it ended: GUARD_LEFT, ENDS if a contact is about to end, 0).
     """
+    active = load_active(terrain.facets, block, params, ints, reals, work[4], work[5])
+    # compiled twice: what effects need is in the way of the plain law's speed
+    if effects_act(block, active, work[4]):
+        return _press_with_effects(
+            q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+            work, audit, current, left,
+        )  # fmt: skip
+    return _press_plainly(
+        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        work, audit, current, left,
+    )  # fmt: skip
+
+
+@kernel
+def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active,
+                        ints, reals, work, audit, current, left):  # fmt: skip
+    return _stretch(
+        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        work, audit, current, left, True,
+    )  # fmt: skip
+
+
+@kernel
+def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active,
+                   ints, reals, work, audit, current, left):  # fmt: skip
+    return _stretch(
+        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        work, audit, current, left, False,
+    )  # fmt: skip
+
+
+@kernel(inline="always")
+def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints,
+             reals, work, audit, current, left, effects):  # fmt: skip
+    """`press` with its contacts loaded; effects: whether any of the catalogue act."""
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
-    active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
     for a in range(active):
         seen[a, D0], seen[a, R0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -234,6 +278,8 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
             loading = loading and seen[a, R0] > 0.0 and d0 >= peak
             bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
             unpressed = unpressed and floats(d0 - bottom, seen[a, R0], h_floating)
+            unpressed = unpressed and not (effects and loaded[a, L_ACTS] != 0.0)
+            unpressed = unpressed and loaded[a, L_LAW + CRATER] == 0.0
         unpressed = unpressed and left
         h = h_loading if loading else h_other
         if unpressed:
@@ -242,14 +288,16 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
         h = min(h, time_limit - t)
         if h <= 0.0:
             break
-        first, work_t, work_r = h, 0.0, 0.0
+        first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
         for attempt in range(2):
             if unpressed:
-                runge_kutta(q, c, s, first, gravity, block, 0, loaded, sums, q1)
+                _, _, work_e, _ = runge_kutta(q, c, s, first, gravity, block, 0, effects, loaded, sums, q1)
                 for a in range(active):
                     sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
             else:
-                work_t, work_r = runge_kutta(q, c, s, first, gravity, block, active, loaded, sums, q1)
+                work_t, work_r, work_e, pushed = runge_kutta(
+                    q, c, s, first, gravity, block, active, effects, loaded, sums, q1
+                )
             c1, s1 = c, s
             if turning:
                 c1, s1 = np.cos(q1[2]), np.sin(q1[2])
@@ -261,18 +309,24 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
                 ints[j, INDEX] = _follow_run(loaded, a, terrain.facets, ints[j, INDEX], q1[0], q1[1], c1, s1)
                 depth, nx, ny, rx, ry = placed(loaded, a, q1[0], q1[1], c1, s1)
                 seen[a, D1] = depth
-                seen[a, R1] = -((q1[3] - q1[5] * ry) * nx + (q1[4] + q1[5] * rx) * ny)
+                ux, uy = q1[3] - q1[5] * ry, q1[4] + q1[5] * rx
+                seen[a, R1] = -(ux * nx + uy * ny)
+                if effects:
+                    seen[a, SLIP] = ux * ny - uy * nx
                 seen[a, ARM] = np.sqrt(rx * rx + ry * ry)
                 if depth <= 0.0:
                     why = ENDS
             if why > 0 or attempt == 1:
                 break
-            first = _first_kink(h, active, loaded, seen)
+            first = _first_kink(h, active, loaded, seen, effects)
             if first == h:
                 break
         if why > 0:
             break
-        force, deepest = _commit(active, loaded, sums, seen, work_t, work_r, audit)
+        force, deepest = _commit(active, loaded, sums, seen, work_t, work_r, audit, effects)
+        if effects:
+            audit[EFFECTS] += work_e
+            audit[RECOIL] += pushed
         copy(q1, q)
         c, s = c1, s1
         t += first
@@ -285,8 +339,8 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     return t, done, left, why
 
 
-@kernel
-def _first_kink(h, active, loaded, seen):
+@kernel(inline="always")
+def _first_kink(h, active, loaded, seen, effects):
     """Time in (0, h] of the first kink of the law in the trial step; h if there is none."""
     first = h
     for a in range(active):
@@ -295,25 +349,39 @@ def _first_kink(h, active, loaded, seen):
         peak = loaded[a, L_PEAK]
         gone = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
         t = law_kink(d0, r0, d1, r1, peak, gone, h)
+        if effects and loaded[a, L_ACTS] != 0.0:
+            k_l, k_ul = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL]
+            force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
+            held = hold_kink(loaded[a], L_FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+            t = held if 1e-3 * h < held < t else t
         if 1e-3 * h < t < first:
             first = t
     return first
 
 
-@kernel
-def _commit(active, loaded, sums, seen, work_t, work_r, audit):
+@kernel(inline="always")
+def _commit(active, loaded, sums, seen, work_t, work_r, audit, effects):
     """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth)."""
     stored_t = stored_r = total = deepest = 0.0
     for a in range(active):
         k_l, k_ul, k_t = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL], loaded[a, L_LAW + K_T]
         mu, k_r, cap = loaded[a, L_LAW + MU], loaded[a, L_LAW + K_R], loaded[a, L_LAW + CAP]
+        crater = loaded[a, L_LAW + CRATER]
         peak, stretch, rotation = loaded[a, L_PEAK], loaded[a, L_STRETCH], loaded[a, L_ROTATION]
         was, pressed = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         old_t = tangential_force(stretch, normal_force(was, peak, k_l, k_ul), k_t, mu)
+        if effects and loaded[a, L_ACTS] != 0.0:
+            old_t = k_t * stretch  # friction was what it was then
         if pressed > peak:
             audit[PLASTIC] += plastic_work(pressed, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
             loaded[a, L_PEAK] = peak = pressed
-        force_n = normal_force(pressed, peak, k_l, k_ul)
+        acting = force_n = normal_force(pressed, peak, k_l, k_ul)
+        if effects and loaded[a, L_ACTS] != 0.0:
+            bottom = residual(peak, k_l, k_ul)
+            force_n, factor, drag = ground_forces(
+                loaded[a], L_FIRST, pressed, seen[a, R1], seen[a, SLIP], peak, bottom, force_n
+            )
+            mu, acting = mu * factor, abs(force_n) + abs(drag)
         force_t = tangential_force(sums[a, 0], force_n, k_t, mu)
         loaded[a, L_STRETCH] = 0.0
         if k_t > 0.0:
@@ -321,11 +389,11 @@ def _commit(active, loaded, sums, seen, work_t, work_r, audit):
             loaded[a, L_STRETCH] = force_t / k_t
         turned = sums[a, 1]
         if cap > 0.0 and k_r > 0.0:
-            turned = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap) / k_r
+            turned = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap, crater) / k_r
         loaded[a, L_ROTATION] = turned
         stored_r += 0.5 * k_r * (turned * turned - rotation * rotation)
         seen[a, D0], seen[a, R0] = seen[a, D1], seen[a, R1]
-        total += force_n
+        total += acting
         deepest = max(deepest, seen[a, D1])
     audit[FRICTION] += work_t - stored_t
     audit[ROLLING] += work_r - stored_r

@@ -19,7 +19,10 @@ import pymunk
 
 from rock2d.blocks import Block
 from rock2d.contact import ContactParameters, parameter_table
+from rock2d.effects.columns import engine_rows
 from rock2d.engines import rest, slots, springs, stepper
+from rock2d.engines.air import air_stride, fly, in_air
+from rock2d.engines.recording import N_IMPACT, depart, end_impact
 from rock2d.geometry import block_arrays, point_depth, terrain_arrays
 from rock2d.terrain import Terrain
 from rock2d.track import STATE_NAMES, Track
@@ -29,14 +32,24 @@ MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
 
 
+class Departure(NamedTuple):
+    """What effects make of the velocities at the end of an impact: its zone's parameters, and the velocity in m/s that
+    recoiling ground gave it."""
+
+    row: np.ndarray
+    recoil: float
+
+
 class Knot(NamedTuple):
-    """State at one instant; sum of normal forces and largest penetration of the active contacts."""
+    """State at one instant; sum of normal forces and largest penetration of the active contacts; where an impact has
+    just ended, how the block departs."""
 
     time: float
     q: np.ndarray
     active: int = 0
     force: float = 0.0
     depth: float = 0.0
+    departure: Departure | None = None
 
 
 class CallbackError(RuntimeError):
@@ -46,7 +59,8 @@ class CallbackError(RuntimeError):
 class PymunkRelease:
     """One block falling onto one cross-section in a pymunk space.
 
-    `state` is (x, y, θ, vx, vy, ω) in SI. A block that starts inside the ground is taken to be seated: its
+    `parameters`: of the contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
+    (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground is taken to be seated: its
     contacts begin without force at the depth they have.
     """
 
@@ -54,7 +68,7 @@ class PymunkRelease:
         self,
         block: Block,
         terrain: Terrain,
-        parameters: Mapping[str, ContactParameters] | ContactParameters,
+        parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray,
         state: np.ndarray,
         *,
         gravity_m_s2: float = 9.81,
@@ -62,13 +76,16 @@ class PymunkRelease:
     ) -> None:
         self.block, self.terrain = block, terrain
         self.gravity = float(gravity_m_s2)
-        self.table = parameter_table(parameters, terrain.zone_names)
+        rows = parameters
+        if not isinstance(rows, np.ndarray):
+            rows = parameter_table(rows, terrain.zone_names)
+        self.table = engine_rows(rows)
         self.contact_step = contact_step_s or stepper.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
         if self.q.shape != (6,) or not np.isfinite(self.q).all():
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
         self.time = 0.0
-        self.audit = np.zeros(3)
+        self.audit = np.zeros(stepper.N_AUDIT)
         self._block, self._terrain = block_arrays(block), terrain_arrays(terrain, 10 * block.radius_m)
         self._slots = slots.new_slots(block)
         found = slots.new_slots(block)
@@ -77,6 +94,7 @@ class PymunkRelease:
         self._met: list[int] = []
         self._error: BaseException | None = None
         self._kinks: list[Knot] = []
+        self._zone = -1  # of the impact that is open
         self._build_space()
         self._start = self.mechanical_energy_J()
         self._feel_ground()
@@ -93,10 +111,11 @@ class PymunkRelease:
             self._facet_of[facet] = i
         body = pymunk.Body(self.block.mass_kg, self.block.inertia_kg_m2)
         shape: pymunk.Shape
+        offset = np.array(self.block.centre_of_mass_m)  # pymunk's bodies turn about their centre of mass
         if self.block.shape == "circle":
-            shape = pymunk.Circle(body, self.block.radius_m)
+            shape = pymunk.Circle(body, self.block.radius_m, tuple(map(float, -offset)))
         else:
-            shape = pymunk.Poly(body, [(float(x), float(y)) for x, y in self.block.outline()])
+            shape = pymunk.Poly(body, [(float(x), float(y)) for x, y in self.block.outline() - offset])
         shape.collision_type = BLOCK
         shape.filter = pymunk.ShapeFilter(group=1)
         body.position_func = self._guarded(self._move)
@@ -123,15 +142,11 @@ class PymunkRelease:
         self._met.append(self._facet_of[arbiter.shapes[1]])
 
     def _move(self, body: pymunk.Body, dt: float) -> None:
-        """Position update: the parabola in flight, the contact law near the ground."""
+        """Position update: free flight, the contact law near the ground."""
         if self._near:
             self._advance_contact(dt)
         else:
-            q, g = self.q, self.gravity
-            q[0] += q[3] * dt
-            q[1] += q[4] * dt - 0.5 * g * dt * dt
-            q[2] += q[5] * dt
-            q[4] -= g * dt
+            self.audit[stepper.EFFECTS] += fly(self.q, dt, self.gravity, self._block)
         if not np.isfinite(self.q).all():
             raise FloatingPointError(f"the state is no longer finite at t = {self.time:.6f} s: {self.q}")
         body.position = float(self.q[0]), float(self.q[1])
@@ -170,25 +185,42 @@ class PymunkRelease:
                 self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._terrain, self._block,
                 self.table, ints, reals, *self._scratch, self.audit, False,
             )  # fmt: skip
-            self._kinks.append(self.knot_now()._replace(time=self.time + gone))
+            knot = self.knot_now()._replace(time=self.time + gone)
+            if knot.active and self._zone < 0:
+                self._zone = int(ints[np.flatnonzero(ints[:, slots.ACTIVE])[0], slots.ZONE])
+            elif not knot.active and self._zone >= 0:
+                self._kinks.append(knot._replace(departure=self._depart()))
+                knot = knot._replace(q=self.q.copy())
+            self._kinks.append(knot)
+
+    def _depart(self) -> Departure:
+        """Let the block depart from the impact that has just ended."""
+        departure = Departure(self.table[self._zone], float(self.audit[stepper.RECOIL]))
+        if end_impact(self.q, np.zeros(N_IMPACT), departure.row, self._block, self.audit):
+            found_i, found_r, _ = self._scratch
+            near = self._near[0], self._near[-1] + 1
+            stepper.look_again(self.q, *near, self._terrain, self._block, *self._slots, found_i, found_r)
+        self._zone = -1
+        return departure
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
             eased = springs.ease(self._start["kinetic"], self._block, *self._slots, self.table)
             return self.contact_step * float(eased)
-        limit = LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3))
+        longest, extra = air_stride(self.q, self.gravity, self._block)
+        limit = min(longest, LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
         margin = MARGIN * self.block.radius_m
         speed = math.hypot(self.q[3], self.q[4])
-        far = limit * (speed + 0.5 * self.gravity * limit) + 2 * self.block.radius_m
+        far = limit * (speed + 0.5 * (self.gravity + extra) * limit) + 2 * self.block.reach_m
         hit = self.space.point_query_nearest((self.q[0], self.q[1]), far, pymunk.ShapeFilter(group=1))
         if hit is None:
             return limit
         # distance to the facets' margin, less a tenth of it: the handler must see the block in time
-        clear = hit.distance - self.block.radius_m + 0.9 * margin
+        clear = hit.distance - self.block.reach_m + 0.9 * margin
         if clear <= 0:
             return self.contact_step
-        g = max(self.gravity, 1e-9)
+        g = max(self.gravity + extra, 1e-9)
         return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
 
     def step(self) -> list[Knot]:
@@ -248,6 +280,7 @@ class PymunkRelease:
             "plastic": float(self.audit[stepper.PLASTIC]),
             "friction": float(self.audit[stepper.FRICTION]),
             "rolling": float(self.audit[stepper.ROLLING]),
+            "effects": float(self.audit[stepper.EFFECTS]),
         }
 
     def energy_balance(self) -> dict[str, float]:
@@ -264,7 +297,7 @@ class PymunkRelease:
 def run_pymunk(
     block: Block,
     terrain: Terrain,
-    parameters: Mapping[str, ContactParameters] | ContactParameters,
+    parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray,
     state: np.ndarray,
     *,
     release: int = 0,
@@ -278,8 +311,8 @@ def run_pymunk(
 
     Parameters
     ----------
-    parameters : contact law by zone, key "default" for the rest
-    state : (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s at t = 0
+    parameters : contact law by zone, key "default" for the rest; or rows (zones, columns) with effects
+    state : of the centre of mass, (6,) x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s at t = 0
     contact_step_s : contact step; default 0.03 rad of the stiffest contact oscillation
     impact_limit : stop at the end of this many impacts
 
@@ -296,11 +329,11 @@ def run_pymunk(
     knots.append(np.concatenate([[0.0], sim.q]))
     watch = np.empty(8)
     rest.forget_rest(watch)
-    stop = "time"
+    stop, airy = "time", bool(in_air(sim._block))
     while sim.time < time_limit_s:
         free = sim.flying
         for knot in sim.step():
-            flight.append(free or (knot.active == 0 and not log.open))
+            flight.append((free or (knot.active == 0 and not log.open)) and not airy)
             knots.append(np.concatenate([[knot.time], knot.q]))
             log.add(knot)
         if not x_exit[0] <= sim.q[0] <= x_exit[1]:
@@ -318,7 +351,7 @@ def run_pymunk(
             stop = "rest"
             break
     log.close()
-    flight.append(True)
+    flight.append(not airy)
     return Track(
         release,
         block.name,
@@ -343,6 +376,7 @@ class _ImpactLog:
         self.impacts: list[dict[str, Any]] = []
         self.open: dict[str, Any] | None = None
         self._left: Knot | None = None  # where the ground ceased to press, unless it presses again
+        self._zone = -1
 
     def add(self, knot: Knot) -> None:
         if self.open is None:
@@ -359,15 +393,19 @@ class _ImpactLog:
         elif self._left is None:
             self._left = knot
         if not knot.active:
-            self._end(self._left)
+            self._end(self._left, knot.departure)
 
     def close(self) -> None:
         """The run is over: an impact that still presses has no state after."""
         if self.open is not None:
-            self._end(self._left)
+            self._end(self._left, None)
 
-    def _end(self, knot: Knot | None) -> None:
+    def _end(self, knot: Knot | None, departure: Departure | None) -> None:
         assert self.open is not None
+        if knot is not None and departure is not None:
+            state = knot.q.copy()
+            depart(state, *departure)
+            knot = knot._replace(q=state)
         values = [np.nan] * 7 if knot is None else [knot.time, *map(float, knot.q)]
         for name, value in zip(("t_s", *STATE_NAMES), values, strict=True):
             stem, _, unit = name.partition("_")

@@ -5,24 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import copy, kernel
+from rock2d.effects.forces import FIRST, departure
+from rock2d.engines.air import fly, in_air
+from rock2d.engines.kinks import hermite_root
 from rock2d.engines.slots import ACTIVE, ZONE
 from rock2d.engines.springs import kinetic_energy
-from rock2d.engines.stepper import PRESSED
+from rock2d.engines.stepper import EFFECTS, PRESSED, RECOIL
 
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17
 
 
 @kernel
-def fly(q, tau, gravity):
-    q[0] += q[3] * tau
-    q[1] += q[4] * tau - 0.5 * gravity * tau * tau
-    q[2] += q[5] * tau
-    q[4] -= gravity * tau
-
-
-@kernel
-def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
+def cross(t, q0, tau, q1, flight, gravity, block, lines, crossings):
     """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new."""
     new = 0
     for k in range(lines.shape[0]):
@@ -32,7 +27,12 @@ def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
         side0 = (q0[1] - lines[k, 1]) * ax - (q0[0] - lines[k, 0]) * ay
         side1 = (q1[1] - lines[k, 1]) * ax - (q1[0] - lines[k, 0]) * ay
         when = -1.0
-        if flight:
+        if flight and in_air(block):
+            if side0 * side1 >= 0.0:
+                continue
+            rate0, rate1 = q0[4] * ax - q0[3] * ay, q1[4] * ax - q1[3] * ay
+            when = hermite_root(side0, rate0, side1, rate1, tau)
+        elif flight:
             # a s² + b s + c = 0, the side of the line along the parabola
             a, b = -0.5 * gravity * ax, q0[4] * ax - q0[3] * ay
             if a == 0.0:
@@ -45,26 +45,25 @@ def cross(t, q0, tau, q1, flight, gravity, lines, crossings):
                     low, high = root / a, side0 / root if root != 0.0 else 0.0
                     if low > high:
                         low, high = high, low
-                    when = low if low > 0.0 and _on_line(q0, low, gravity, lines[k], ax, ay) else high
+                    x, y = q0[0] + q0[3] * low, q0[1] + q0[4] * low - 0.5 * gravity * low * low
+                    when = low if low > 0.0 and _on_line(x, y, lines[k], ax, ay) else high
             if not 0.0 < when <= tau:
                 continue
         elif side0 * side1 < 0.0:
             when = tau * side0 / (side0 - side1)
         else:
             continue
-        if not flight:
-            s = when / tau
-            x, y = q0[0] + s * (q1[0] - q0[0]), q0[1] + s * (q1[1] - q0[1])
-            at = ((x - lines[k, 0]) * ax + (y - lines[k, 1]) * ay) / (ax * ax + ay * ay)
-            if not 0.0 <= at <= 1.0:
-                continue
-            for i in range(6):
-                crossings[k, 1 + i] = q0[i] + s * (q1[i] - q0[i])
+        found = crossings[k, 1:]
+        copy(q0, found)
+        if flight:
+            fly(found, when, gravity, block)
         else:
-            if not _on_line(q0, when, gravity, lines[k], ax, ay):
-                continue
-            copy(q0, crossings[k, 1:])
-            fly(crossings[k, 1:], when, gravity)
+            s = when / tau
+            for i in range(6):
+                found[i] = q0[i] + s * (q1[i] - q0[i])
+        if not _on_line(found[0], found[1], lines[k], ax, ay):
+            found[:] = np.nan
+            continue
         crossings[k, 0] = t + when
         new += 1
     return new
@@ -86,8 +85,7 @@ def near_line(q, reach, lines, crossings):
 
 
 @kernel
-def _on_line(q0, when, gravity, line, ax, ay):
-    x, y = q0[0] + q0[3] * when, q0[1] + q0[4] * when - 0.5 * gravity * when * when
+def _on_line(x, y, line, ax, ay):
     at = ((x - line[0]) * ax + (y - line[1]) * ay) / (ax * ax + ay * ay)
     return 0.0 <= at <= 1.0
 
@@ -103,11 +101,11 @@ def is_spent(q, stored, gravity, block, lines, crossings):
 
 
 @kernel
-def sample(t, q0, tau, q1, flight, gravity, times, at, samples):
+def sample(t, q0, tau, q1, parabola, gravity, times, at, samples):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one."""
     while at < times.size and times[at] <= t + tau:
         s = times[at] - t
-        if flight:
+        if parabola:
             samples[at, 0] = q0[0] + q0[3] * s
             samples[at, 1] = q0[1] + q0[4] * s - 0.5 * gravity * s * s
             samples[at, 2] = q0[2] + q0[5] * s
@@ -160,6 +158,25 @@ def note_pressure(current, left, force, depth, t, q):
         current[8] = t
         copy(q, current[9:15])
     return True
+
+
+@kernel
+def depart(state, row, recoil):
+    """What effects make of a block's velocities at the end of an impact in the zone of `row`: back from the frame of
+    recoiling ground, and whatever laws of departure say."""
+    state[3], state[4], state[5] = departure(row, FIRST, state[3] - recoil, state[4], state[5])
+
+
+@kernel
+def end_impact(q, current, row, block, audit):
+    """Let the block depart from the open impact, and take what that takes into the audit. Returns whether it did."""
+    before = kinetic_energy(q, block)
+    depart(q, row, audit[RECOIL])
+    depart(current[9:15], row, audit[RECOIL])
+    audit[RECOIL] = 0.0
+    taken = before - kinetic_energy(q, block)
+    audit[EFFECTS] += taken
+    return taken != 0.0
 
 
 @kernel

@@ -11,13 +11,15 @@ import numpy as np
 
 from rock2d.approach import safe_time, time_to_ground
 from rock2d.compiled import copy, kernel, njit
-from rock2d.contact import K_L, K_UL, residual
+from rock2d.contact import CRATER, K_L, K_UL, residual
+from rock2d.effects.forces import ACTS
 from rock2d.engines import press, rest, slots, springs, stepper
+from rock2d.engines.air import air_stride, fly, in_air
 from rock2d.engines.recording import (
     N_IMPACT,
     close_impact,
     cross,
-    fly,
+    end_impact,
     is_spent,
     knot,
     near_line,
@@ -25,7 +27,18 @@ from rock2d.engines.recording import (
     open_impact,
     sample,
 )
-from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, OFFSET, RATE, SMOOTH_SLOTS, VERTEX_SLOTS, ZONE
+from rock2d.engines.slots import (
+    ACTIVE,
+    DEPTH,
+    DEPTH_MAX,
+    N_INTS,
+    N_REALS,
+    OFFSET,
+    RATE,
+    SMOOTH_SLOTS,
+    VERTEX_SLOTS,
+    ZONE,
+)
 from rock2d.geometry import (
     CONVEX,
     CORNER_X,
@@ -55,7 +68,8 @@ FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed ab
 def _block(packed, i):
     r = packed.block_reals[i]
     sides = packed.sides[packed.side_start[i] : packed.side_start[i + 1]]
-    return BlockArrays(sides, r[0], r[1], r[2], r[3], r[4])
+    air = packed.air[packed.air_start[i] : packed.air_start[i + 1]]
+    return BlockArrays(sides, air, r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7])
 
 
 @njit
@@ -77,8 +91,8 @@ def release(
     corners = block.sides.shape[0]
     convex = int(packed.terrain_reals[terrain_id, 5])
     n = corners + min(VERTEX_SLOTS, convex) if corners > 0 else SMOOTH_SLOTS
-    ints, found_i = np.zeros((n, 6), np.int64), np.zeros((n, 6), np.int64)
-    reals, found_r = np.zeros((n, 6)), np.zeros((n, 6))
+    ints, found_i = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_INTS), np.int64)
+    reals, found_r = np.zeros((n, N_REALS)), np.zeros((n, N_REALS))
     slots.clear(ints, reals)
     return _descend(
         block, terrain, tree, packed.lines[terrain_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
@@ -107,7 +121,7 @@ def _descend(
     active, steps, looked, eased = 0, 0, 0, 1.0
     stale = False  # whether the slots have not looked at the ground since the block moved
     noticed = False  # whether the slots know the ground at the present pose
-    recording = times.size > 0 or len(knots) > 0
+    recording, airy = times.size > 0 or len(knots) > 0, in_air(block)
 
     while t < time_limit:
         if not terrain.x_low <= q[0] <= terrain.x_high:
@@ -115,21 +129,22 @@ def _descend(
             break
         if active == 0:
             speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
-            tau = time_to_ground(q, gravity, block, terrain.facets, tree, stack)
+            longest, extra = air_stride(q, gravity, block)
+            tau = time_to_ground(q, gravity, block, terrain.facets, tree, stack, extra)
             least = h_contact if corners > 0 else LAST_STRIDE * h_contact
             if tau < least and corners > 0:
                 f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
                 gap = _gap(q, terrain, block, f0, f1)
                 if gap > 0.0:
                     # no farther than the facets that were looked at
-                    tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity)
+                    tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity + extra)
             if tau >= least:
-                tau = min(tau, time_limit - t)
+                tau = min(tau, longest, time_limit - t)
                 copy(q, old)
-                used = knot(knots, used, t, q, 1.0)
-                fly(q, tau, gravity)
-                new = cross(t, old, tau, q, True, gravity, lines, crossings)
-                at = sample(t, old, tau, q, True, gravity, times, at, samples)
+                used = knot(knots, used, t, q, 0.0 if airy else 1.0)
+                audit[stepper.EFFECTS] += fly(q, tau, gravity, block)
+                new = cross(t, old, tau, q, True, gravity, block, lines, crossings)
+                at = sample(t, old, tau, q, not airy, gravity, times, at, samples)
                 t += tau
                 noticed = stale = False
                 if spent and (new > 0 or count == 0) and is_spent(q, 0.0, gravity, block, lines, crossings):
@@ -200,7 +215,7 @@ def _descend(
             if stale:
                 stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
                 stale = False
-            used = knot(knots, used, t, q, 1.0 if flying else 0.0)
+            used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
             until = t + stepper.step(
                 q,
                 h,
@@ -233,8 +248,8 @@ def _descend(
                 set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
         gone = until - t
         if near:
-            cross(t, old, gone, q, flying, gravity, lines, crossings)
-        at = sample(t, old, gone, q, flying, gravity, times, at, samples)
+            cross(t, old, gone, q, flying, gravity, block, lines, crossings)
+        at = sample(t, old, gone, q, flying and not airy, gravity, times, at, samples)
         t = until
         if is_open and current[15] > 0.5 * radius:
             f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
@@ -242,6 +257,7 @@ def _descend(
                 stop = BURIED
                 break
         if active == 0 and is_open:
+            noticed = noticed and not end_impact(q, current, params[int(current[0])], block, audit)
             count = close_impact(current, left, impacts, count)
             is_open = False
             rest.forget_rest(watch)
@@ -285,6 +301,7 @@ def pressing(ints, reals, params, step):
         if ints[j, ACTIVE]:
             p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
             loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
+            floating = floating and p[ACTS] == 0.0 and p[CRATER] == 0.0
             floating = floating and press.floats(
                 pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step
             )
@@ -300,8 +317,8 @@ def _gap(q, terrain, block, f0, f1):
     for i in range(sides.shape[0]):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        depth, _, _ = near_depth(px, py, terrain, f0, f1, min(gap, block.radius))
-        gap = min(gap, -depth)
+        depth, _, _ = near_depth(px, py, terrain, f0, f1, min(gap, block.radius) + block.rounding)
+        gap = min(gap, -depth - block.rounding)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:
             depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], x, y, c, s, sides)

@@ -12,6 +12,7 @@ from rock2d.blocks import Block
 from rock2d.compiled import copy, kernel
 from rock2d.geometry import (
     CONVEX,
+    CORNER_FACET,
     CORNER_VERTEX,
     CORNER_X,
     CORNER_Y,
@@ -26,15 +27,19 @@ from rock2d.geometry import (
     TANGENT_X,
     TANGENT_Y,
     VERTEX_FACE,
+    beyond_corner,
     load_feature,
     near_depth,
     place_feature,
     polygon_depth,
+    repeats,
+    under_face,
 )  # fmt: skip
 
-# memory of a slot: integers, then reals
+# memory of a slot: integers, then reals; ACTING is the force of a contact with effects, which the rest does not tell
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
-DEPTH, RATE, DEPTH_MAX, STRETCH, ROTATION, OFFSET = range(6)
+DEPTH, RATE, DEPTH_MAX, STRETCH, ROTATION, OFFSET, ACTING = range(7)
+N_INTS, N_REALS = 6, 7
 VERTEX_SLOTS = 8  # convex terrain corners under one polygon at a time
 SMOOTH_SLOTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a slot that has no feature
@@ -46,9 +51,9 @@ def slot_count(block: Block) -> int:
 
 
 def new_slots(block: Block) -> tuple[np.ndarray, np.ndarray]:
-    """Empty memory: (slots, 6) integers and (slots, 6) reals."""
+    """Empty memory: (slots, N_INTS) integers and (slots, N_REALS) reals."""
     n = slot_count(block)
-    ints, reals = np.zeros((n, 6), np.int64), np.zeros((n, 6))
+    ints, reals = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_REALS))
     clear(ints, reals)
     return ints, reals
 
@@ -79,13 +84,24 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
         for i in range(n):
             px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
             py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-            depth, kind, index = near_depth(px, py, terrain, f0, f1, reach)
+            depth, kind, index = near_depth(px, py, terrain, f0, f1, reach + block.rounding)
+            if block.rounding > 0.0:
+                outside = depth < 0.0
+                depth += block.rounding
+                if repeats(sides, i) or (
+                    outside and kind == CORNER_VERTEX and facets[index, CONVEX] > 0.0
+                    and beyond_corner(i, facets[index, POINT_X], facets[index, POINT_Y], x, y, c, s, sides)[0] < 0.0
+                ):  # fmt: skip
+                    depth = NOWHERE  # another corner's circle, or the vertex lies under a face
             _set(found_i, found_r, i, kind, index, i, depth, i)
         for v in range(max(f0, 1), f1):
             if facets[v, CONVEX] > 0.0:
                 px, py = facets[v, POINT_X], facets[v, POINT_Y]
                 depth, face = polygon_depth(px, py, x, y, c, s, sides)
                 if depth > -reach:
+                    if depth < block.rounding and block.rounding > 0.0:
+                        if not under_face(face, px, py, x, y, c, s, sides):
+                            continue  # under a rounded corner
                     slot = _slot_for(ints, found_r, n, v)
                     if slot >= 0:
                         _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)
@@ -98,9 +114,33 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
         kind = found_i[j, KIND]
         feature = load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets)
         _, nx, ny, rx, ry = place_feature(kind, feature, x, y, c, s)
-        if kind == CORNER_VERTEX and depth < 0.0:
+        if kind == CORNER_VERTEX and depth < 0.0 and block.rounding == 0.0:
             nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
         found_r[j, RATE] = -((q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny)
+
+
+@kernel
+def hand_over(corners, ints, reals, found_i, found_r, stretch, rotation):
+    """Where a terrain corner has passed between the circle of a rounded corner (a corner's slot) and the flat part of a
+    face (a vertex's slot), let the other slot go on with the contact's memory; stretch, rotation: its springs' new
+    states."""
+    for j in range(ints.shape[0]):
+        if not ints[j, ACTIVE] or found_r[j, DEPTH] != NOWHERE:
+            continue
+        if j < corners and found_i[j, KIND] != CORNER_VERTEX:
+            continue
+        vertex = found_i[j, INDEX] if j < corners else ints[j, INDEX]
+        first, last = (corners, ints.shape[0]) if j < corners else (0, corners)
+        for k in range(first, last):
+            near = found_i[k, INDEX] == vertex
+            near = near or (found_i[k, KIND] == CORNER_FACET and found_i[k, INDEX] == vertex - 1)
+            if near and not ints[k, ACTIVE] and found_r[k, DEPTH] > 0.0:
+                copy(ints[j], ints[k])
+                copy(reals[j], reals[k])
+                stretch[k], rotation[k] = stretch[j], rotation[j]
+                ints[j, ACTIVE], ints[j, KEY] = 0, -1
+                reals[j, DEPTH] = NOWHERE
+                break
 
 
 @kernel
@@ -128,7 +168,7 @@ def _slot_for(ints, found_r, start, key):
 @kernel
 def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r):
     """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
-    far = reach + max(block.semi_a, block.semi_b)
+    far = reach + block.radius
     for f in range(f0, f1):
         dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
         if dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y] > far:

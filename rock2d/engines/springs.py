@@ -6,7 +6,8 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.contact import K_L, K_T, K_UL, MU, elastic_energy, normal_force, rolling_energy, tangential_force
-from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, OFFSET, RATE, ROTATION, STRETCH, ZONE
+from rock2d.effects.forces import ACTS
+from rock2d.engines.slots import ACTING, ACTIVE, DEPTH, DEPTH_MAX, OFFSET, RATE, ROTATION, STRETCH, ZONE
 
 EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
 
@@ -26,18 +27,23 @@ def stored_energy(ints, reals, params):
             p = params[ints[j, ZONE]]
             force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
             force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
+            if p[ACTS] != 0.0:
+                force_t = p[K_T] * reals[j, STRETCH]  # kept within what friction was when it was last stretched
             total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
     return total
 
 
 @kernel
 def pressure(ints, reals, params):
-    """(sum of normal forces in N, largest penetration in m, number of active contacts)."""
+    """(sum of normal forces, and of what effects add, in N, largest penetration in m, number of active contacts)."""
     force, deepest, active = 0.0, 0.0, 0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             p = params[ints[j, ZONE]]
-            force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
+            if p[ACTS] != 0.0:
+                force += reals[j, ACTING]
+            else:
+                force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
             deepest = max(deepest, reals[j, DEPTH])
             active += 1
     return force, deepest, active

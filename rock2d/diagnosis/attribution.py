@@ -1,0 +1,246 @@
+"""Which effect: the paper's law against the law with each effect of the catalogue, on releases no fit saw.
+
+All models are fitted competitively: the base parameters are free in each. What decides is the gain in log likelihood on
+held-out releases, compared release by release, so that a few odd impacts cannot carry a verdict. "None" stands when no
+gain is sure, "unknown" when even the best effect leaves much that can be predicted (`leftover`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.contact import CRATER
+from rock2d.diagnosis.fitting import HOPELESS, Data, Fit, fit, residuals
+from rock2d.diagnosis.leftover import Leftover, regress
+from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.trial import HeldOut, hold_out
+from rock2d.diagnosis.workers import Job, try_all
+from rock2d.effects.effect import Effect
+from rock2d.world import World
+
+Array = np.ndarray
+
+SURE = 3.0  # standard errors
+TIE = 2.0  # standard errors within which two effects are not told apart
+LITTLE = 0.01  # log likelihood a segment below which a gain is no physics
+LONGEST_CHAIN = 3  # effects at once
+STARTS = 2  # of the fit of the base law
+COMPANIONS = 6  # effects tried beside the best one
+MORE = 0.05  # log likelihood a segment that a further effect must gain at least
+MUCH_LEFT, LEFT_WIDTH = 0.35, 0.06  # share of the reducible gap that may stay unexplained
+
+
+@dataclass
+class Candidate:
+    """An effect's fit and its score on held-out releases."""
+
+    effect: Effect
+    fit: Fit
+    held_out: HeldOut
+    gain: Array  # (releases,) log likelihood over the base
+
+    @property
+    def total(self) -> float:
+        return float(self.gain.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total gain, over releases."""
+        return standard_error(self.gain)
+
+
+@dataclass
+class Attribution:
+    """Everything the trial found.
+
+    Attributes
+    ----------
+    base, base_held_out : the base law refitted
+    candidates : name -> candidate
+    chain : the effect with the largest gain, then those that gained most beside the ones before them, as long as that
+        was sure; each with its fit to all so far and its gain over the one before
+    base_left, best_left : what a flexible regression finds in the residuals of the base and of the chain's last model
+    probabilities : over the catalogue, "none" and "unknown"
+    group : effects that the data cannot tell from the best, the best first
+    """
+
+    base: Fit
+    base_held_out: HeldOut
+    candidates: dict[str, Candidate]
+    chain: list[Candidate]
+    base_left: Leftover
+    best_left: Leftover
+    probabilities: dict[str, float]
+    group: list[str]
+
+    @property
+    def best(self) -> str:
+        return self.chain[0].effect.name
+
+    @property
+    def final(self) -> Candidate:
+        return self.chain[-1]
+
+    @property
+    def verdict(self) -> str:
+        return max(self.probabilities, key=lambda name: self.probabilities[name])
+
+
+def standard_error(per_release: Array) -> float:
+    """Standard error of a sum over releases."""
+    return float(per_release.std() * np.sqrt(len(per_release)))
+
+
+def fit_base(bench: World, base: Array, data: Data) -> Fit:
+    """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`.
+
+    Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept, in
+    the bench of the fit's model.
+    """
+    found = []
+    for reading in (0.0, 1.0):
+        rows = bench.contact.copy()
+        rows[..., CRATER] = reading
+        model = Model(replace(bench, contact=rows), base)
+        corners = [
+            np.array([stiffness, restitution, stiffness, friction, 0.0])
+            for stiffness in (0.0, -2.0, 2.0, 4.0)
+            for restitution in (0.0, -0.7, 0.7)
+            for friction in (0.0, -0.5, 0.5)
+        ]
+        left = [residuals(model, p, data).impacts for p in corners]
+        # channels in units of what the better half of all the corners misses by
+        scale = np.nanmedian(np.abs(np.concatenate(left)), axis=0)
+        promise = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=HOPELESS)).sum() for r in left]
+        found += [fit(model, data, corners[i]) for i in np.argsort(promise)[:STARTS]]
+    return max(found, key=Fit.total)
+
+
+def attribute(
+    base: Fit,
+    data: Data,
+    effects: Mapping[str, Effect],
+    *,
+    workers: int = 1,
+    folder: Path | None = None,
+    told: Callable[[str], None] = lambda name: None,
+) -> Attribution:
+    """Try every effect against the base law, and further ones beside the best while something is left.
+
+    `told` hears the name of each model when it is done; `folder` keeps finished fits for the next time.
+    """
+    bench, base_out = base.model.bench, hold_out(base, data)
+    job = Job(bench, data, base, folder=folder)
+    results = try_all(job, [(name,) for name in effects], workers, told)
+    candidates = {
+        name: Candidate(effects[name], own, out, out.score - base_out.score)
+        for (name,), (own, out) in results.items()
+    }
+    best = max(candidates, key=lambda name: candidates[name].total)
+    chain = [candidates[best]]
+    segments = len(data.impact_release) + len(data.flight_release)
+    if _sure(chain[0], LITTLE * segments):
+        while len(chain) < LONGEST_CHAIN and _leaves_something(bench, data, chain[-1]):
+            following = _next(job, chain, candidates, workers, told)
+            if following is None or not _sure(following, MORE * segments):
+                break
+            chain.append(following)
+    covariance = chain[-1].fit.covariance()
+    base_left = regress(bench, data, base_out.left, covariance)
+    best_left = regress(bench, data, chain[-1].held_out.left, covariance)
+    weights = weigh(candidates, best, base_left, best_left, segments)
+    winner = candidates[best]
+    group = [best] + [
+        name
+        for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
+        if name != best and winner.total - other.total < TIE * standard_error(winner.gain - other.gain)
+    ]
+    return Attribution(base, base_out, candidates, chain, base_left, best_left, weights, group)
+
+
+def _sure(candidate: Candidate, least: float) -> bool:
+    """Whether a gain is beyond chance, and more than a trifle."""
+    return candidate.total > SURE * candidate.error + least
+
+
+def _leaves_something(bench: World, data: Data, candidate: Candidate) -> bool:
+    """Whether a regression still finds something in what a model leaves."""
+    _, sigma = predictable(regress(bench, data, candidate.held_out.left, candidate.fit.covariance()))
+    return sigma > 2.0
+
+
+def _next(
+    job: Job,
+    chain: list[Candidate],
+    candidates: Mapping[str, Candidate],
+    workers: int,
+    told: Callable[[str], None],
+) -> Candidate | None:
+    """The effect that gains most beside those of the chain; of those that scatter nothing and gained most alone."""
+    names = tuple(c.effect.name for c in chain)
+    others = [c for c in candidates.values() if c.effect.name not in names and not c.effect.scatter]
+    others = sorted(others, key=lambda c: -c.total)[:COMPANIONS]
+    before = chain[-1]
+    start = Job(job.bench, job.data, before.fit, folder=job.folder)
+    tried = try_all(start, [(*names, c.effect.name) for c in others], workers, told)
+    found = [
+        Candidate(other.effect, own, out, out.score - before.held_out.score)
+        for other, (own, out) in zip(others, tried.values(), strict=True)
+    ]
+    return max(found, key=lambda c: c.total, default=None)
+
+
+def weigh(
+    candidates: Mapping[str, Candidate], best: str, base_left: Leftover, best_left: Leftover, segments: int
+) -> dict[str, float]:
+    """Probabilities over the effects, "none" and "unknown".
+
+    An effect's weight is the chance that it would beat the best one on other releases; "none" that the best one would
+    not beat the base by more than LITTLE a segment, with all its rivals counted against it; "unknown" grows with the
+    share of the reducible gap that the best one leaves.
+    """
+    from scipy.special import expit
+    from scipy.stats import norm
+
+    winner = candidates[best]
+    weight = {}
+    for name, other in candidates.items():
+        behind = winner.total - other.total
+        spread = standard_error(winner.gain - other.gain)
+        weight[name] = 1.0 if name == best else 2 * float(norm.sf(behind / max(spread, 1.0)))
+    sure = (winner.total - LITTLE * segments) / max(winner.error, 1.0)
+    none = float(min(1.0, len(candidates) * 2 * norm.sf(sure)))
+    share, sigma = unexplained(base_left, best_left)
+    real = expit((sigma - SURE) / 0.5)
+    unknown = real * float(expit((share - MUCH_LEFT) / LEFT_WIDTH))
+    if none > 0.5:  # no effect explains anything: is there anything to explain?
+        gap, gap_sigma = predictable(base_left)
+        unknown = float(expit((gap_sigma - SURE - 1.0) / 0.5)) * float(expit((gap - 0.1) / 0.02))
+    named = (1.0 - unknown) * (1.0 - none)
+    total = sum(weight.values())
+    found = {"none": (1.0 - unknown) * none, "unknown": unknown}
+    return found | {name: named * w / total for name, w in weight.items()}
+
+
+def predictable(left: Leftover) -> tuple[float, float]:
+    """(mean square per statistic that the regression takes away, its significance in standard errors)."""
+    taken = np.concatenate([
+        (left.impacts**2 - left.impacts_left**2).sum(axis=1), (left.flights**2 - left.flights_left**2).sum(axis=1)
+    ])  # fmt: skip
+    statistics = left.impacts.size + left.flights.size
+    return float(taken.sum() / statistics), float(taken.mean() / taken.std() * np.sqrt(len(taken)))
+
+
+def unexplained(base_left: Leftover, best_left: Leftover) -> tuple[float, float]:
+    """(share of the reducible gap that the best model leaves, significance of what it leaves)."""
+    left, sigma = predictable(best_left)
+    statistics = base_left.impacts.size + base_left.flights.size
+    base_total = (base_left.impacts**2).sum() + (base_left.flights**2).sum()
+    best_total = (best_left.impacts**2).sum() + (best_left.flights**2).sum()
+    reducible = (base_total - best_total) / statistics + max(left, 0.0)
+    reducible = max(reducible, predictable(base_left)[0], 1e-9)
+    return float(max(left, 0.0) / reducible), sigma

@@ -1,0 +1,52 @@
+"""Fits on disk, so that an interrupted diagnosis goes on where it stopped: plain arrays, one file each."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.diagnosis.fitting import Fit, Residuals, Slopes
+from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.trial import HeldOut
+
+Array = np.ndarray
+
+
+def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
+    """Write a fit and what it leaves of held-out releases; whole or not at all."""
+    partial = path.with_suffix(".partial")
+    with open(partial, "wb") as file:
+        np.savez(
+            file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.slope.impacts,
+            slope_flights=fit.slope.flights, slope_scatter=fit.slope.scatter, covariance=fit.slope.covariance,
+            impacts=fit.left.impacts, flights=fit.left.flights, out_impacts=out.left.impacts,
+            out_flights=out.left.flights, score=out.score,
+        )  # fmt: skip
+    os.replace(partial, path)
+
+
+def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
+    """What `save_fit` wrote, or None if there is nothing that can be read."""
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            a = dict(found)
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return None
+    slope = Slopes(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
+    left = Residuals(a["impacts"], a["flights"])
+    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, left)
+    return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])
+
+
+def fingerprint(*arrays: Array) -> str:
+    """What the fits of a folder belong to: the data, and the code that made them."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for source in sorted(Path(__file__).resolve().parent.parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,93 @@
+"""The commands `rock2d diagnose` and `rock2d predict`: files in, files out."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
+from rock2d.diagnosis.predict import predict, read_model
+from rock2d.effects import catalogue
+from rock2d.experiment import read_experiment
+from rock2d.folders import write_whole
+
+PARTIAL = ".fits"  # folder of finished fits, removed at the end
+
+
+def run_diagnosis(
+    experiment: Path,
+    out: Path,
+    *,
+    seed: int,
+    workers: int | None,
+    progress: bool,
+    tell: Callable[[str], None],
+) -> dict[str, Any]:
+    """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first."""
+    from tqdm import tqdm
+
+    from rock2d.diagnosis.report import write_report
+
+    read = read_experiment(experiment)
+    names = list(catalogue())
+    rows = read.trajectories if read.trajectories is not None else read.impacts
+    assert rows is not None
+    tell(f"{read.name}: {rows['release'].nunique()} releases, {len(rows)} rows; {len(names)} effects to try")
+    out.mkdir(parents=True, exist_ok=True)
+    with tqdm(unit="model", disable=not progress) as bar:
+        bar.total = len(names) + 1
+
+        def step(name: str) -> None:
+            bar.total = max(int(bar.total), bar.n + 1)  # effects beside the best one come on top
+            bar.set_description(name)
+            bar.update()
+
+        result = diagnose(
+            read, seed=seed, workers=workers or os.cpu_count() or 1, folder=out / PARTIAL, step=step
+        )
+    content = diagnosis_json(result)
+    write_report(result, content, out, progress=progress)
+    write_whole(out / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    shutil.rmtree(out / PARTIAL, ignore_errors=True)
+    for line in summary(result, content):
+        tell(line)
+    tell(f"written: {out / 'diagnosis.json'}, {out / 'report.html'}")
+    return content
+
+
+def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
+    """The diagnosis in a few lines."""
+    if result.found is None:
+        return ["not diagnosed: " + "; ".join(result.sanity.faults)]
+    verdict = content["verdict"]
+    lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
+    if len(content["group"]) > 1:
+        lines.append("not told apart: " + ", ".join(content["group"]))
+    gap = content["gap"]
+    low, high = gap["closure_ci95"]
+    lines.append(
+        f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; "
+        f"closure {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    )
+    if content["beside"]:
+        lines.append("beside it: " + ", ".join(entry["effect"] for entry in content["beside"]))
+    for cell in content["where"][:3]:
+        lines.append(
+            f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
+        )
+    lines.append(f"next release: {content['next_release']}")
+    return lines
+
+
+def run_prediction(
+    experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, tell: Callable[[str], None]
+) -> None:
+    """Predict an experiment folder with a diagnosis; writes a CSV."""
+    read, content = read_experiment(experiment), read_model(diagnosis)
+    table = predict(read, content, base_only=base_only)
+    write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    tell(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -1,0 +1,266 @@
+"""A whole diagnosis: from an experiment folder to diagnosis.json."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.contact import CRATER
+from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
+from rock2d.diagnosis.bench import base_start, bench_world
+from rock2d.diagnosis.checkpoint import fingerprint
+from rock2d.diagnosis.closure import (
+    FLIGHT_CHANNELS,
+    GAP_UNIT,
+    Cell,
+    Gap,
+    Part,
+    flight_part,
+    gap_of,
+    impact_part,
+    where,
+)
+from rock2d.diagnosis.film_data import FilmData, film_data
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.flights import load_film
+from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
+from rock2d.diagnosis.next_release import next_release
+from rock2d.diagnosis.rests import find_rests, rest_squares, rest_variance
+from rock2d.diagnosis.sanity import FEWEST_IMPACTS, MIRRORS, Sanity, check_film, check_table
+from rock2d.diagnosis.table_data import TableData, table_data
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
+from rock2d.experiment import Experiment
+from rock2d.terrain import Terrain
+from rock2d.world import World
+
+Array = np.ndarray
+
+
+@dataclass
+class Diagnosis:
+    """Everything found about an experiment. `data` and what follows are None where it could not be diagnosed."""
+
+    experiment: Experiment
+    sanity: Sanity
+    bench: World
+    data: FilmData | TableData | None = None
+    found: Attribution | None = None
+    gaps: dict[str, Gap] | None = None
+    cells: list[Cell] | None = None
+
+    @property
+    def verdict(self) -> str:
+        return self.found.verdict if self.found is not None else "unknown"
+
+
+def diagnose(
+    experiment: Experiment,
+    *,
+    seed: int = 0,
+    effects: Mapping[str, Effect] | None = None,
+    workers: int = 1,
+    folder: Path | None = None,
+    step: Callable[[str], None] = lambda name: None,
+) -> Diagnosis:
+    """Diagnose an experiment.
+
+    Parameters
+    ----------
+    seed : of the bootstrap and the regression's trees
+    effects : those to try; default the whole catalogue
+    workers : processes that fit effects; the result does not depend on it
+    folder : where finished fits are kept, so that an interrupted diagnosis goes on
+    step : hears the name of each model when it is done
+    """
+    bench = bench_world(experiment)
+    data: FilmData | TableData
+    if experiment.trajectories is not None:
+        film = load_film(experiment)
+        result = Diagnosis(experiment, check_film(experiment, film), bench)
+        if result.sanity.faults:
+            return result
+        data = film_data(experiment, film, bench, MIRRORS[result.sanity.mirror])
+        keys = [film.t_s, film.pose, film.release]
+    else:
+        data = table_data(experiment)
+        result = Diagnosis(experiment, check_table(experiment, data), bench)
+        keys = [data.before, data.after, data.impact_release]
+        if result.sanity.faults:
+            return result
+    if len(data.impact_release) < FEWEST_IMPACTS:
+        result.sanity.faults.append(
+            f"{len(data.impact_release)} impacts are too few to tell causes apart: at least {FEWEST_IMPACTS} are needed"
+        )
+        return result
+    if folder is not None:
+        folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
+        folder.mkdir(parents=True, exist_ok=True)
+    base = fit_base(bench, base_start(experiment), data)
+    step("base")
+    found = attribute(base, data, effects or catalogue(), workers=workers, folder=folder, told=step)
+    result.data, result.found = data, found
+    result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
+    result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
+    result.cells = locate(experiment, data, found, bench)
+    return result
+
+
+def locate(
+    experiment: Experiment, data: FilmData | TableData, found: Attribution, bench: World
+) -> list[Cell]:
+    """Where the gap lies; a flight belongs to the zone below its middle, a rest to that below its end."""
+    terrain, blocks = experiment.terrain, list(experiment.blocks)
+    parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release)]
+    if isinstance(data, FilmData):
+        flights = data.cut.flights
+        below = _zone_below(terrain, data.states(bench).middle[:, 0])
+        parts.append(flight_part(found, below, flights.block, flights.release))
+        rests = find_rests(data)
+        if len(rests.flight):
+            best = found.final.fit
+            variance = rest_variance(data, rests, best)
+            taken = rest_squares(data, rests, found.base, variance) - rest_squares(
+                data, rests, best, variance
+            )
+            own = _zone_below(terrain, rests.pose[:, 0])
+            columns = ([0], [1], [2])
+            parts.append(
+                Part(
+                    "rest",
+                    taken,
+                    own,
+                    flights.block[rests.flight],
+                    flights.release[rests.flight],
+                    FLIGHT_CHANNELS,
+                    columns,
+                )
+            )
+    return where(parts, terrain.zone_names, blocks)
+
+
+def _zone_below(terrain: Terrain, x: Array) -> Array:
+    """(n,) zone of the ground below positions x."""
+    facet = np.searchsorted(terrain.points_m[1:, 0], x)
+    return terrain.zone_ids[np.clip(facet, 0, len(terrain.zones) - 1)]
+
+
+def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
+    """Effect name -> parameter name -> value, 95 % interval and unit."""
+    out: dict[str, dict[str, dict[str, Any]]] = {}
+    k = len(BASE_WIDTH)
+    for effect, values in zip(fit.model.effects, fit.model.values(fit.p), strict=True):
+        entry = {}
+        for parameter, value in zip(effect.parameters, values, strict=True):
+            half = 1.96 * float(np.sqrt(fit.p_covariance[k, k]))
+            if is_factor(parameter):
+                low, high = value * np.exp(-half), value * np.exp(half)
+            else:
+                half *= 0.5 * (parameter.high - parameter.low)
+                low, high = value - half, value + half
+            if parameter.choices or effect.scatter:
+                low = high = value
+            entry[parameter.name] = {
+                "value": float(value),
+                "ci95": [float(low), float(high)],
+                "unit": parameter.unit,
+            }
+            k += 1
+        out[effect.name] = entry
+    return out
+
+
+def base_values(fit: Fit) -> dict[str, float]:
+    """The base law's parameters by their names."""
+    k_l, k_ul, k_t, mu, k_r = fit.model.law(fit.p)
+    return dict(zip(BASE_NAMES, map(float, (k_l, k_ul, k_t, np.rad2deg(np.arctan(mu)), k_r)), strict=True))
+
+
+def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
+    """The content of diagnosis.json (schema 1)."""
+    names = list(catalogue())
+    found = result.found
+    head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
+    remarks = {"faults": result.sanity.faults, "remarks": result.sanity.remarks}
+    if found is None:
+        probabilities = {"none": 0.0, "unknown": 1.0, **dict.fromkeys(names, 0.0)}
+        empty = {
+            "unit": GAP_UNIT,
+            "base": None,
+            "augmented": None,
+            "noise_floor": None,
+            "closure": None,
+            "closure_ci95": None,
+        }
+        return head | {
+            "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
+            "gap": empty, "next_release": "", "sanity": remarks,
+        }  # fmt: skip
+    assert result.data is not None and result.gaps is not None and result.cells is not None
+    # an effect that only widens the scatter closes a gap of spread; unless it is the verdict, the gap is that of means
+    told = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    first = max(told, key=lambda name: found.candidates[name].total)
+    best = (
+        result.gaps["+".join(c.effect.name for c in found.chain)]
+        if first == found.best
+        else result.gaps[first]
+    )
+    effects = {
+        name: {
+            "parameters": effect_values(c.fit)[name],
+            "base": base_values(c.fit),
+            "heldout_score_gain": c.total,
+            "heldout_score_gain_se": c.error,
+            "closure": result.gaps[name].closure,
+            "closure_ci95": list(result.gaps[name].ci95),
+        }
+        for name, c in found.candidates.items()
+    }
+    return head | {
+        "base": base_values(found.base),
+        "law": {"rolling_in_crater": bool(found.base.model.bench.contact[..., CRATER].any())},
+        "verdict": found.verdict,
+        "group": found.group if found.verdict in names else [],
+        "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
+        "effects": effects,
+        "where": [vars(cell) for cell in result.cells],
+        "gap": {
+            "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
+            "closure": best.closure, "closure_ci95": list(best.ci95),
+        },
+        "next_release": next_release(
+            result.data, result.bench, found, result.cells, result.experiment.terrain.zone_names
+        ),
+        "beside": _chain_json(found) if found.verdict == found.best else [],
+        "series": _series(result),
+        "sanity": remarks,
+    }  # fmt: skip
+
+
+def _chain_json(found: Attribution) -> list[dict[str, Any]]:
+    """The effects beside the verdict, in the order in which they were found, each with the parameters of all so far."""
+    return [
+        {
+            "effect": c.effect.name,
+            "base": base_values(c.fit),
+            "parameters": effect_values(c.fit),
+            "heldout_score_gain": c.total,
+            "heldout_score_gain_se": c.error,
+        }
+        for c in found.chain[1:]
+    ]
+
+
+def _series(result: Diagnosis) -> dict[str, int]:
+    """Releases of each block that were filmed, for effects that change from release to release."""
+    names = list(result.experiment.blocks)
+    if isinstance(result.data, FilmData):
+        blocks = result.data.film.release_block
+    else:
+        assert result.data is not None
+        blocks = result.data.impact_block[np.unique(result.data.impact_release, return_index=True)[1]]
+    return {name: int((blocks == i).sum()) for i, name in enumerate(names)}

@@ -1,0 +1,162 @@
+"""A film as data for a fit: its flights, the impacts between them, and what a world leaves of both unexplained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d.diagnosis.bounces import Impacts, find_impacts, outcomes, release_order, start_instants
+from rock2d.diagnosis.fitting import Residuals
+from rock2d.diagnosis.flights import Cut, Film, cut_film
+from rock2d.diagnosis.states import Basis, States, drift, fit_states, flight_basis
+from rock2d.experiment import Experiment
+from rock2d.world import World
+
+Array = np.ndarray
+
+
+@dataclass
+class FilmData:
+    """Flights and impacts of a film; see `fitting.Data`.
+
+    Attributes
+    ----------
+    start_s : (flights,) see `bounces.start_instants`
+    order : (releases,) place of each release in its block's series
+    """
+
+    cut: Cut
+    basis: Basis
+    impacts: Impacts
+    start_s: Array
+    order: Array
+
+    @property
+    def film(self) -> Film:
+        return self.cut.film
+
+    @property
+    def impact_release(self) -> Array:
+        return self.impacts.release
+
+    @property
+    def flight_release(self) -> Array:
+        return self.cut.flights.release
+
+    @property
+    def impact_order(self) -> Array:
+        return self.impacts.order
+
+    @property
+    def impact_block(self) -> Array:
+        return self.impacts.block
+
+    @property
+    def impact_zone(self) -> Array:
+        return self.impacts.zone
+
+    def states(self, world: World) -> States:
+        """The flights' states in a world."""
+        return fit_states(world, self.film, self.cut.flights, self.basis)
+
+    def left(self, world: World, shift: Array | None = None) -> Residuals:
+        """What a world leaves unexplained, in the camera's units."""
+        states = self.states(world)
+        difference = outcomes(world, self.impacts, states, shift)
+        view = world.view
+        pace = view.scale * view.time_scale
+        difference *= np.array([view.scale, view.scale, 1.0, pace, pace, view.time_scale])
+        inflation = (self.film.long_noise / self.film.noise)[:, None]
+        return Residuals(difference, states.left / inflation)
+
+    def incident(self, world: World) -> Array:
+        """(n, 6) states at the starts of the simulations."""
+        impacts = self.impacts
+        start = impacts.start_s * world.view.time_scale
+        return drift(world, impacts.block, self.states(world).middle[impacts.before], start)
+
+    def state_noise(self) -> Array:
+        """(n, 6, 6) covariance of the states before the impacts."""
+        return self.state_covariance(self.impacts.before, self.impacts.start_s)
+
+    def outcome_noise(self) -> Array:
+        """(n, 6, 6) covariance of the states after the impacts, along the ground and across it."""
+        after = self.state_covariance(self.impacts.after, self.impacts.begin_s)
+        turn = np.zeros_like(after)
+        tx, ty = self.impacts.tangent.T
+        for o in (0, 3):
+            turn[:, o, o], turn[:, o, o + 1], turn[:, o + 1, o], turn[:, o + 1, o + 1] = tx, ty, -ty, tx
+            turn[:, o + 2, o + 2] = 1.0
+        return turn @ after @ turn.transpose(0, 2, 1)
+
+    def extra_scatter(self) -> Array:
+        """The noise of a film is known."""
+        return np.empty((len(self.impacts), 6, 0))
+
+    def state_covariance(self, which: Array, dt: Array) -> Array:
+        """(n, 6, 6) of the measured states of flights `which`, at recorded instants dt from their middle."""
+        out = np.zeros((len(which), 6, 6))
+        rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
+        for c in range(3):
+            variance = self.film.long_noise[c] ** 2
+            out[:, c, c] = variance * (level + rate * dt**2)
+            out[:, c, 3 + c] = out[:, 3 + c, c] = variance * rate * dt
+            out[:, 3 + c, 3 + c] = variance * rate
+        return out
+
+    def impact_features(self, world: World) -> Array:
+        """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
+        impacts, before = self.impacts, self.incident(world)
+        return np.column_stack(
+            [
+                incident_features(world, impacts.block, impacts.zone, impacts.tangent, before),
+                impacts.order,
+                impacts.wait_s,
+            ]
+        )
+
+    def flight_features(self, world: World) -> Array:
+        """(m, features) of flights: the accelerations that forces would cause, times the lever of the duration."""
+        flights, basis = self.cut.flights, self.basis
+        blocks = list(world.blocks.values())
+        x, y, theta, vx, vy, w = self.states(world).middle.T
+        speed, size = np.hypot(vx, vy), np.array([b.radius_m for b in blocks])[flights.block]
+        duration = 1.0 / (basis.slope * basis.level)
+        lever = duration**2 / basis.level
+        lever = lever / np.median(lever)
+        terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
+                 self.order[flights.release], np.sin(theta), np.cos(theta), w * size * np.sin(theta),
+                 w * size * np.cos(theta)]  # fmt: skip
+        kinds = [flights.block == b for b in range(len(blocks))]
+        return np.column_stack(
+            [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
+        )
+
+
+def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
+    """(n, features) of impacts from the states before them."""
+    size = np.array([b.radius_m for b in world.blocks.values()])[block]
+    tx, ty = tangent.T
+    along, across = before[:, 3] * tx + before[:, 4] * ty, -before[:, 3] * ty + before[:, 4] * tx
+    spin = before[:, 5] * size
+    lean = before[:, 2] + before[:, 5] * 0.3 * size / np.maximum(np.abs(across), 0.1) - np.arctan2(ty, tx)
+    angles = [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
+    kinds = [block == b for b in range(len(world.blocks))] + [zone == z for z in np.unique(zone)]
+    return np.column_stack(
+        [along, across, spin, along + spin, before[:, 0], before[:, 1], along * across, *angles, *kinds,
+         *[k * across for k in kinds], *[k * along for k in kinds]]
+    )  # fmt: skip
+
+
+def film_data(
+    experiment: Experiment, film: Film, bench: World, mirror: tuple[float, float, float]
+) -> FilmData:
+    """Cut a film into segments; `mirror` are the signs that its axes need to be those of the bench."""
+    cut = cut_film(experiment, film, mirror)
+    basis = flight_basis(film, cut.flights)
+    seen = replace(bench, view=replace(bench.view, mirror=mirror))
+    states = fit_states(seen, film, cut.flights, basis)
+    start = start_instants(experiment, seen, cut, basis, states)
+    impacts = find_impacts(experiment, seen, cut, basis, states, start)
+    return FilmData(cut, basis, impacts, start, release_order(film.release_block).astype(float))

@@ -1,0 +1,104 @@
+"""A model to be fitted: the paper's law with some effects, its parameters on scales that an optimiser likes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+Array = np.ndarray
+
+BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
+# plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
+BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
+LEAST_RATIO = 1.02  # of unloading to loading stiffness
+
+
+@dataclass(frozen=True)
+class Model:
+    """Base law and effects; `world(p)` is the world at parameters p: first the five of the base, then the effects'.
+
+    p is dimensionless: logarithms relative to `base`, and effect parameters in units of their plausible range.
+    """
+
+    bench: World
+    base: Array
+    effects: Sequence[Effect] = ()
+
+    @property
+    def size(self) -> int:
+        return len(BASE_WIDTH) + sum(len(e.parameters) for e in self.effects)
+
+    @property
+    def scatter_effects(self) -> list[Effect]:
+        return [e for e in self.effects if e.scatter]
+
+    def start(self) -> Array:
+        """Parameters of the base as it stands, without effects."""
+        neutral = [to_scale(p, p.neutral) for e in self.effects for p in e.parameters]
+        return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral])
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest parameters."""
+        low = [to_scale(p, p.low) for e in self.effects for p in e.parameters]
+        high = [to_scale(p, p.high) for e in self.effects for p in e.parameters]
+        return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([3 * BASE_WIDTH, high])
+
+    def law(self, p: Array) -> Array:
+        """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""
+        k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[:5])
+        return np.array([k_l, k_l * max(ratio, LEAST_RATIO), k_t, mu, k_r])
+
+    def values(self, p: Array) -> list[list[float]]:
+        """Values of each effect's parameters at p."""
+        out, i = [], len(BASE_WIDTH)
+        for effect in self.effects:
+            out.append([from_scale(q, p[i + k]) for k, q in enumerate(effect.parameters)])
+            i += len(effect.parameters)
+        return out
+
+    def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
+        """The world at p for releases of these places in their series; `amounts` instead of the effects' values."""
+        rows = self.bench.contact.copy()
+        rows[..., [K_L, K_UL, K_T, MU, K_R]] = self.law(p)
+        world = replace(self.bench, contact=rows, order=order)
+        for effect, values in zip(self.effects, amounts or self.values(p), strict=True):
+            if not effect.scatter or amounts is not None:
+                world = effect.apply(world, values)
+        return world
+
+
+def is_factor(p: Parameter) -> bool:
+    """Whether a parameter is a factor, which lives on a logarithmic scale."""
+    return p.neutral == 1.0 and p.low > 0.0
+
+
+def to_scale(p: Parameter, value: float) -> float:
+    """Parameter value -> the optimiser's scale: logarithm of a factor, else (value - neutral) / half the range."""
+    if is_factor(p):
+        return float(np.log(value))
+    return (value - p.neutral) / (0.5 * (p.high - p.low))
+
+
+def from_scale(p: Parameter, z: float) -> float:
+    """The inverse of `to_scale`."""
+    if is_factor(p):
+        return float(np.exp(z))
+    return p.neutral + z * 0.5 * (p.high - p.low)
+
+
+def discrete(model: Model) -> list[int]:
+    """Positions of the parameters that can only be chosen from a list."""
+    parameters = [q for e in model.effects for q in e.parameters]
+    return [len(BASE_WIDTH) + i for i, q in enumerate(parameters) if q.choices]
+
+
+def scatters(model: Model) -> list[int]:
+    """Positions of the parameters that are standard deviations of what varies from impact to impact."""
+    owners = [e for e in model.effects for _ in e.parameters]
+    return [len(BASE_WIDTH) + i for i, e in enumerate(owners) if e.scatter]

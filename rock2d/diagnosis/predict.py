@@ -1,0 +1,150 @@
+"""A diagnosed model on another experiment of the same bench: every stretch from one flight to the next."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.contact import CRATER, K_L, K_R, K_T, K_UL, MU
+from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis.bounces import tracked
+from rock2d.diagnosis.film_data import FilmData, film_data
+from rock2d.diagnosis.flights import Film, load_film
+from rock2d.diagnosis.model import BASE_NAMES
+from rock2d.diagnosis.sanity import MIRRORS, check_film
+from rock2d.diagnosis.states import drift
+from rock2d.effects import catalogue
+from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.errors import InputError
+from rock2d.experiment import Experiment
+from rock2d.world import World
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
+
+
+def read_model(path: str | Path) -> dict[str, Any]:
+    """diagnosis.json, checked for what a prediction needs; raises `InputError`."""
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        raise InputError("no such diagnosis", path) from None
+    except json.JSONDecodeError as error:
+        raise InputError(f"not JSON: {error.msg}", path, error.lineno, error.colno) from None
+    if not isinstance(content, dict) or content.get("schema") != 1:
+        raise InputError('expected a diagnosis with "schema": 1', path)
+    laws = [content.get("base")] + [e.get("base") for e in content.get("effects", {}).values()]
+    for law in laws:
+        if not isinstance(law, dict) or not all(_positive(law.get(name)) for name in BASE_NAMES):
+            raise InputError(
+                f"expected base parameters {', '.join(BASE_NAMES)}; this diagnosis has none to predict with",
+                path,
+            )
+    return content
+
+
+def _positive(value: Any) -> bool:
+    return isinstance(value, (int, float)) and np.isfinite(value) and value > 0
+
+
+def diagnosed_world(content: dict[str, Any], bench: World, order: Array, base_only: bool) -> World:
+    """The world of a diagnosis: the base law, or the law and the effects of the verdict."""
+    known = catalogue()
+    names = [] if base_only or content["verdict"] not in known else [content["verdict"]]
+    fitted = content["effects"][names[0]] if names else {"base": content["base"]}
+    values = {names[0]: fitted["parameters"]} if names else {}
+    if names and content.get("beside"):
+        fitted = content["beside"][-1]
+        values = fitted["parameters"]
+    law = fitted["base"]
+    rows = bench.contact.copy()
+    rows[..., [K_L, K_UL, K_T, K_R]] = [law["k_l_N_m"], law["k_ul_N_m"], law["k_t_N_m"], law["k_r_Nm_rad"]]
+    rows[..., MU] = np.tan(np.deg2rad(law["friction_angle_deg"]))
+    rows[..., CRATER] = float(content.get("law", {}).get("rolling_in_crater", False))
+    world = replace(bench, contact=rows, order=order)
+    for name, own in values.items():
+        if not known[name].scatter:  # a scatter shifts no mean
+            world = known[name].apply(world, [own[q.name]["value"] for q in known[name].parameters])
+    return world
+
+
+def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:
+    """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
+
+    A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
+    recorded. Raises InputError for an experiment without trajectories, or one whose film cannot be read.
+    """
+    import pandas as pd
+
+    if experiment.trajectories is None:
+        raise InputError(
+            "an impact table has no flights to predict from: trajectories are needed", experiment.folder
+        )
+    bench, film = bench_world(experiment), load_film(experiment)
+    sanity = check_film(experiment, film)
+    fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
+    if fatal:
+        raise InputError(fatal[0], experiment.folder)
+    data = film_data(experiment, film, bench, MIRRORS[sanity.mirror])
+    series = content.get("series", {})
+    lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
+    known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
+    # the same part of the series: both experiments are taken to span it
+    block = film.release_block
+    order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
+    flights = np.flatnonzero(np.isfinite(data.start_s))
+    world = diagnosed_world(content, bench, order[data.cut.flights.release[flights]], base_only)
+    return pd.DataFrame(_stretches(film, data, world, flights), columns=list(COLUMNS))
+
+
+def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict[str, Array]:
+    """Rows of all stretches that begin with one of `flights`."""
+    own, scale = data.cut.flights, world.view.time_scale
+    ends = np.searchsorted(film.release, own.release[flights], side="right")
+    following = {int(before): i for i, before in enumerate(own.follows) if before >= 0}
+    for i, flight in enumerate(flights):
+        if int(flight) in following:
+            ends[i] = own.last[following[int(flight)]]
+    frames = [np.arange(own.last[f], end) for f, end in zip(flights, ends, strict=True)]
+    room = max(map(len, frames))
+    states = data.states(world).middle[flights]
+    starts = drift(world, own.block[flights], states, data.start_s[flights] * scale)
+    instants = np.full((len(flights), room), np.inf)
+    for i, (flight, rows) in enumerate(zip(flights, frames, strict=True)):
+        instants[i, : len(rows)] = film.t_s[rows] - data.basis.middle[flight] - data.start_s[flight]
+    limits = np.where(np.isfinite(instants), instants, 0.0).max(axis=1)
+    ensemble, tables = world_ensemble(world)
+    result = run_batch(
+        ensemble, starts, block_ids=own.block[flights], table_ids=tables, gravity_m_s2=world.gravity_m_s2,
+        time_limit_s=limits * scale + 1e-9, times_s=instants * scale,
+    )  # fmt: skip
+    samples = result.samples
+    for k in range(1, room):  # where a block has left the cross-section, its last pose stays
+        gone = ~np.isfinite(samples[:, k, 0])
+        samples[gone, k] = samples[gone, k - 1]
+    poses = world.view.record(tracked(world, own.block[flights], samples))
+    segment = np.zeros(len(flights), np.int64)
+    for i in range(1, len(flights)):
+        if own.release[flights[i]] == own.release[flights[i - 1]]:
+            segment[i] = segment[i - 1] + 1
+    counts = [len(rows) for rows in frames]
+    index = np.concatenate(frames)
+    pose = np.concatenate([poses[i, :count] for i, count in enumerate(counts)])
+    names = np.array(film.block_names)
+    return {
+        "release": film.release_names[film.release[index]],
+        "block": names[film.release_block[film.release[index]]],
+        "segment": np.repeat(segment, counts),
+        "t_s": film.t_s[index],
+        "x_m": pose[:, 0],
+        "y_m": pose[:, 1],
+        "theta_rad": pose[:, 2],
+    }

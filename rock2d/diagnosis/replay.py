@@ -1,0 +1,112 @@
+"""Simulated again as it was filmed: from a measured flight on, at the camera's instants and in its frame.
+
+Poses are those that the camera records, with the sign of a mirrored axis put right, so that measured and simulated ones
+lie on the same cross-section.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.diagnosis.bounces import tracked
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.model import BASE_WIDTH, LEAST_RATIO
+from rock2d.diagnosis.states import drift
+from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.world import World
+
+Array = np.ndarray
+Signs = tuple[float, float, float]
+
+
+@dataclass
+class Releases:
+    """Releases frame by frame, measured or simulated, each from its first flight on.
+
+    Attributes
+    ----------
+    flight : (n,) the first flight of each release; `release`, `block` (n,) as in the film
+    t_s : (n, k) recorded instants, NaN beyond the last frame
+    pose : (n, k, 3) as the camera records them, NaN likewise
+    impact : (n,) index of the first frame after the first flight
+    """
+
+    flight: Array
+    release: Array
+    block: Array
+    t_s: Array
+    pose: Array
+    impact: Array
+
+    def __len__(self) -> int:
+        return len(self.flight)
+
+
+def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
+    """Every release that has a flight; where there are more frames in all than `most_frames`, one in so many."""
+    film, flights = data.film, data.cut.flights
+    first = np.flatnonzero(flights.follows < 0)
+    ends = np.searchsorted(film.release, flights.release[first], side="right")
+    step = int(np.ceil((ends - flights.first[first]).sum() / most_frames))
+    frames = [np.arange(flights.first[f], end, step) for f, end in zip(first, ends, strict=True)]
+    shape = (len(first), max(map(len, frames)))
+    t, pose = np.full(shape, np.nan), np.full((*shape, 3), np.nan)
+    for i, rows in enumerate(frames):
+        t[i, : len(rows)], pose[i, : len(rows)] = film.t_s[rows], film.pose[rows] * signs
+    impact = np.array([np.searchsorted(rows, flights.last[f]) for f, rows in zip(first, frames, strict=True)])
+    return Releases(first, flights.release[first], flights.block[first], t, pose, impact)
+
+
+def simulated_releases(
+    data: FilmData, fit: Fit, film: Releases, signs: Signs, *, repetitions: int = 0, seed: int = 0
+) -> Array:
+    """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
+    the fitted scatter and with the film's noise.
+
+    The soil varies from impact to impact; few impacts of a release matter, so it is drawn once for each.
+    """
+    order = data.order[film.release]
+    if not repetitions:
+        return follow(data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs)
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    n, k = film.t_s.shape
+    world = varied(fit, fit.model.world(fit.p, np.tile(order, repetitions)), repetitions * n, rng)
+    t = np.tile(film.t_s, (repetitions, 1))
+    poses = follow(data, world, np.tile(film.flight, repetitions), t, t[:, 0], signs)
+    return (poses + rng.normal(size=poses.shape) * data.film.noise).reshape(repetitions, n, k, 3)
+
+
+def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
+    """The world with a soil of its own for each of n releases."""
+    rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
+    draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
+    draw[..., 1] += draw[..., 0]  # the scatter is that of k_ul / k_l
+    rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
+    rows[..., K_UL] = np.maximum(rows[..., K_UL], LEAST_RATIO * rows[..., K_L])
+    return replace(world, contact=rows)
+
+
+def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Array, signs: Signs) -> Array:
+    """Recorded poses (n, k, 3) at recorded instants `t_s` (n, k; NaN where there is none, at the end of a row).
+
+    The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). Where
+    a block has left the cross-section its last pose stays.
+    """
+    scale, middle = world.view.time_scale, data.basis.middle[flights]
+    block = data.cut.flights.block[flights]
+    starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
+    times = (t_s - start_s[:, None]) * scale
+    ensemble, tables = world_ensemble(world)
+    samples = run_batch(
+        ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
+        time_limit_s=np.nanmax(times, axis=1) + 1e-9, times_s=np.where(np.isfinite(times), times, np.inf),
+    ).samples  # fmt: skip
+    for k in range(1, samples.shape[1]):
+        gone = ~np.isfinite(samples[:, k, 0])
+        samples[gone, k] = samples[gone, k - 1]
+    poses = world.view.record(tracked(world, block, samples)) * signs
+    return np.where(np.isfinite(t_s)[..., None], poses, np.nan)

@@ -1,0 +1,122 @@
+"""Charts of one line each as inline SVG: markers with intervals, bars, spans.
+
+Positions are percentages, so that a strip fills whatever width the page gives it while markers and strokes keep their
+size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+LANE_PX = 12  # height of a mark
+# drawn about the origin; each model has a form of its own, so that colour is not needed
+SHAPES = {
+    "measured": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
+    "base": "M0,-5L5,0L0,5L-5,0Z",
+    "effect": "M0,-5L5,4L-5,4Z",
+    "plain": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A scale from `low` to `high`: linear, or with `linear_to` linear up to there and logarithmic beyond."""
+
+    low: float
+    high: float
+    linear_to: float = 0.0
+
+    def at(self, value: float) -> float:
+        """Where a value lies, in % of the width; those beyond the ends lie at the ends."""
+        low, high, here = (self._bent(v) for v in (self.low, self.high, value))
+        return float(np.clip(100.0 * (here - low) / (high - low), 0.0, 100.0))
+
+    def _bent(self, value: float) -> float:
+        return float(np.arcsinh(value / self.linear_to)) if self.linear_to else value
+
+    def ticks(self) -> list[float]:
+        """Round values on the axis, few enough to be read."""
+        if not self.linear_to:
+            from matplotlib.ticker import MaxNLocator
+
+            found = np.asarray(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]).tick_values(self.low, self.high))
+        else:
+            powers = 10.0 ** np.arange(np.ceil(np.log10(self.linear_to)), 12)
+            found = np.concatenate([-powers[::-1], [0.0], powers])
+        inside = [float(v) for v in found if self.low <= v <= self.high]
+        while len(inside) > 6:
+            keep = inside.index(0.0) % 2 if 0.0 in inside else 0  # zero stays
+            inside = inside[keep::2]
+        return inside
+
+
+def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
+    """A linear axis that holds the finite `values`, and zero if asked, with a little room."""
+    known = [v for v in values if np.isfinite(v)] + ([0.0] if zero else [])
+    low, high = (min(known), max(known)) if known else (0.0, 1.0)
+    room = 0.03 * (high - low) or 0.5 * abs(high) or 1.0
+    return Axis(low if zero and low == 0.0 else low - room, high + room)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One mark of a strip: a point with a whisker from low to high, a bar from zero, or a span with a tick in it.
+
+    `model` gives colour and form ("measured" | "base" | "effect" | "plain"); `told` is read aloud and shown on hover.
+    """
+
+    model: str
+    value: float
+    low: float
+    high: float
+    told: str
+    kind: str = "point"
+
+
+def strip(axis: Axis, marks: Sequence[Mark]) -> Markup:
+    """A strip with every mark in a lane of its own, top down."""
+    from markupsafe import Markup, escape
+
+    height = LANE_PX * max(len(marks), 1) + 8
+    parts = []
+    for tick in axis.ticks():
+        kind, x = "zero" if tick == 0 else "grid", f"{axis.at(tick):.2f}%"
+        parts.append(f'<line class="{kind}" x1="{x}" x2="{x}" y1="0" y2="{height}"/>')
+    for i, mark in enumerate(marks):
+        y = 4 + LANE_PX * (i + 0.5)
+        low, value, high = (f"{axis.at(v):.2f}%" for v in (mark.low, mark.value, mark.high))
+        shape = f'<svg x="{value}" y="{y}" overflow="visible"><path d="{SHAPES[mark.model]}"/></svg>'
+        whisker = f'<line class="whisker" x1="{low}" x2="{high}" y1="{y}" y2="{y}"/>'
+        if mark.kind == "bar":
+            start, width = axis.at(0.0), axis.at(mark.value) - axis.at(0.0)
+            body = f'<rect x="{min(start, start + width):.2f}%" width="{abs(width):.2f}%" y="{y - 4.5}" height="9"/>'
+            if mark.low < mark.high:
+                body += whisker
+        elif mark.kind == "span":
+            body = f'<line class="span" x1="{low}" x2="{high}" y1="{y}" y2="{y}"/>{shape}'
+        else:
+            body = whisker + shape
+        parts.append(f'<g class="{mark.model}"><title>{escape(mark.told)}</title>{body}</g>')
+    label = escape("; ".join(mark.told for mark in marks))
+    head = f'<svg class="strip" role="img" aria-label="{label}" width="100%" height="{height}">'
+    return Markup(f"{head}{''.join(parts)}</svg>")
+
+
+def scale(axis: Axis) -> Markup:
+    """The axis' tick labels as a strip."""
+    from markupsafe import Markup
+
+    labels = []
+    for tick in axis.ticks():
+        at = axis.at(tick)
+        anchor = "start" if at < 4 else "end" if at > 96 else "middle"
+        text = f"{tick:,.4g}".replace(",", " ").replace("-", "−")  # no-break space, minus
+        labels.append(f'<text x="{at:.2f}%" y="12" text-anchor="{anchor}">{text}</text>')
+    return Markup(f'<svg class="strip" aria-hidden="true" width="100%" height="16">{"".join(labels)}</svg>')

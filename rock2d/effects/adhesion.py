@@ -1,0 +1,43 @@
+"""Wet soil pulls on the leaving block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rock2d.compiled import kernel
+from rock2d.effects.changes import STANDARD_GRAVITY_M_S2, mean_mass_kg, with_column
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+ONSET_M_S = 0.02  # of the leaving speed: a pull that sprang up at rest would make a lying block chatter
+
+
+@kernel
+def normal(pull, depth, rate, peak, bottom, force_n):
+    """F = -pull in N on a block that leaves (dδ/dt < 0), from where the ground ceases to press until the block is clear
+    of the original surface; it costs the block pull × the depth of its crater."""
+    if rate >= 0.0 or depth > bottom:
+        return 0.0
+    return -pull * min(1.0, -rate / ONSET_M_S)
+
+
+def damping(pull):
+    """The steepest part is the onset."""
+    return abs(pull) / ONSET_M_S
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    return with_column(world, "adhesion_N", values[0] * mean_mass_kg(world) * STANDARD_GRAVITY_M_S2)
+
+
+EFFECT = Effect(
+    name="adhesion",
+    summary="wet soil pulls on the leaving block until it is clear of the ground",
+    source="constant tension over the way out of the crater, the simplest law with a work of separation",
+    phase="impact",
+    parameters=(Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull over the blocks' mean weight"),),
+    apply=apply,
+    columns=("adhesion_N",),
+    normal=normal,
+    damping=damping,
+)

@@ -1,0 +1,88 @@
+"""What effects do to a world, each in one call; every function returns a changed copy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rock2d.blocks import Block
+from rock2d.effects.effect import Parameter
+from rock2d.terrain import Terrain, ditch_facets, embankment_facets
+from rock2d.world import World
+
+Array = np.ndarray
+
+# where the camera's axis meets the plane: nobody measures it, so every effect that turns about it has it as parameters
+CENTRE = (
+    Parameter("centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the bench's middle, over its width"),
+    Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the bench's middle, over its width"),
+)
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+
+def mean_mass_kg(world: World) -> float:
+    """Mean mass of the world's blocks: what scales forces from the laboratory to the slope."""
+    return float(np.mean([block.mass_kg for block in world.blocks.values()]))
+
+
+def image(terrain: Terrain) -> tuple[tuple[float, float], float]:
+    """Where a camera aims, and the width of what it is about, in m: middle and width of the box that bounds embankment
+    and ditch, or the whole cross-section where there is no embankment."""
+    aim = embankment_facets(terrain) | ditch_facets(terrain)
+    facets = np.flatnonzero(aim) if aim.any() else np.arange(len(aim))
+    points = terrain.points_m[np.union1d(facets, facets + 1)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = 0.5 * (low + high)
+    return (float(middle[0]), float(middle[1])), float(high[0] - low[0])
+
+
+def with_view(world: World, centre: Sequence[float] = (0.0, 0.0), **changes: Any) -> World:
+    """The world seen by another camera, which aims at `image`, or `centre` × its width beside it."""
+    (x, y), width = image(world.terrain)
+    aim = (x + width * centre[0], y + width * centre[1])
+    return replace(world, view=replace(world.view, centre_m=aim, **changes))
+
+
+def with_blocks(world: World, change: Callable[[Block], Block]) -> World:
+    """The world with every block changed."""
+    return replace(world, blocks={name: change(block) for name, block in world.blocks.items()})
+
+
+def with_air(world: World, name: str, per_kg: float) -> World:
+    """The world with a column of every block's `air` set to `per_kg` × the block's mass."""
+    from rock2d.effects.columns import N_AIR, air_column
+
+    def change(block: Block) -> Block:
+        air = list(block.air or np.zeros(N_AIR))
+        air[air_column(name)] = float(per_kg * block.mass_kg)
+        return replace(block, air=tuple(air))
+
+    return with_blocks(world, change)
+
+
+def with_column(world: World, name: str, value: float | Array, zones: Array | None = None) -> World:
+    """The world with an effect's contact column set to `value` (a number, or one a zone) in `zones` (a mask)."""
+    from rock2d.effects.columns import column, widened
+
+    contact = widened(world.contact)
+    which = np.ones(contact.shape[1], bool) if zones is None else zones
+    contact[:, which, column(name)] = np.broadcast_to(value, contact.shape[:2])[:, which]
+    return replace(world, contact=contact)
+
+
+def with_scaled_columns(
+    world: World, columns: Sequence[int], factor: float | Array, zones: Array | None = None
+) -> World:
+    """The world with columns of the contact law times `factor` (a number, or one a release) in `zones` (a mask)."""
+    factor = np.atleast_1d(np.asarray(factor, float))
+    contact = (
+        np.repeat(world.contact, len(factor), axis=0) if len(world.contact) == 1 else world.contact.copy()
+    )
+    which = np.ones(contact.shape[1], bool) if zones is None else zones
+    for column in columns:
+        contact[:, which, column] *= factor[:, None]
+    return replace(world, contact=contact)

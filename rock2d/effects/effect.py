@@ -1,0 +1,74 @@
+"""What an effect of the catalogue is: its parameters, and how it changes the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rock2d.world import World
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect. `neutral` is its value without the effect; `low` and `high` bound the plausible.
+
+    `choices`: the values it can take, if it is no continuous quantity.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    meaning: str
+    choices: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One thing that the paper's model leaves out.
+
+    Attributes
+    ----------
+    name : as in diagnosis.json
+    summary : what is missing from the model, one line
+    source : where the law comes from
+    phase : where it shows: "flight", "impact" or "all"
+    parameters : name, unit, neutral value and plausible range of each
+    apply : (world, values in the order of `parameters`) -> the world with the effect
+    camera : changes only the record, not the motion
+    scatter : the (only) parameter is the standard deviation of a quantity that varies from impact to impact
+        with mean zero; `apply` takes one value of that quantity
+    columns : names of the columns that its law reads of a contact row, or of a block's `air`
+    normal, friction, tangential, flight, recoil, departure : compiled laws, see `rock2d.effects.forces`
+    damping : (columns) -> greatest growth of its forces with the speed of a contact in N s/m, arrays of any shape
+    """
+
+    name: str
+    summary: str
+    source: str
+    phase: str
+    parameters: Sequence[Parameter]
+    apply: Callable[[World, Sequence[float]], World]
+    camera: bool = False
+    scatter: bool = False
+    columns: Sequence[str] = ()
+    normal: Any = None
+    friction: Any = None
+    tangential: Any = None
+    flight: Any = None
+    recoil: Any = None
+    departure: Any = None
+    damping: Callable[..., Any] | None = None
+
+    def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:
+        """Processes pass an effect on by its name: compiled laws do not travel."""
+        return from_catalogue, (self.name,)
+
+
+def from_catalogue(name: str) -> Effect:
+    """The catalogue's effect of that name."""
+    from rock2d.effects import catalogue
+
+    return catalogue()[name]

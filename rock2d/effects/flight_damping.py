@@ -1,0 +1,33 @@
+"""Drag linear in velocity, on translation and rotation alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rock2d.compiled import kernel
+from rock2d.effects.changes import with_air
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+
+@kernel
+def flight(c, vx, vy, omega, mass, inertia):
+    """a = -(c/m) v in m/s², α = -(c/m) ω in rad/s²: velocity and spin both decay as exp(-c t / m), c in kg/s."""
+    rate = c / mass
+    return -rate * vx, -rate * vy, -rate * omega
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    return with_air(world, "damping_kg_s", values[0])
+
+
+EFFECT = Effect(
+    name="flight_damping",
+    summary="drag linear in velocity, on translation and rotation alike",
+    source="Stokes's drag; the global damping of many discrete-element codes has the same form",
+    phase="flight",
+    parameters=(Parameter("rate_1_s", "1/s", 0.0, 0.0, 2.0, "share of velocity and spin lost per second"),),
+    apply=apply,
+    columns=("damping_kg_s",),
+    flight=flight,
+)

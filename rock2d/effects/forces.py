@@ -1,0 +1,83 @@
+"""The compiled laws of all effects together: what the engines add to the contact law and to free flight.
+
+An effect brings any of these laws, compiled (`rock2d.compiled.kernel`). Each is called with the effect's own columns
+first, in the order of `Effect.columns`, and only where one of them is not 0:
+
+- normal(columns, depth, rate, peak, bottom, force_n): normal force in N to be added to the contact law's `force_n`.
+  While the ground presses (depth >= bottom of the crater) the sum is kept from pulling; in the crater it may pull
+- friction(columns, slip): factor on tan φ
+- tangential(columns, depth, slip, force_n): force in N against the slip, beside the tangential spring; `force_n` is the
+  whole normal force
+- flight(columns, vx, vy, omega, mass, inertia): accelerations (m/s², m/s², rad/s²), in flight and in contact alike
+- recoil(columns): 1 / mass in 1/kg of a ground that gives horizontally as a body, see `effects/embankment_yield.py`
+- departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
+
+depth, peak : penetration in m, and the deepest of this contact; rate : of the depth, in m/s; slip : tangential velocity
+of the contact point in m/s. All take energy, or leave it: what they take is the audit's share "effects".
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rock2d.compiled import kernel
+from rock2d.effects import catalogue
+from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES, LAW_COLUMNS, N_COLUMNS
+
+ACTS = N_COLUMNS  # column of a row, as `columns.engine_rows` makes it, that tells whether any effect acts in contact
+FIRST = LAW_COLUMNS  # column of a row from which on effects have theirs
+
+
+def _together(law: str, arguments: str, start: str, step: str) -> Any:
+    """One compiled function of (row, first column, arguments) that goes through the `law` of every effect that has
+    one, from the values `start` on: names, kept in the order of "name = value". `step` makes them from `new`.
+
+    It is written out and compiled under this file's name, so that numba keeps it on disk as any other function.
+    """
+    names = CONTACT_NAMES if law != "flight" else AIR_NAMES
+    values = ", ".join(part.split("=")[0].strip() for part in start.split(";"))
+    source = [f"def {law}(row, first, {arguments}):" if arguments else f"def {law}(row, first):", f"    {start}"]
+    laws = {}
+    for name, effect in catalogue().items():
+        own = getattr(effect, law)
+        if own is None:
+            continue
+        laws[name] = own
+        columns = [f"row[first + {names.index(c)}]" for c in effect.columns]
+        source += [
+            f"    if {' or '.join(f'{c} != 0.0' for c in columns)}:",
+            f"        new = {name}({', '.join([*columns, *([arguments] if arguments else [])])})",
+            f"        {step}",
+        ]
+    source.append(f"    return {values}")
+    scope: dict[str, Any] = {**laws, "__name__": __name__}
+    exec(compile("\n".join(source), __file__, "exec"), scope)
+    return kernel(scope[law])
+
+
+normal = _together("normal", "depth, rate, peak, bottom, force_n", "total = 0.0", "total += new")
+friction = _together("friction", "slip", "factor = 1.0", "factor *= new")
+tangential = _together("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
+recoil = _together("recoil", "", "total = 0.0", "total += new")
+departure = _together(
+    "departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new"
+)
+_flight = _together(
+    "flight", "vx, vy, omega, mass, inertia", "ax = 0.0; ay = 0.0; alpha = 0.0",
+    "ax, ay, alpha = ax + new[0], ay + new[1], alpha + new[2]",
+)  # fmt: skip
+
+
+@kernel
+def flight(air, vx, vy, omega, mass, inertia):
+    """Accelerations (m/s², m/s², rad/s²) of a block with these `air` columns, beside gravity's."""
+    return _flight(air, 0, vx, vy, omega, mass, inertia)
+
+
+@kernel
+def ground_forces(row, first, depth, rate, slip, peak, bottom, force_n):
+    """(whole normal force in N, factor on tan φ, force against the slip in N) of a contact with effects."""
+    whole = force_n + normal(row, first, depth, rate, peak, bottom, force_n)
+    if depth >= bottom:
+        whole = max(0.0, whole)
+    return whole, friction(row, first, slip), tangential(row, first, depth, slip, whole)

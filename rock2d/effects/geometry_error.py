@@ -1,0 +1,60 @@
+"""The built cross-section differs from the surveyed one: angle of the embankment's facing, level of the ditch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.terrain import Terrain, ditch_facets
+from rock2d.world import World
+
+STEEPEST_RAD = np.deg2rad(170.0)  # of a facing; beyond the vertical it overhangs
+CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    if world.terrain.embankment is None or not any(values):
+        return world
+    return replace(world, terrain=as_built(world.terrain, float(values[0]), float(values[1])))
+
+
+def as_built(terrain: Terrain, facing_rad: float, ditch_level: float) -> Terrain:
+    """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
+    and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
+
+    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α).
+    """
+    rise = terrain.embankment
+    if rise is None:
+        return terrain
+    points = terrain.points_m.copy()
+    run, height = points[rise.crest] - points[rise.left]
+    angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
+    shear = 1.0 / np.tan(angle) - run / height
+    room = points[rise.crest_end, 0] if rise.crest_end > rise.crest else points[rise.right, 0]
+    shear = min(shear, (1.0 - CREST_LEFT) * (room - points[rise.crest, 0]) / height)
+    face = slice(rise.left + 1, rise.crest + 1)
+    points[face, 0] += shear * (points[face, 1] - points[rise.left, 1])
+    ditch = np.flatnonzero(ditch_facets(terrain))
+    points[np.union1d(ditch, ditch + 1), 1] += ditch_level * rise.height_m
+    return Terrain(points, terrain.zones, terrain.measure_lines)
+
+
+EFFECT = Effect(
+    name="geometry_error",
+    summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
+    source="geometry, told by shape: `Terrain.embankment`",
+    phase="impact",
+    parameters=(
+        Parameter(
+            "facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, steeper positive"
+        ),
+        Parameter(
+            "ditch_level", "1", 0.0, -0.15, 0.15, "rise of the ditch over the height of the embankment"
+        ),
+    ),
+    apply=apply,
+)

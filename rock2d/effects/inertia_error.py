@@ -1,0 +1,25 @@
+"""The moment of inertia differs from the stated block's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rock2d.effects.changes import with_blocks
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    factor = float(values[0])
+    return with_blocks(world, lambda block: replace(block, inertia_kg_m2=factor * block.inertia_kg_m2))
+
+
+EFFECT = Effect(
+    name="inertia_error",
+    summary="the moment of inertia differs from the stated block's: hollow, cored, or not of one material",
+    source="definition; a thin shell has 5/3 of a solid ball's, a square frame 2 of a solid square's",
+    phase="impact",
+    parameters=(Parameter("factor", "1", 1.0, 0.5, 2.0, "true over stated moment of inertia"),),
+    apply=apply,
+)

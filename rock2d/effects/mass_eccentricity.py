@@ -1,0 +1,30 @@
+"""The centre of mass is not the centroid that is tracked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rock2d.effects.changes import with_blocks
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    """The same offset for all blocks, in units of their mean size, along the axes of each."""
+    size = sum(b.size_m for b in world.blocks.values()) / len(world.blocks)
+    offset = (values[0] * size, values[1] * size)
+    return with_blocks(world, lambda block: replace(block, centre_of_mass_m=offset))
+
+
+EFFECT = Effect(
+    name="mass_eccentricity",
+    summary="the centre of mass is not the centroid that is tracked: flights wobble, impacts turn the block",
+    source="rigid-body mechanics about the centre of mass, `rock2d.geometry`",
+    phase="all",
+    parameters=(
+        Parameter("along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"),
+        Parameter("across", "1", 0.0, -0.15, 0.15, "offset along the block's own y over the blocks' mean size"),
+    ),
+    apply=apply,
+)

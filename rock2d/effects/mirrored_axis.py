@@ -1,0 +1,36 @@
+"""An axis, or the sense of rotation, is recorded with the wrong sign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rock2d.effects.changes import with_view
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+NONE, X, Y, THETA = range(4)
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    """`values[0]` is a choice, not a size: 0 none, 1 x (about x = 0), 2 y (about y = 0), 3 theta."""
+    mirror = list(world.view.mirror)
+    axis = round(float(values[0]))
+    if axis != NONE:
+        mirror[axis - 1] *= -1.0
+    return with_view(world, mirror=tuple(mirror))
+
+
+EFFECT = Effect(
+    name="mirrored_axis",
+    summary="an axis, or the sense of rotation, is recorded with the wrong sign",
+    source="handedness of the image axes (y down in most image formats), `rock2d.world.View`",
+    phase="all",
+    parameters=(
+        Parameter(
+            "axis", "choice", float(NONE), float(NONE), float(THETA), "0 none, 1 x, 2 y, 3 theta; no size",
+            choices=(float(X), float(Y), float(THETA)),
+        ),
+    ),
+    apply=apply,
+    camera=True,
+)

@@ -1,0 +1,42 @@
+"""The block ploughs: tangential resistance that grows with depth and speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rock2d.compiled import kernel
+from rock2d.effects.changes import mean_mass_kg, with_column
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+
+
+@kernel
+def tangential(c, depth, slip, force_n):
+    """F = c δ u in N against the slip u of the contact point, c in N s/m², while the ground presses."""
+    return c * depth * slip if force_n > 0.0 else 0.0
+
+
+def damping(c):
+    """At the depth of a few millimetres that blocks of the laboratory reach."""
+    return 0.01 * c
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    size = sum(b.size_m for b in world.blocks.values()) / len(world.blocks)
+    return with_column(world, "ploughing_Ns_m2", values[0] * mean_mass_kg(world) / size)
+
+
+EFFECT = Effect(
+    name="ploughing_drag",
+    summary="the block ploughs: tangential resistance that grows with depth and speed",
+    source="drag of the ploughed front, proportional to its area and to the speed",
+    phase="impact",
+    parameters=(
+        Parameter("rate_1_s", "1/s", 0.0, 0.0, 4000.0, "drag over slip, at a depth of one block size, over the mean mass"),
+    ),
+    apply=apply,
+    columns=("ploughing_Ns_m2",),
+    tangential=tangential,
+    damping=damping,
+)

@@ -1,0 +1,42 @@
+"""Friction that changes with the sliding speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.effects.changes import with_column
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+LEAST = 0.05  # of tan φ: friction never vanishes
+
+
+@kernel
+def friction(change, speed, slip):
+    """tan φ (u) / tan φ (0) = 1 + change (1 - exp(-|u| / speed)), u the slip in m/s."""
+    return max(LEAST, 1.0 + change * (1.0 - np.exp(-abs(slip) / speed)))
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    change, speed = values
+    if change == 0.0:
+        return world
+    return with_column(with_column(world, "friction_change", change), "friction_speed_m_s", speed)
+
+
+EFFECT = Effect(
+    name="slip_dependent_friction",
+    summary="friction changes with the sliding speed, from its value at rest to another one",
+    source="exponential (Stribeck) law, Bo & Pavelescu (1982), The friction-speed relation",
+    phase="impact",
+    parameters=(
+        Parameter("change", "1", 0.0, -0.9, 2.0, "relative change of tan φ at high sliding speed"),
+        Parameter("speed_m_s", "m/s", 1.0, 0.2, 5.0, "sliding speed at which most of it has happened"),
+    ),
+    apply=apply,
+    columns=("friction_change", "friction_speed_m_s"),
+    friction=friction,
+)

@@ -1,0 +1,37 @@
+"""The soil stiffens from release to release.
+
+k_t stays: in the paper's law it is what regularises sticking, not a property of the soil; and changed soils then differ
+from one another (`zone_contrast`, `soil_compaction`) by where and when they show alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rock2d.contact import K_L, K_UL
+from rock2d.effects.changes import with_scaled_columns
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.world import World
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    order = np.asarray(world.order, float)
+    world = with_scaled_columns(world, (K_L, K_UL), 1.0 + values[0] * order)
+    world = with_scaled_columns(world, (K_UL,), np.maximum(1.0 + values[1] * order, 0.05))
+    world.contact[..., K_UL] = np.maximum(world.contact[..., K_UL], world.contact[..., K_L])
+    return world
+
+
+EFFECT = Effect(
+    name="soil_compaction",
+    summary="the soil stiffens from release to release, as blows compact it",
+    source="linear trend of stiffness with the number of blows, the first term of any hardening",
+    phase="impact",
+    parameters=(
+        Parameter("rate", "1", 0.0, 0.0, 0.1, "growth of k_l and k_ul with each release of the same block"),
+        Parameter("excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with each release of the same block"),
+    ),
+    apply=apply,
+)

@@ -1,0 +1,50 @@
+"""The local slope varies from impact to impact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.terrain import Terrain
+from rock2d.world import World
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    """`values[0]` is the local slope under the next impact in excess of the facet's: one for all, or one a release."""
+    return replace(world, slope_rad=np.atleast_1d(np.asarray(values[0], float)))
+
+
+def roughened(terrain: Terrain, sd_rad: float, length_m: float, rng: np.random.Generator) -> Terrain:
+    """The cross-section cut into pieces of about `length_m` whose slopes vary with `sd_rad` (1 sigma, normal).
+
+    Pieces come in pairs of equal and opposite deviation, so that the surface leaves the mean one by no more than the
+    rise of one piece, and returns to every vertex of it.
+    """
+    length = np.hypot(*np.diff(terrain.points_m, axis=0).T)
+    points, zones = [terrain.points_m[:1]], []
+    for i, zone in enumerate(terrain.zones):
+        pairs = max(1, round(length[i] / (2.0 * length_m)))
+        pieces = 2 * pairs
+        offset = np.zeros(pieces)
+        offset[::2] = length[i] / pieces * np.tan(rng.normal(0.0, sd_rad, pairs))
+        along = length[i] / pieces * np.arange(1, pieces + 1)
+        points.append(
+            terrain.points_m[i] + along[:, None] * terrain.tangents[i] + offset[:, None] * terrain.normals[i]
+        )
+        points[-1][-1] = terrain.points_m[i + 1]
+        zones += [zone] * pieces
+    return Terrain(np.vstack(points), zones, terrain.measure_lines)
+
+
+EFFECT = Effect(
+    name="surface_roughness",
+    summary="the local slope varies from impact to impact: scatter of the rebound, no mean",
+    source="random slope of the impact surface, as in Pfeiffer & Bowen (1989), Computer simulation of rockfalls",
+    phase="impact",
+    parameters=(Parameter("sd_rad", "rad", 0.0, 0.0, 0.3, "standard deviation of the local slope"),),
+    apply=apply,
+    scatter=True,
+)

@@ -1,0 +1,37 @@
+"""The embankment's soil differs from the ditch's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rock2d.contact import K_L, K_UL, MU
+from rock2d.effects.changes import with_scaled_columns
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.terrain import embankment_facets, facet_zones
+from rock2d.world import World
+
+
+def apply(world: World, values: Sequence[float]) -> World:
+    stiffness, restitution, friction = values
+    zones = facet_zones(world.terrain, embankment_facets(world.terrain))
+    world = with_scaled_columns(world, (K_L,), stiffness, zones)
+    world = with_scaled_columns(world, (K_UL,), stiffness / restitution**2, zones)
+    world = with_scaled_columns(world, (MU,), friction, zones)
+    world.contact[..., K_UL] = np.maximum(world.contact[..., K_UL], world.contact[..., K_L])
+    return world
+
+
+EFFECT = Effect(
+    name="zone_contrast",
+    summary="the embankment's soil differs from the ditch's in stiffness, restitution or friction",
+    source="two soils for the paper's law (its Table 4 has one for both); restitution e = √(k_l / k_ul)",
+    phase="impact",
+    parameters=(
+        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment's zones over that of the others"),
+        Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the others"),
+        Parameter("friction", "1", 1.0, 0.4, 2.5, "tan φ there over that of the others"),
+    ),
+    apply=apply,
+)

@@ -1,0 +1,72 @@
+"""What a diagnosis says of films whose hidden effect is known; the engine is the same, so the answers must be exact."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.film_data import film_data
+from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.flights import load_film
+from rock2d.diagnosis.model import Model
+from rock2d.effects import catalogue
+from synthetic import LAW, film, series_order, world
+
+RELEASES = 16
+RIVALS = ("angle_offset", "inertia_error", "surface_roughness", "zone_contrast")  # the whole catalogue takes minutes
+
+
+def test_base_law_is_recovered():
+    experiment = film(world(), RELEASES, seed=2)
+    bench = bench_world(experiment)
+    data = film_data(experiment, load_film(experiment), bench, (1.0, 1.0, 1.0))
+    found = fit(Model(bench, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
+    law = found.model.law(found.p)
+    truth = np.array([LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad])
+    z = np.log(law / truth)[[0, 2, 3, 4]] / np.sqrt(np.diag(found.p_covariance))[[0, 2, 3, 4]]
+    assert np.abs(np.log(law / truth)).max() < 0.06
+    assert np.abs(z).max() < 5
+    assert found.scatter[0] == pytest.approx(0.03, abs=0.02)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(request):
+    """The diagnosis of a film with one effect of the catalogue at these values."""
+
+    def make(name: str | None, values: list[float], seed: int):
+        true = world(series_order(RELEASES))
+        if name is not None:
+            true = catalogue()[name].apply(true, values)
+        rivals = {n: catalogue()[n] for n in (*RIVALS, *([name] if name else []))}
+        return diagnosis_json(diagnose(film(true, RELEASES, seed=seed), effects=rivals))
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("camera_tilt", [0.03, 0.0, 0.0]),
+        ("zone_contrast", [0.4, 1.0, 1.0]),
+        ("soil_compaction", [0.04, 0.0]),
+        ("frame_rate_error", [1.04]),
+    ],
+)
+def test_hidden_effect_is_named_and_measured(diagnosed, name, values):
+    content = diagnosed(name, values, seed=7)
+    assert content["verdict"] == name
+    found = [p["value"] for p in content["effects"][name]["parameters"].values()]
+    assert found[0] == pytest.approx(values[0], rel=0.15)
+    assert content["gap"]["closure"] > 0.85
+    assert sum(content["probabilities"].values()) == pytest.approx(1.0)
+    assert content["where"] and sum(c["share"] for c in content["where"]) == pytest.approx(1.0)
+
+
+def test_no_effect_is_named_without_one(diagnosed):
+    content = diagnosed(None, [], seed=11)
+    assert content["verdict"] == "none"
+    json.dumps(content, allow_nan=False)

@@ -21,7 +21,7 @@ class Block:
     Attributes
     ----------
     shape : "circle" | "square" | "rectangle" | "ellipse" | "polygon"
-    mass_kg, inertia_kg_m2 : mass and moment of inertia about the centroid
+    mass_kg, inertia_kg_m2 : mass and moment of inertia about the centre of mass
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners of a polygon, counter-clockwise, centroid at the origin; (0, 2) if smooth
     rounding_m : radius with which the corners of a polygon are rounded; its faces stay where they are
@@ -44,6 +44,11 @@ class Block:
             raise ValueError(f"block {self.name}: mass_kg must be positive, got {self.mass_kg}")
         if not (self.inertia_kg_m2 > 0 and np.isfinite(self.inertia_kg_m2)):
             raise ValueError(f"block {self.name}: inertia must be positive, got {self.inertia_kg_m2}")
+        if self.rounding_m and not 0 <= self.rounding_m <= self.largest_rounding_m * (1 + 1e-9):
+            raise ValueError(
+                f"block {self.name}: corners can be rounded with up to {self.largest_rounding_m:g} m, "
+                f"got {self.rounding_m:g}"
+            )
 
     @property
     def smooth(self) -> bool:
@@ -64,6 +69,18 @@ class Block:
         if self.smooth:
             return self.radius_m + float(np.hypot(ex, ey))
         return float(np.hypot(*(self.corners_m - np.array([ex, ey])).T).max())
+
+    @property
+    def largest_rounding_m(self) -> float:
+        """Radius of rounded corners at which the first face vanishes between two of them; 0 if smooth."""
+        if self.smooth:
+            return 0.0
+        edge = np.roll(self.corners_m, -1, axis=0) - self.corners_m
+        length = np.hypot(*edge.T)
+        before = np.roll(edge, 1, axis=0)
+        cos_turn = (before * edge).sum(axis=1) / (length * np.roll(length, 1))
+        taken = np.sqrt((1 - cos_turn) / (1 + cos_turn))  # tan(turn / 2): what a corner takes of each face
+        return float((length / (taken + np.roll(taken, -1))).min())
 
     @property
     def area_m2(self) -> float:
@@ -92,6 +109,21 @@ class Block:
             return np.hypot(a * np.sin(theta), b * np.cos(theta))
         x, y = self.corners_m.T
         return -(np.sin(theta)[..., None] * x + np.cos(theta)[..., None] * y).min(axis=-1)
+
+
+def states_at(states: Array, point_m: Sequence[float] | Array) -> Array:
+    """States (n, 6: x, y, theta, vx, vy, omega) of another point of the body, at `point_m` (2,) or (n, 2) in its axes
+    from the one whose states are given: with `Block.centre_of_mass_m` from centroid to centre of mass (what engines
+    move), with its negative back."""
+    out = np.array(np.atleast_2d(states), float)
+    ex, ey = np.moveaxis(np.asarray(point_m, float), -1, 0)
+    c, s = np.cos(out[:, 2]), np.sin(out[:, 2])
+    rx, ry = c * ex - s * ey, s * ex + c * ey
+    out[:, 0] += rx
+    out[:, 1] += ry
+    out[:, 3] -= out[:, 5] * ry
+    out[:, 4] += out[:, 5] * rx
+    return out
 
 
 def make_block(

@@ -92,7 +92,9 @@ def demo(out, quiet) -> None:
               help="Folder for diagnosis.json and report.html.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
               help="Of the bootstrap intervals.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it.")
+@click.option(
+    "--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it."
+)
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def diagnose(experiment, out, seed, workers, quiet) -> None:
     """Say where the simulation of EXPERIMENT (a folder) is wrong, which effect is missing, how far the gap shrinks.

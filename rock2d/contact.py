@@ -56,7 +56,12 @@ class ContactParameters:
         mu = np.inf if angle == 90 else np.tan(np.deg2rad(angle))
         return np.array(
             [
-                self.k_l_N_m, self.k_ul_N_m, self.k_t_N_m, mu, self.k_r_Nm_rad, float(self.rolling_cap),
+                self.k_l_N_m,
+                self.k_ul_N_m,
+                self.k_t_N_m,
+                mu,
+                self.k_r_Nm_rad,
+                float(self.rolling_cap),
                 float(self.rolling_in_crater),
             ]
         )
@@ -104,8 +109,8 @@ def tangential_force(stretch, force_n, k_t, mu):
 
 @kernel(inline="always")
 def rolling_moment(rotation, force_n, arm, k_r, cap, crater):
-    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `crater`, as long as the contact
-    lasts; cap: at most arm × F_n."""
+    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `crater`, as long as the
+    contact lasts; cap: at most arm × F_n."""
     if force_n <= 0.0 and crater == 0.0:
         return 0.0
     moment = k_r * rotation

@@ -289,9 +289,9 @@ def contact_point(kind, index, part, x, y, c, s, block, terrain):
 
 @kernel(inline="always")
 def load_feature(kind, index, part, block, facets):
-    """What `place_feature` needs of a feature: terrain point, facet normal, and four numbers: of a corner its centre, its
-    radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes and
-    centre."""
+    """What `place_feature` needs of a feature: terrain point, facet normal, and four numbers: of a corner its centre,
+    its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
+    and centre."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]

@@ -31,7 +31,8 @@ class ContactKeys(Checked):
         default=None, description="Limit the rolling moment to arm x normal force (the paper does not); false"
     )
     rolling_in_crater: bool | None = Field(
-        default=None, description="The rolling spring acts until the block is clear of the ground; false: while pressed"
+        default=None,
+        description="The rolling spring acts until the block is clear of the ground; false: while pressed",
     )
 
 

@@ -98,8 +98,8 @@ def standard_error(per_release: Array) -> float:
 def fit_base(bench: World, base: Array, data: Data) -> Fit:
     """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`.
 
-    Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept, in
-    the bench of the fit's model.
+    Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept,
+    in the bench of the fit's model.
     """
     found = []
     for reading in (0.0, 1.0):

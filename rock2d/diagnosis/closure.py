@@ -37,7 +37,9 @@ class Gap:
 def squares(data: Data, out: HeldOut, covariance: Array) -> tuple[Array, Array]:
     """Clipped squares of held-out residuals in standard deviations: impacts (n, d), flights (m, 3 × degrees)."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    flights = clipped(out.left.flights[:, :, :FLIGHT_DEGREES]).reshape(len(out.left.flights), 3 * FLIGHT_DEGREES)
+    flights = clipped(out.left.flights[:, :, :FLIGHT_DEGREES]).reshape(
+        len(out.left.flights), 3 * FLIGHT_DEGREES
+    )
     return clipped(out.left.impacts / scale) ** 2, flights**2
 
 

@@ -42,7 +42,7 @@ def run_diagnosis(
         bar.total = len(names) + 1
 
         def step(name: str) -> None:
-            bar.total = max(int(bar.total), bar.n + 1)  # effects beside the best one come on top
+            bar.total = max(bar.total or 0, bar.n + 1)  # effects beside the best one come on top
             bar.set_description(name)
             bar.update()
 

@@ -159,7 +159,7 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
 def _sigma(square: float) -> str:
     """Residuals count as CLIP at most, so a miss of that size may be any larger one."""
     root = float(np.sqrt(square))
-    return f"{root:.1f} σ" if root < 0.98 * CLIP else f"{CLIP:g} σ or more"
+    return f"{root:.1f} σ" if root < 0.98 * CLIP else f"≥ {CLIP:g} σ"
 
 
 def distances(film: Releases, poses: Array) -> Array:

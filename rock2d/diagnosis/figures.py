@@ -157,7 +157,7 @@ def segment_figure(terrain: Terrain, segment: Segment) -> Figure:
     start = segment.measured[0, 0]
     instants = segment.measured[:, 0] - start
     clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
-    for name, rows in segment.models.items():
+    for name, rows in reversed(segment.models.items()):  # base last: dashes show both where they agree
         colour, line, _ = MODEL_STYLES[name]
         way.plot(*(rows[:, 1:3] * factor).T, color=colour, ls=line, lw=1.6, zorder=3)
         angle.plot(

@@ -282,7 +282,9 @@ def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | 
             grad += tight[:n_base] * (trial[:n_base] - centre[:n_base])
             step = np.linalg.solve(curve + np.diag(tight[:n_base]), grad)
             followed = trial.copy()
-            followed[:n_base] = np.clip(trial[:n_base] - np.clip(step, -LEAP, LEAP), low[:n_base], high[:n_base])
+            followed[:n_base] = np.clip(
+                trial[:n_base] - np.clip(step, -LEAP, LEAP), low[:n_base], high[:n_base]
+            )
             after, _ = value(followed)
             if after > best:
                 best, p = after, followed

@@ -210,29 +210,34 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
 
 def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     gap, effects = content["gap"], catalogue()
-    axis = axis_over([gap["base"], gap["augmented"], gap["noise_floor"]])
-    rows = (("base law", "base", gap["base"]), (f"with {wording.listed(chain)}", "effect", gap["augmented"]),
-            ("noise floor", "measured", gap["noise_floor"]))  # fmt: skip
+    base, augmented, floor = gap["base"], gap["augmented"], gap["noise_floor"]
+    low, high = (base - share * (base - floor) for share in reversed(gap["closure_ci95"]))
+    axis = axis_over([base, augmented, floor, low, high])
+    bars = (
+        ("base law", Mark("base", base, base, base, f"base law: {base:.2f}", "bar")),
+        (
+            f"with {wording.listed(chain)}",
+            Mark("effect", augmented, low, high, f"with it: {augmented:.2f}", "bar"),
+        ),
+        ("noise floor", Mark("measured", floor, floor, floor, f"noise floor: {floor:.2f}", "bar")),
+    )
+    tried, open_gap = content["effects"], any(gap["closure_ci95"])
     ranked = [name for name in wording.ranking(content, effects) if not effects[name].scatter][:5]
-    tried = content["effects"]
-    closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked]
+    closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked if open_gap]
     closure_axis = axis_over([100 * v for _, c, ci in closures for v in (c, *ci)] + [100.0])
+    marks = {
+        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], wording.closure(c, ci))
+        for name, c, ci in closures
+    }
     return {
-        "gap_rows": [
-            (label, strip(axis, [Mark(model, v, v, v, f"{label}: {v:.2f}", "bar")]), f"{v:.2f}")
-            for label, model, v in rows
-        ],
+        "gap_rows": [(label, strip(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
         "gap_scale": scale(axis),
         "gap_unit": gap["unit"],
-        "nothing_left": abs(gap["augmented"] - gap["noise_floor"]) < 1e-9 * abs(gap["base"]),
+        "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
         "closure_text": wording.closure(gap["closure"], gap["closure_ci95"]),
-        "closures": [
-            (name, strip(closure_axis, [Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], wording.closure(c, ci))]),
-             wording.closure(c, ci))
-            for name, c, ci in closures
-        ],
+        "closures": [(name, strip(closure_axis, [mark]), mark.told) for name, mark in marks.items()],
         "closure_scale": scale(closure_axis),
-    }  # fmt: skip
+    }
 
 
 def _film(

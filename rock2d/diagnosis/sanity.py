@@ -200,7 +200,8 @@ def check_table(experiment: Experiment, data: TableData) -> Sanity:
     gains = float((energy[1] > 1.05 * energy[0]).mean())
     if gains > 0.5:
         found.faults.append(
-            f"{100 * gains:.0f} % of the impacts gain energy: are the columns before and after exchanged, or an axis mirrored?"
+            f"{100 * gains:.0f} % of the impacts gain energy: "
+            "are the columns before and after exchanged, or an axis mirrored?"
         )
     elif gains > 0.02:
         found.remarks.append(f"{100 * gains:.0f} % of the impacts gain more than 5 % of kinetic energy")

@@ -55,6 +55,8 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     out = hold_out(fitted, job.data)
     if path is not None:
         save_fit(path, fitted, out)
+        # read back, so that a resumed diagnosis sums the very same arrays in the same order
+        return load_fit(path, model) or (fitted, out)
     return fitted, out
 
 

@@ -10,15 +10,17 @@ from rock2d.effects.effect import Effect, Parameter
 from rock2d.world import World
 
 ONSET_M_S = 0.02  # of the leaving speed: a pull that sprang up at rest would make a lying block chatter
+ONSET_WAY = 0.1  # of the way out of the crater, over which the pull sets in
 
 
 @kernel
 def normal(pull, depth, rate, peak, bottom, force_n):
-    """F = -pull in N on a block that leaves (dδ/dt < 0), from where the ground ceases to press until the block is clear
-    of the original surface; it costs the block pull × the depth of its crater."""
-    if rate >= 0.0 or depth > bottom:
+    """F = -pull in N on a block that leaves (dδ/dt < 0), from where the ground ceases to press (the crater's bottom)
+    until the block is clear of the original surface. It sets in linearly with the way and with the leaving speed, so
+    that it costs a block that leaves faster than ONSET_M_S the energy pull × bottom × (1 - ONSET_WAY / 2)."""
+    if rate >= 0.0 or depth >= bottom or bottom <= 0.0:
         return 0.0
-    return -pull * min(1.0, -rate / ONSET_M_S)
+    return -pull * min(1.0, -rate / ONSET_M_S) * min(1.0, (bottom - depth) / (ONSET_WAY * bottom))
 
 
 def damping(pull):

@@ -29,7 +29,9 @@ EFFECT = Effect(
     source="Newton's drag; Hoerner (1965), Fluid-dynamic drag: C_d 0.5 of a ball, 1 to 2 of a cube",
     phase="flight",
     # a 22 g ball of 25 mm in air has 0.007 1/m, a boulder of 1 m 0.0002; light models of foam reach the upper end
-    parameters=(Parameter("drag_per_mass_1_m", "1/m", 0.0, 0.0, 0.6, "c / m: share of its speed lost per metre"),),
+    parameters=(
+        Parameter("drag_per_mass_1_m", "1/m", 0.0, 0.0, 0.6, "c / m: share of its speed lost per metre"),
+    ),
     apply=apply,
     columns=("drag_kg_m",),
     flight=flight,

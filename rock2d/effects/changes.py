@@ -17,7 +17,9 @@ Array = np.ndarray
 
 # where the camera's axis meets the plane: nobody measures it, so every effect that turns about it has it as parameters
 CENTRE = (
-    Parameter("centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the bench's middle, over its width"),
+    Parameter(
+        "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the bench's middle, over its width"
+    ),
     Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the bench's middle, over its width"),
 )
 

@@ -36,7 +36,10 @@ def _together(law: str, arguments: str, start: str, step: str) -> Any:
     """
     names = CONTACT_NAMES if law != "flight" else AIR_NAMES
     values = ", ".join(part.split("=")[0].strip() for part in start.split(";"))
-    source = [f"def {law}(row, first, {arguments}):" if arguments else f"def {law}(row, first):", f"    {start}"]
+    source = [
+        f"def {law}(row, first, {arguments}):" if arguments else f"def {law}(row, first):",
+        f"    {start}",
+    ]
     laws = {}
     for name, effect in catalogue().items():
         own = getattr(effect, law)
@@ -59,9 +62,7 @@ normal = _together("normal", "depth, rate, peak, bottom, force_n", "total = 0.0"
 friction = _together("friction", "slip", "factor = 1.0", "factor *= new")
 tangential = _together("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
 recoil = _together("recoil", "", "total = 0.0", "total += new")
-departure = _together(
-    "departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new"
-)
+departure = _together("departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new")
 _flight = _together(
     "flight", "vx, vy, omega, mass, inertia", "ax = 0.0; ay = 0.0; alpha = 0.0",
     "ax, ay, alpha = ax + new[0], ay + new[1], alpha + new[2]",

@@ -23,8 +23,12 @@ EFFECT = Effect(
     source="rigid-body mechanics about the centre of mass, `rock2d.geometry`",
     phase="all",
     parameters=(
-        Parameter("along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"),
-        Parameter("across", "1", 0.0, -0.15, 0.15, "offset along the block's own y over the blocks' mean size"),
+        Parameter(
+            "along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"
+        ),
+        Parameter(
+            "across", "1", 0.0, -0.15, 0.15, "offset along the block's own y over the blocks' mean size"
+        ),
     ),
     apply=apply,
 )

@@ -27,7 +27,12 @@ EFFECT = Effect(
     phase="all",
     parameters=(
         Parameter(
-            "axis", "choice", float(NONE), float(NONE), float(THETA), "0 none, 1 x, 2 y, 3 theta; no size",
+            "axis",
+            "choice",
+            float(NONE),
+            float(NONE),
+            float(THETA),
+            "0 none, 1 x, 2 y, 3 theta; no size",
             choices=(float(X), float(Y), float(THETA)),
         ),
     ),

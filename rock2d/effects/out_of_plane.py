@@ -28,7 +28,9 @@ EFFECT = Effect(
     summary="motion leaves the plane at impacts: the horizontal velocity turns away",
     source="lateral dispersion of rockfall, Azzoni & de Freitas (1995): 10 to 20° of the fall line",
     phase="impact",
-    parameters=(Parameter("angle_rad", "rad", 0.0, 0.0, 1.0, "turn of the horizontal velocity at each impact"),),
+    parameters=(
+        Parameter("angle_rad", "rad", 0.0, 0.0, 1.0, "turn of the horizontal velocity at each impact"),
+    ),
     apply=apply,
     columns=("out_of_plane_rad",),
     departure=departure,

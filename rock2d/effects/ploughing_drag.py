@@ -10,7 +10,6 @@ from rock2d.effects.effect import Effect, Parameter
 from rock2d.world import World
 
 
-
 @kernel
 def tangential(c, depth, slip, force_n):
     """F = c δ u in N against the slip u of the contact point, c in N s/m², while the ground presses."""
@@ -33,7 +32,14 @@ EFFECT = Effect(
     source="drag of the ploughed front, proportional to its area and to the speed",
     phase="impact",
     parameters=(
-        Parameter("rate_1_s", "1/s", 0.0, 0.0, 4000.0, "drag over slip, at a depth of one block size, over the mean mass"),
+        Parameter(
+            "rate_1_s",
+            "1/s",
+            0.0,
+            0.0,
+            4000.0,
+            "drag over slip, at a depth of one block size, over the mean mass",
+        ),
     ),
     apply=apply,
     columns=("ploughing_Ns_m2",),

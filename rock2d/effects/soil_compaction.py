@@ -31,7 +31,9 @@ EFFECT = Effect(
     phase="impact",
     parameters=(
         Parameter("rate", "1", 0.0, 0.0, 0.1, "growth of k_l and k_ul with each release of the same block"),
-        Parameter("excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with each release of the same block"),
+        Parameter(
+            "excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with each release of the same block"
+        ),
     ),
     apply=apply,
 )

@@ -12,8 +12,8 @@ from rock2d.world import World
 
 @kernel
 def normal(c, depth, rate, peak, bottom, force_n):
-    """F = c dδ/dt in N while the ground presses, c in N s/m; the whole force never pulls."""
-    return c * rate if force_n > 0.0 else 0.0
+    """F = c dδ/dt in N while the ground presses, c in N s/m, from the first touch on; the whole force never pulls."""
+    return c * rate if depth >= bottom else 0.0
 
 
 def damping(c):
@@ -28,7 +28,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="viscous_damping",
     summary="rate-dependent dissipation across the ground while it presses",
-    source="linear dashpot beside the spring, Cundall & Strack (1979), A discrete numerical model for granular assemblies",
+    source="linear dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies",
     phase="impact",
     # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks and soil
     parameters=(Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass"),),

@@ -232,7 +232,11 @@ def run_batch_track(
     while True:
         knots = np.empty((room, 8))
         impacts = np.full((max(room // 64, 64), N_IMPACT), np.nan)
-        audit, crossings, samples = np.zeros(N_AUDIT), np.full((packed.lines.shape[1], 7), np.nan), np.empty((0, 3))
+        audit, crossings, samples = (
+            np.zeros(N_AUDIT),
+            np.full((packed.lines.shape[1], 7), np.nan),
+            np.empty((0, 3)),
+        )
         stop, _, count, used = release_kernel(
             packed, np.array(state, float), 0, 0, 0, *steps, gravity_m_s2, time_limit_s, impact_limit, False, False,
             np.empty(0), impacts, crossings, samples, audit, knots,

@@ -113,7 +113,7 @@ class PymunkRelease:
         shape: pymunk.Shape
         offset = np.array(self.block.centre_of_mass_m)  # pymunk's bodies turn about their centre of mass
         if self.block.shape == "circle":
-            shape = pymunk.Circle(body, self.block.radius_m, tuple(map(float, -offset)))
+            shape = pymunk.Circle(body, self.block.radius_m, (float(-offset[0]), float(-offset[1])))
         else:
             shape = pymunk.Poly(body, [(float(x), float(y)) for x, y in self.block.outline() - offset])
         shape.collision_type = BLOCK
@@ -189,9 +189,10 @@ class PymunkRelease:
             if knot.active and self._zone < 0:
                 self._zone = int(ints[np.flatnonzero(ints[:, slots.ACTIVE])[0], slots.ZONE])
             elif not knot.active and self._zone >= 0:
-                self._kinks.append(knot._replace(departure=self._depart()))
-                knot = knot._replace(q=self.q.copy())
+                knot = knot._replace(departure=self._depart())
             self._kinks.append(knot)
+            if not np.array_equal(self.q, knot.q):  # velocities that change at once
+                self._kinks.append(Knot(knot.time, self.q.copy()))
 
     def _depart(self) -> Departure:
         """Let the block depart from the impact that has just ended."""
@@ -376,7 +377,6 @@ class _ImpactLog:
         self.impacts: list[dict[str, Any]] = []
         self.open: dict[str, Any] | None = None
         self._left: Knot | None = None  # where the ground ceased to press, unless it presses again
-        self._zone = -1
 
     def add(self, knot: Knot) -> None:
         if self.open is None:

@@ -99,9 +99,9 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
                 px, py = facets[v, POINT_X], facets[v, POINT_Y]
                 depth, face = polygon_depth(px, py, x, y, c, s, sides)
                 if depth > -reach:
-                    if depth < block.rounding and block.rounding > 0.0:
-                        if not under_face(face, px, py, x, y, c, s, sides):
-                            continue  # under a rounded corner
+                    rounded = depth < block.rounding and block.rounding > 0.0
+                    if rounded and not under_face(face, px, py, x, y, c, s, sides):
+                        continue  # under a rounded corner
                     slot = _slot_for(ints, found_r, n, v)
                     if slot >= 0:
                         _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)

@@ -28,7 +28,9 @@ def stored_energy(ints, reals, params):
             force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
             force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
             if p[ACTS] != 0.0:
-                force_t = p[K_T] * reals[j, STRETCH]  # kept within what friction was when it was last stretched
+                force_t = (
+                    p[K_T] * reals[j, STRETCH]
+                )  # kept within what friction was when it was last stretched
             total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
     return total
 
@@ -43,7 +45,9 @@ def pressure(ints, reals, params):
             if p[ACTS] != 0.0:
                 force += reals[j, ACTING]
             else:
-                force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
+                force += normal_force(
+                    reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL]
+                )
             deepest = max(deepest, reals[j, DEPTH])
             active += 1
     return force, deepest, active

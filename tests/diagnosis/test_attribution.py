@@ -17,7 +17,12 @@ from rock2d.effects import catalogue
 from synthetic import LAW, film, series_order, world
 
 RELEASES = 16
-RIVALS = ("angle_offset", "inertia_error", "surface_roughness", "zone_contrast")  # the whole catalogue takes minutes
+RIVALS = (
+    "angle_offset",
+    "inertia_error",
+    "surface_roughness",
+    "zone_contrast",
+)  # the whole catalogue takes minutes
 
 
 def test_base_law_is_recovered():
@@ -26,7 +31,9 @@ def test_base_law_is_recovered():
     data = film_data(experiment, load_film(experiment), bench, (1.0, 1.0, 1.0))
     found = fit(Model(bench, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
     law = found.model.law(found.p)
-    truth = np.array([LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad])
+    truth = np.array(
+        [LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad]
+    )
     z = np.log(law / truth)[[0, 2, 3, 4]] / np.sqrt(np.diag(found.p_covariance))[[0, 2, 3, 4]]
     assert np.abs(np.log(law / truth)).max() < 0.06
     assert np.abs(z).max() < 5
@@ -70,3 +77,28 @@ def test_no_effect_is_named_without_one(diagnosed):
     content = diagnosed(None, [], seed=11)
     assert content["verdict"] == "none"
     json.dumps(content, allow_nan=False)
+
+
+def test_result_does_not_depend_on_the_number_of_processes():
+    experiment = film(world(), 8, seed=3)
+    effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
+    one, two = (diagnosis_json(diagnose(experiment, effects=effects, workers=n)) for n in (1, 2))
+    assert one == two
+
+
+def test_an_interrupted_diagnosis_goes_on_and_says_the_same(tmp_path):
+    experiment = film(world(), 8, seed=3)
+    effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
+
+    def stop_after_one(name: str) -> None:
+        if name == "angle_offset":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(experiment, effects=effects, folder=tmp_path, step=stop_after_one)
+    kept = list(tmp_path.rglob("*.npz"))
+    assert [path.stem for path in kept] == ["angle_offset"]
+    before = kept[0].stat().st_mtime_ns
+    again = diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path))
+    assert kept[0].stat().st_mtime_ns == before
+    assert again == diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path / "anew"))

@@ -59,7 +59,9 @@ def test_wrong_frame_rate_shows_in_gravity(plain):
 def test_mirrored_axis_is_seen_and_named(plain, column):
     mirrored = changed(plain, **{column: -plain.trajectories[column]})
     assert check_film(mirrored, load_film(mirrored)).mirror == column[0]
-    content = diagnosis_json(diagnose(mirrored, effects=NOTHING | {"mirrored_axis": catalogue()["mirrored_axis"]}))
+    content = diagnosis_json(
+        diagnose(mirrored, effects=NOTHING | {"mirrored_axis": catalogue()["mirrored_axis"]})
+    )
     assert content["verdict"] == "mirrored_axis"
     assert content["effects"]["mirrored_axis"]["parameters"]["axis"]["value"] == "xy".index(column[0]) + 1
     assert content["gap"]["closure"] > 0.9

@@ -22,8 +22,12 @@ def test_partition_finds_flight_contact_and_rest():
     rng = np.random.default_rng(1)
     t = np.arange(160) / 1000
     up = t[60:110] - t[60]
-    y = np.concatenate([0.1 - 2.0 * t[:50] - 4.905 * t[:50] ** 2, np.zeros(10), 0.8 * up - 4.905 * up**2, np.zeros(50)])
-    y[50:60] = np.interp(np.arange(50, 60), [49, 54, 60], [y[49], -0.02, 0.0]) + 0.003 * np.sin(np.arange(10) * 2.5)
+    y = np.concatenate(
+        [0.1 - 2.0 * t[:50] - 4.905 * t[:50] ** 2, np.zeros(10), 0.8 * up - 4.905 * up**2, np.zeros(50)]
+    )
+    y[50:60] = np.interp(np.arange(50, 60), [49, 54, 60], [y[49], -0.02, 0.0]) + 0.003 * np.sin(
+        np.arange(10) * 2.5
+    )
     y[110:] = 0.05
     pose = np.column_stack([np.where(t < 0.11, 1.0 * t, 0.11), y, np.where(t < 0.11, -30 * t, -3.3)])
     noise = np.array([3e-4, 3e-4, 0.02])
@@ -56,7 +60,9 @@ def test_states_are_unbiased_and_as_sure_as_they_say():
     exact.noise = read.noise
     truth = replace(data, cut=replace(data.cut, film=exact)).states(bench).middle
     error = data.states(bench).middle - truth
-    sigma = np.sqrt(np.diagonal(data.state_covariance(np.arange(len(truth)), np.zeros(len(truth))), axis1=1, axis2=2))
+    sigma = np.sqrt(
+        np.diagonal(data.state_covariance(np.arange(len(truth)), np.zeros(len(truth))), axis1=1, axis2=2)
+    )
     z = error / sigma
     assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(len(z))
     assert z.std(axis=0) == pytest.approx(np.ones(6), abs=0.25)

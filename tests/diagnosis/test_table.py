@@ -35,7 +35,9 @@ def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
     columns = {"release": np.arange(n), "block": "square"}
     names = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
     columns |= {name: before[:, k] for k, name in enumerate(names)}
-    columns |= {n: after[:, 3 + k] for k, n in enumerate(("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"))}
+    columns |= {
+        n: after[:, 3 + k] for k, n in enumerate(("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"))
+    }
     return Experiment("table", 9.81, 250.0, 1e-4, 1e-3, FLOOR, SQUARE, impacts=pd.DataFrame(columns))
 
 
@@ -63,9 +65,13 @@ def test_only_the_ratio_of_stiffnesses_is_told():
 def test_effect_is_found_in_a_table():
     world = catalogue()["inertia_error"].apply(plain_world(), [1.3])
     names = ("inertia_error", "angle_offset", "surface_roughness")
-    content = diagnosis_json(diagnose(impacts(world, 150, seed=3, noise=0.01), effects={n: catalogue()[n] for n in names}))
+    content = diagnosis_json(
+        diagnose(impacts(world, 150, seed=3, noise=0.01), effects={n: catalogue()[n] for n in names})
+    )
     assert content["verdict"] == "inertia_error"
-    assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(1.3, rel=0.06)
+    assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(
+        1.3, rel=0.06
+    )
 
 
 def test_columns_the_wrong_way_round_are_said():

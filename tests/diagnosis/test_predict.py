@@ -1,0 +1,92 @@
+"""Predictions of a diagnosed model on other releases, and the two commands."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from rock2d.cli import cli
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.predict import COLUMNS, predict, read_model
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+from rock2d.experiment import write_experiment
+from synthetic import film, world
+
+TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def content():
+    known = catalogue()
+    effects = {name: known[name] for name in ("camera_tilt", "angle_offset")}
+    return json.loads(json.dumps(diagnosis_json(diagnose(film(TILTED, 14, seed=1), effects=effects))))
+
+
+def misses(table: pd.DataFrame, measured: pd.DataFrame) -> np.ndarray:
+    """Distances in m between prediction and measurement."""
+    both = table.merge(measured, on=["release", "t_s"], suffixes=("", "_measured"))
+    return np.hypot(both.x_m - both.x_m_measured, both.y_m - both.y_m_measured).to_numpy()
+
+
+def test_effect_shrinks_the_miss_on_other_releases(content):
+    other = film(TILTED, 8, seed=99)
+    assert content["verdict"] == "camera_tilt"
+    base, augmented = (predict(other, content, base_only=flag) for flag in (True, False))
+    assert list(augmented.columns) == list(COLUMNS)
+    assert not augmented.isna().any().any()
+    assert np.median(misses(augmented, other.trajectories)) < 0.5 * np.median(
+        misses(base, other.trajectories)
+    )
+    # the bulk of what is left is the camera's noise and the soil
+    assert np.median(misses(augmented, other.trajectories)) < 4 * other.position_noise_m
+
+
+def test_segments_cover_what_follows_the_first_flight(content):
+    other = film(TILTED, 6, seed=5)
+    table = predict(other, content)
+    one = table[table.release == 0]
+    whole = other.trajectories[other.trajectories.release == 0]
+    assert one.segment.min() == 0 and set(one.segment) == set(range(one.segment.max() + 1))
+    assert one.t_s.is_monotonic_increasing or one.segment.is_monotonic_increasing
+    assert one.t_s.max() == whole.t_s.max()
+
+
+def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
+    path = tmp_path / "diagnosis.json"
+    for broken, said in (
+        ("{", "not JSON"),
+        ("[]", '"schema": 1'),
+        (json.dumps({**content, "base": {}}), "expected base parameters"),
+    ):
+        path.write_text(broken, encoding="utf-8")
+        with pytest.raises(InputError, match=said):
+            read_model(path)
+    with pytest.raises(InputError, match="no such diagnosis"):
+        read_model(tmp_path / "absent.json")
+
+
+def test_commands_write_what_they_say(tmp_path, content):
+    write_experiment(tmp_path / "film", film(TILTED, 6, seed=5))
+    (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    arguments = ["predict", str(tmp_path / "film"), "--diagnosis", str(tmp_path / "diagnosis.json")]
+    result = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / "p.csv"), "--base-only"])
+    assert result.exit_code == 0, result.output
+    table = pd.read_csv(tmp_path / "p.csv")
+    assert list(table.columns) == list(COLUMNS) and len(table) > 100
+
+
+def test_too_poor_an_experiment_still_gets_its_files(tmp_path):
+    write_experiment(tmp_path / "film", film(world(), 2, seed=5))
+    result = CliRunner().invoke(
+        cli, ["diagnose", str(tmp_path / "film"), "--out", str(tmp_path / "out"), "--quiet"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "too few" in result.output
+    written = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert written["verdict"] == "unknown" and sum(written["probabilities"].values()) == pytest.approx(1.0)
+    assert (tmp_path / "out" / "report.html").is_file()

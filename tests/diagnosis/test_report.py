@@ -1,0 +1,156 @@
+"""The report: one page that needs no network, says the verdict, and runs nothing that stands in a name."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.diagnosis import fitting, report, wording
+from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
+from rock2d.diagnosis.sanity import Sanity
+from rock2d.diagnosis.states import drift
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
+from rock2d.experiment import Experiment
+from synthetic import film, series_order, world
+
+NAME = "<script>alert(1)</script> & $co$"
+RELEASES = 6  # of each block: as few as can be diagnosed
+EFFECTS = {name: catalogue()[name] for name in ("camera_tilt", "inertia_error")}
+
+
+class Page(HTMLParser):
+    """Tags, what they refer to, and the text of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.references: list[str] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        assert not [name for name, _ in attrs if name.startswith("on")], "a handler runs code"
+        self.references += [
+            value for name, value in attrs if name in ("src", "href", "data", "action", "srcset")
+        ]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
+    """A diagnosis with coarse fits, which take the soil's scatter as given: a page need not be right to be whole."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fitting, "fit_scatter", lambda left, slope, start: start)
+        patch.setattr(fitting, "GRID", 3)
+        patch.setattr(fitting, "RESCANS", 0)
+        return diagnose(experiment, effects=effects)
+
+
+@pytest.fixture(scope="module")
+def diagnosed() -> Diagnosis:
+    true = catalogue()["camera_tilt"].apply(world(series_order(RELEASES)), [0.03, 0.0, 0.0])
+    experiment = replace(film(true, RELEASES, seed=5, fps=500.0, duration_s=0.3), name=NAME)
+    return quick(experiment, **EFFECTS)
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """Write the report of a diagnosis; returns the page and its text."""
+    monkeypatch.setattr(report, "VIDEO_S", 0.5)
+    monkeypatch.setattr(report, "VIDEO_SIZE", (480, 240))
+
+    def write(result: Diagnosis) -> tuple[Page, str]:
+        report.write_report(result, diagnosis_json(result), tmp_path, progress=False)
+        text = (tmp_path / "report.html").read_text(encoding="utf-8")
+        return Page(text), text
+
+    return write
+
+
+def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
+    """The same diagnosis with another verdict."""
+    chances = dict.fromkeys(result.found.probabilities, 0.02) | {verdict: 0.9}
+    return replace(result, found=replace(result.found, probabilities=chances))
+
+
+def test_page_needs_no_network_and_runs_nothing(diagnosed, written, tmp_path):
+    page, text = written(diagnosed)
+    assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
+    assert page.references and all(ref.startswith("data:") for ref in page.references)
+    assert "http://" not in text and "https://" not in text and "url(" not in text
+    assert "default-src 'none'" in text
+    assert NAME in page.text and "<script>" not in text
+    assert len(text) < 8e6
+
+
+def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
+    page, text = written(diagnosed)
+    content = diagnosis_json(diagnosed)
+    assert content["verdict"] == "camera_tilt"
+    assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
+    gap = content["gap"]
+    assert wording.closure(gap["closure"], gap["closure_ci95"]) in page.text
+    assert "inertia error" in page.text  # the runner-up
+    for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "takes for granted"):
+        assert words in page.text
+    assert page.tags.count("img") == 7  # the cross-section and six impacts
+    video = (tmp_path / "side_by_side.webm").read_bytes()
+    assert base64.b64encode(video).decode() in text
+
+
+@pytest.mark.parametrize(("verdict", "words"), [("none", "No gap"), ("unknown", "Unknown cause")])
+def test_none_and_unknown_name_no_cause(diagnosed, written, verdict, words):
+    page, _ = written(with_verdict(diagnosed, verdict))
+    assert words in page.text
+    assert "This explains the gap" not in page.text
+    assert "The impacts that the base law misses most" in page.text
+
+
+def test_what_cannot_be_diagnosed_gets_advice_only(written):
+    experiment = replace(film(world(), 2), name=NAME)
+    result = quick(experiment, **EFFECTS)
+    assert result.found is None
+    page, text = written(result)
+    assert "too poor to diagnose" in page.text and result.sanity.faults[0] in page.text
+    assert "Film more releases" in page.text
+    assert not {"img", "video", "script"} & set(page.tags) and "<script>" not in text
+
+
+def test_remarks_are_shown_and_escaped(written):
+    experiment = film(world(), 2)
+    result = Diagnosis(experiment, Sanity(["a <b>fault</b>"], ["a <i>remark</i>"]), bench_world(experiment))
+    page, _ = written(result)
+    assert "a <b>fault</b>" in page.text and "a <i>remark</i>" in page.text
+
+
+def test_impact_table_has_no_film(diagnosed, written):
+    table = replace(diagnosed.experiment, trajectories=None, impacts=impact_table(diagnosed))
+    result = quick(table, **EFFECTS)
+    assert result.found is not None
+    page, _ = written(result)
+    assert "Kinetic energy after an impact" in page.text
+    assert "video" not in page.tags and page.tags.count("img") == 1
+
+
+def impact_table(result: Diagnosis) -> pd.DataFrame:
+    """The impacts of a film as a table."""
+    data = result.data
+    impacts, states = data.impacts, data.states(result.bench).middle
+    ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    before = drift(result.bench, impacts.block, states[impacts.before], ends)
+    after = drift(result.bench, impacts.block, states[impacts.after], impacts.begin_s)
+    columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
+    table = pd.DataFrame(before, columns=columns)
+    table[["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]] = after[:, 3:]
+    table.insert(0, "block", np.array(list(result.experiment.blocks))[impacts.block])
+    table.insert(0, "release", data.film.release_names[impacts.release])
+    return table

@@ -1,0 +1,181 @@
+"""Effects in contact against their closed forms, in both engines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worlds import CATALOGUE, FLOOR, SPHERE, elastic, pymunk_release, replace, run, with_effect, world
+
+from rock2d.contact import ContactParameters
+from rock2d.effects.adhesion import ONSET_WAY
+from rock2d.effects.columns import column
+from rock2d.engines.pymunk_engine import run_pymunk
+from rock2d.terrain import Terrain
+
+M, R = SPHERE.mass_kg, SPHERE.radius_m
+NO_ROLLING = {"k_r_Nm_rad": 0.0}
+
+
+def rebound(w, vx=0.0, vy=-2.0, omega=0.0, **options) -> dict[str, np.ndarray]:
+    """Velocities of a ball after its first impact, by either engine; the ball starts just above y = 0."""
+    state = np.array([0.0, R + 1e-4, 0.0, vx, vy, omega])
+    batch = run(w, state[None], impact_limit=1, impact_room=1, **options).impacts[0, 0, 12:15]
+    impact = first_impact(w, state)
+    keys = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
+    return {"batch": batch, "pymunk": np.array([impact[k] for k in keys])}
+
+
+def first_impact(w, state) -> dict:
+    """The first impact, and the audit at its end, of the pymunk engine."""
+    track = run_pymunk(SPHERE, w.terrain, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, impact_limit=1)
+    return track.impacts[0] | {"residual": track.energy_J["residual"]}
+
+
+def dashpot_restitution(c, m, k):
+    """e of a mass on spring k and dashpot c, apart when the force vanishes: exp(-ζ/√(1-ζ²) atan2(2ζ√(1-ζ²), 2ζ²-1))
+    with ζ = c / (2 √(k m)). Schwager & Pöschel (2007), Granular Matter 9, 465."""
+    zeta = c / (2 * np.sqrt(k * m))
+    root = np.sqrt(1 - zeta**2)
+    return np.exp(-zeta / root * np.arctan2(2 * zeta * root, 2 * zeta**2 - 1))
+
+
+@pytest.mark.parametrize("rate", [20.0, 150.0, 600.0])
+def test_viscous_damping_of_an_elastic_ground_is_the_dashpot(rate):
+    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [rate])
+    expected = dashpot_restitution(rate * M, M, 1e4)
+    found = rebound(w)
+    assert found["pymunk"][1] / 2 == pytest.approx(expected, rel=2e-4)
+    assert found["batch"][1] / 2 == pytest.approx(expected, rel=2e-3)
+    fine = rebound(w, step_fraction=0.02)
+    assert fine["batch"][1] / 2 == pytest.approx(expected, rel=1e-4)
+
+
+def test_viscous_restitution_depends_on_no_speed_and_never_pulls():
+    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [400.0])
+    slow, fast = (rebound(w, vy=-v)["pymunk"][1] / v for v in (0.2, 5.0))
+    assert slow == pytest.approx(fast, rel=1e-3)
+    sim = pymunk_release(w, [0, R + 1e-4, 0, 0, -2, 0])
+    speeds = []
+    for _ in range(4000):
+        sim.step()
+        speeds.append(sim.q[4])
+        if sim.time > 0.008:
+            break
+    assert (np.diff(speeds) > -1e-12).all()  # the ground pushes or lets go
+
+
+def test_adhesion_takes_pull_times_way():
+    """On the way out of its crater a ball loses pull × (depth of the crater), less the onset's half."""
+    law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
+    plain = world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0)
+    w = with_effect(plain, "adhesion", [4.0])
+    pull = w.contact[0, 0, column("adhesion_N")]
+    crater = 2.0 / np.sqrt(law.k_l_N_m / M) * (1 - law.k_l_N_m / law.k_ul_N_m)
+    before, after = rebound(plain), rebound(w)
+    for engine, tolerance in (("pymunk", 1e-4), ("batch", 5e-3)):
+        lost = 0.5 * M * (before[engine][1] ** 2 - after[engine][1] ** 2)
+        assert lost == pytest.approx(pull * crater * (1 - ONSET_WAY / 2), rel=tolerance), engine
+
+
+def test_a_strong_pull_keeps_the_block_in_its_crater():
+    law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
+    w = with_effect(world(FLOOR, (SPHERE,), law), "adhesion", [12.0])
+    result = run(w, np.array([[0, R + 1e-4, 0, 0, -0.5, 0]]), time_limit_s=2.0)
+    assert result.stop[0] == 1  # rest
+    assert result.ends[0, 2] < R
+
+
+def test_ploughing_slows_the_slip_with_depth():
+    """Without friction, weight or rolling: m dv/dt = -c ∫δ dt on the virgin half-sine, so that the loading phase leaves
+    v exp(-c δmax / (m ω)), and the drag acts at the contact point: m becomes m_t = m q/(1+q) there."""
+    law = ContactParameters(friction_angle_deg=0.0, **NO_ROLLING, k_ul_N_m=1e4)
+    w = with_effect(world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0), "ploughing_drag", [500.0])
+    c = w.contact[0, 0, column("ploughing_Ns_m2")]
+    omega_l = np.sqrt(1e4 / M)
+    m_t = M * 0.4 / 1.4
+    # elastic: the depth is a whole half sine, its integral 2 δmax / ω
+    left = np.exp(-c / m_t * 2 * (2.0 / omega_l) / omega_l)
+    for engine, (vx, _, spin) in rebound(w, vx=1.0).items():
+        assert vx + R * spin == pytest.approx(left, rel=1e-3), engine
+        assert vx == pytest.approx(1 - (1 - left) * 0.4 / 1.4, rel=1e-3), (
+            engine
+        )  # angular momentum about the contact
+
+
+@pytest.mark.parametrize("change", [-0.6, 1.0])
+def test_friction_that_changes_with_speed(change):
+    """Fast gross slip: friction at full change; slow and stuck: as without the effect."""
+    law = ContactParameters(**NO_ROLLING)
+    plain = world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0)
+    w = with_effect(plain, "slip_dependent_friction", [change, 0.2])
+    e = np.sqrt(1e4 / 6e4)
+    for engine, (vx, _, spin) in rebound(w, vx=30.0).items():
+        drop = (1 + change) * np.tan(np.deg2rad(30)) * (1 + e) * 2.0
+        assert 30 - vx == pytest.approx(drop, rel=5e-3), engine
+        assert spin == pytest.approx(-drop * R * M / SPHERE.inertia_kg_m2, rel=5e-3), engine
+    same = rebound(plain, vx=1.0, omega=-1.0 / R)["pymunk"], rebound(w, vx=1.0, omega=-1.0 / R)["pymunk"]
+    assert same[0] == pytest.approx(same[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5])
+def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
+    """Head-on against an upright wall of mass M: e_eff = (e M - m) / (M + m)."""
+    wall = Terrain([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"])
+    law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
+    w = with_effect(world(wall, (SPHERE,), law, gravity_m_s2=0.0), "embankment_yield", [ratio])
+    mass = M / ratio
+    e = np.sqrt(law.k_l_N_m / law.k_ul_N_m)
+    expected = (e * mass - M) / (mass + M)
+    state = np.array([-R - 1e-4, 0.25, 0.0, 2.0, 0.0, 0.0])
+    result = run(w, state[None], impact_limit=1, impact_room=1)
+    assert result.impacts[0, 0, 12] == pytest.approx(-2 * expected, rel=1e-3, abs=1e-4)
+    assert result.ends[0, 4] == pytest.approx(-2 * expected, rel=1e-3, abs=1e-4)
+    impulse = M * (2 + 2 * expected)
+    assert result.audit[0, 3] == pytest.approx(
+        0.5 * impulse**2 / mass, rel=1e-3
+    )  # what the embankment carries away
+    impact = first_impact(w, state)
+    assert impact["vx_after_m_s"] == pytest.approx(-2 * expected, rel=1e-4)
+    assert abs(impact["residual"]) < 1e-6 * 0.5 * M * 4
+
+
+def test_only_the_embankment_recoils():
+    w = with_effect(world(), "embankment_yield")
+    zones = np.array(w.terrain.zone_names)
+    assert set(zones[w.contact[0, :, column("recoil_1_kg")] > 0]) == {"face", "crest", "back"}
+    plain = world(FLOOR)
+    assert not with_effect(plain, "embankment_yield").contact[..., column("recoil_1_kg")].any()
+
+
+def test_out_of_plane_turns_the_horizontal_velocity():
+    law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
+    plain = world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0)
+    w = with_effect(plain, "out_of_plane", [0.5])
+    for engine, (vx, vy, spin) in rebound(w, vx=3.0, omega=7.0).items():
+        expected = rebound(plain, vx=3.0, omega=7.0)[engine]
+        assert vx == pytest.approx(3.0 * np.cos(0.5), rel=1e-9), engine
+        assert (vy, spin) == pytest.approx((expected[1], 7.0), rel=1e-9), engine
+    taken = run(w, np.array([[0, R + 1e-4, 0, 3.0, -2.0, 7.0]]), impact_limit=1).audit[0, 3]
+    assert taken == pytest.approx(0.5 * M * 9.0 * np.sin(0.5) ** 2, rel=1e-6)
+
+
+def test_an_effect_of_one_zone_stays_there():
+    """A ball that lands in the ditch does not feel what acts on the face only."""
+    base = world()
+    w = with_effect(base, "viscous_damping", [600.0])
+    contact = w.contact.copy()
+    contact[:, w.terrain.zone_names.index("ditch"), column("viscous_Ns_m")] = 0.0
+    state = np.array([[0.05, 0.05, 0, 0.1, -1.5, 0]])
+    fine = {
+        "impact_limit": 1,
+        "impact_room": 1,
+        "step_fraction": 0.03,
+    }  # steps are chosen by the stiffest zone
+    here, plain = run(replace(w, contact=contact), state, **fine), run(base, state, **fine)
+    assert here.impacts[0, 0, 12:15] == pytest.approx(plain.impacts[0, 0, 12:15], rel=1e-4)
+    assert here.audit[0, 3] == 0.0
+
+
+def test_parameters_that_choose_a_column_are_named_once():
+    columns = [c for e in CATALOGUE.values() for c in e.columns]
+    assert len(columns) == len(set(columns))

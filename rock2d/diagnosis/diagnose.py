@@ -231,6 +231,8 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "gap": {
             "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
             "closure": best.closure, "closure_ci95": list(best.ci95),
+            # as if only the fitted noise and scatter could ever remain: a lower bound of the closure
+            "closure_to_unit_variance": _to_unit(best),
         },
         "next_release": next_release(
             result.data, result.bench, found, result.cells, result.experiment.terrain.zone_names
@@ -239,6 +241,11 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "series": _series(result),
         "sanity": remarks,
     }  # fmt: skip
+
+
+def _to_unit(gap: Gap) -> float:
+    """Closure against a floor of 1; 0 where there is no gap to close."""
+    return (gap.base - gap.augmented) / (gap.base - 1.0) if gap.closure != 0.0 and gap.base > 1.0 else 0.0
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:

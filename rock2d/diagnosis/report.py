@@ -167,7 +167,6 @@ def _where(result: Diagnosis, content: dict[str, Any], models: evidence.Models) 
         "where_sentence": wording.where_sentence(content),
         "cells": told if shares else [],
         "few_cells": FEW_CELLS,
-        "channels": wording.CHANNELS,
     }
 
 
@@ -234,6 +233,8 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
         "gap_scale": scale(axis),
         "gap_unit": gap["unit"],
         "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
+        "whisker": low < high,
+        "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
         "closure_text": wording.closure(gap["closure"], gap["closure_ci95"]),
         "closures": [(name, strip(closure_axis, [mark]), mark.told) for name, mark in marks.items()],
         "closure_scale": scale(closure_axis),

@@ -22,14 +22,6 @@ LOOKALIKES = (
     ("soil_compaction", "zone_contrast", "geometry_error"),
     ("mass_eccentricity", "rounded_edges", "angle_offset", "inertia_error"),
 )
-CHANNELS = {
-    "x": "x",
-    "y": "y",
-    "theta": "angle",
-    "normal": "across the ground",
-    "tangential": "along the ground",
-    "spin": "spin",
-}
 PHASES = {
     "impact": "arises in impacts",
     "flight": "arises in flight",

@@ -233,8 +233,8 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     # compiled twice: what effects need is in the way of the plain law's speed
     if effects_act(block, active, work[4]):
         return _press_with_effects(
-            q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
-            work, audit, current, left,
+            q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints,
+            reals, work, audit, current, left,
         )  # fmt: skip
     return _press_plainly(
         q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
@@ -243,8 +243,8 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
 
 
 @kernel
-def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active,
-                        ints, reals, work, audit, current, left):  # fmt: skip
+def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block,
+                        active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
         q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
         work, audit, current, left, True,

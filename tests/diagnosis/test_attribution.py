@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from synthetic import LAW, film, series_order, world
 
 from rock2d.diagnosis.bench import bench_world
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
@@ -14,7 +15,6 @@ from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
-from synthetic import LAW, film, series_order, world
 
 RELEASES = 16
 RIVALS = (

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from synthetic import film, world
 
 from rock2d.diagnosis.practice_terms import PERCENTILES, Quantity, film_quantities, measure_lines
 from rock2d.diagnosis.replay import Releases
 from rock2d.diagnosis.strips import Axis, axis_over
 from rock2d.diagnosis.wording import closure, number, percent
 from rock2d.indicators import wilson_interval
-from synthetic import film, world
 
 G = 9.81
 FPS = 500.0

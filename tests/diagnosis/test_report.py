@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
+from synthetic import film, series_order, world
 
 from rock2d.diagnosis import fitting, report, wording
 from rock2d.diagnosis.bench import bench_world
@@ -18,7 +19,6 @@ from rock2d.diagnosis.states import drift
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.experiment import Experiment
-from synthetic import film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
 RELEASES = 6  # of each block: as few as can be diagnosed

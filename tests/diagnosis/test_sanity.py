@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import film, world
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.sanity import check_film
 from rock2d.effects import catalogue
-from synthetic import film, world
 
 NOTHING = {"angle_offset": catalogue()["angle_offset"]}
 

@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic import film, world
 
 from rock2d.diagnosis.bench import bench_world
 from rock2d.diagnosis.cutting import CONTACT, FLIGHT, REST, partition
 from rock2d.diagnosis.film_data import film_data
 from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.states import drift
-
-from synthetic import film, world
 
 PLAIN = (1.0, 1.0, 1.0)
 
@@ -83,7 +82,7 @@ def test_true_world_leaves_only_noise():
     left = data.left(true)
     assert len(data.impacts) > 30
     assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
-    from rock2d.diagnosis.fitting import chi_square, spread, slopes
+    from rock2d.diagnosis.fitting import chi_square, slopes, spread
     from rock2d.diagnosis.model import Model
 
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])

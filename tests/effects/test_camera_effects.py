@@ -1,0 +1,70 @@
+"""What the camera makes of the world: each effect by itself, and back again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from worlds import BENCH, CATALOGUE, neutral, run, typical, with_effect, world
+
+from rock2d.effects.changes import image
+
+CAMERA = [name for name, effect in CATALOGUE.items() if effect.camera]
+POSES = np.random.default_rng(4).uniform([-0.1, 0.0, -3], [0.4, 0.3, 3], (50, 3))
+
+
+def values(name: str, share: float) -> list[float]:
+    choices = CATALOGUE[name].parameters[0].choices
+    return [choices[0]] if choices else typical(name, share)
+
+
+@pytest.mark.parametrize("name", CAMERA)
+@pytest.mark.parametrize("share", [-1.0, 0.3, 1.0])
+def test_what_was_recorded_can_be_taken_back(name, share):
+    view = with_effect(world(), name, values(name, share)).view
+    assert view.true(view.record(POSES)) == pytest.approx(POSES, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CAMERA)
+def test_a_camera_effect_leaves_the_motion_alone(name):
+    changed = with_effect(world(), name, values(name, 0.5))
+    state = np.array([[0.05, 0.08, 0.3, 1.0, -1.5, -20.0]])
+    assert np.array_equal(run(changed, state, impact_limit=1).ends, run(world(), state, impact_limit=1).ends)
+    assert changed.view != world().view
+
+
+def test_every_axis_can_be_mirrored():
+    for axis in (1, 2, 3):
+        recorded = with_effect(world(), "mirrored_axis", [axis]).view.record(POSES)
+        sign = np.ones(3)
+        sign[axis - 1] = -1
+        assert recorded == pytest.approx(POSES * sign, abs=1e-15)
+
+
+def test_tilt_turns_gravity_in_the_picture():
+    """A free fall seen by a camera turned by +τ falls along (sin τ, -cos τ)."""
+    tilt = with_effect(world(), "camera_tilt", [0.1, 0.0, 0.0]).view
+    fall = np.array([[0.1, 0.2, 0.0], [0.1, 0.1, 0.0]])
+    way = np.diff(tilt.record(fall), axis=0)[0]
+    assert way[:2] == pytest.approx(0.1 * np.array([np.sin(0.1), -np.cos(0.1)]))
+
+
+def test_scale_and_frame_rate_change_the_gravity_that_is_seen():
+    """g as recorded is g × scale × time_scale²: position = scale × true, time = true / time_scale."""
+    scale, clock = 1.05, 0.95
+    view = with_effect(with_effect(world(), "scale_error", [scale, 0, 0]), "frame_rate_error", [clock]).view
+    t = np.linspace(0, 0.2, 30)
+    poses = np.column_stack([0 * t, -0.5 * 9.81 * t**2, 0 * t])
+    seen = np.polyfit(t / view.time_scale, view.record(poses)[:, 1], 2)[0]
+    assert -2 * seen == pytest.approx(9.81 * scale * clock**2, rel=1e-9)
+
+
+def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():
+    (x, y), width = image(BENCH)
+    view = with_effect(world(), "lens_distortion", [0.04, 0.0, 0.0]).view
+    out = [view.record(np.array([x + d * width, y, 0.0]))[0] - (x + d * width) for d in (0.5, 1.0)]
+    assert out == pytest.approx([0.04 * width / 8, 0.04 * width], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", CAMERA)
+def test_a_neutral_camera_records_what_is(name):
+    assert with_effect(world(), name, neutral(name)).view.record(POSES) == pytest.approx(POSES, abs=1e-15)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from rock2d.contact import CRATER
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
@@ -100,9 +101,12 @@ def diagnose(
     if folder is not None:
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
-    base = fit_base(bench, base_start(experiment), data)
-    step("base")
-    found = attribute(base, data, effects or catalogue(), workers=workers, folder=folder, told=step)
+    with threadpool_limits(
+        1
+    ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
+        base = fit_base(bench, base_start(experiment), data)
+        step("base")
+        found = attribute(base, data, effects or catalogue(), workers=workers, folder=folder, told=step)
     result.data, result.found = data, found
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
@@ -118,11 +122,14 @@ def locate(
     parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release)]
     if isinstance(data, FilmData):
         flights = data.cut.flights
-        below = _zone_below(terrain, data.states(bench).middle[:, 0])
+        best = found.final.fit
+        seen = best.model.world(
+            best.p, data.impact_order
+        )  # in a mirrored film the bench alone would be on the other side
+        below = _zone_below(terrain, data.states(seen).middle[:, 0])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight):
-            best = found.final.fit
             variance = rest_variance(data, rests, best)
             taken = rest_squares(data, rests, found.base, variance) - rest_squares(
                 data, rests, best, variance
@@ -239,8 +246,22 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         ),
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
+        "assumptions": [reading_in_words(found.base)],
         "sanity": remarks,
     }  # fmt: skip
+
+
+def reading_in_words(base: Fit) -> str:
+    """Which reading of the paper's rolling resistance the data chose."""
+    if base.model.bench.contact[..., CRATER].any():
+        return (
+            "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
+            "until the block is clear of the original surface."
+        )
+    return (
+        "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
+        "only while the ground presses."
+    )
 
 
 def _to_unit(gap: Gap) -> float:

@@ -36,9 +36,11 @@ def next_release(
             f"More releases that show {_place(cell)}: most of the gap lies there, "
             "and nothing in the catalogue explains it."
         )
-    rivals = sorted(found.candidates.values(), key=lambda c: -c.total)
     first = found.candidates[found.best]
-    second = next(c for c in rivals if c is not first)
+    rivals = [c for c in found.candidates.values() if c is not first and not c.effect.scatter]
+    if not rivals or first.effect.scatter:
+        return "More releases of every block: a scatter is told from a shift by their number."
+    second = max(rivals, key=lambda c: c.total)
     names = f"{first.effect.name} and {second.effect.name}"
     best, words = 0.0, ""
     for text, faster, spin in VARIANTS:

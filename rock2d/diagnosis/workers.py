@@ -33,10 +33,12 @@ _job: Job | None = None
 
 def _set_job(job: Job) -> None:
     import numba
+    from threadpoolctl import threadpool_limits
 
     global _job
     _job = job
     numba.set_num_threads(1)
+    threadpool_limits(1)
 
 
 def _try_own(names: tuple[str, ...]) -> Result:

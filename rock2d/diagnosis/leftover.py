@@ -71,7 +71,7 @@ def _cross_predict(features: Array, target: Array, fold: Array, seed: int) -> Ar
         x, own = scaler.transform(features[train]), scaler.transform(features[test])
         ridge = RidgeCV(np.logspace(0, 5, 11)).fit(x, target[train])
         trees = ExtraTreesRegressor(
-            TREES, min_samples_leaf=4, max_features=0.6, random_state=seed, n_jobs=2
+            TREES, min_samples_leaf=4, max_features=0.6, random_state=seed, n_jobs=1
         ).fit(x, target[train] - ridge.predict(x))
         predicted[test] = ridge.predict(own) + trees.predict(own)
     return predicted

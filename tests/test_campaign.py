@@ -152,7 +152,12 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
         assert before < done < 6 and not (cut / "passing.csv").exists()
         if how == signal.SIGINT:
             assert process.returncode == 130
-            assert f"{done} of 6 chunks are done, the same command goes on from there" in errors
+            # the interrupt may come between a chunk's file and its being counted
+            told = [
+                f"{n} of 6 chunks are done, the same command goes on from there" in errors
+                for n in (done - 1, done)
+            ]
+            assert any(told)
             assert "Traceback" not in errors
             assert not list(cut.rglob(".*"))
     again = subprocess.run([*command, str(tmp_path / "cut")], capture_output=True, text=True, check=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.contact import CRATER
-from rock2d.diagnosis.fitting import HOPELESS, Data, Fit, fit, residuals
+from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals, some_releases
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
@@ -96,12 +96,14 @@ def standard_error(per_release: Array) -> float:
 
 
 def fit_base(bench: World, base: Array, data: Data) -> Fit:
-    """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`.
+    """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`; some
+    releases show the way, from where it leads all of them are fitted.
 
     Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept,
     in the bench of the fit's model.
     """
     found = []
+    some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
         rows = bench.contact.copy()
         rows[..., CRATER] = reading
@@ -112,12 +114,13 @@ def fit_base(bench: World, base: Array, data: Data) -> Fit:
             for restitution in (0.0, -0.7, 0.7)
             for friction in (0.0, -0.5, 0.5)
         ]
-        left = [residuals(model, p, data).impacts for p in corners]
+        left = [residuals(model, p, some).impacts for p in corners]
         # channels in units of what the better half of all the corners misses by
         scale = np.nanmedian(np.abs(np.concatenate(left)), axis=0)
         promise = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=HOPELESS)).sum() for r in left]
-        found += [fit(model, data, corners[i]) for i in np.argsort(promise)[:STARTS]]
-    return max(found, key=Fit.total)
+        found += [fit(model, some, corners[i], rounds=SHORT) for i in np.argsort(promise)[:STARTS]]
+    best = max(found, key=Fit.total)
+    return fit(best.model, data, best.p)
 
 
 def attribute(

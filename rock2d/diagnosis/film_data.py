@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -55,6 +55,19 @@ class FilmData:
     @property
     def impact_zone(self) -> Array:
         return self.impacts.zone
+
+    def only(self, releases: Array) -> FilmData:
+        flights = self.cut.flights
+        keep, own = releases[flights.release], releases[self.impacts.release]
+        index = np.append(np.cumsum(keep) - 1, -1)  # what follows no flight goes on to do so
+        fewer = replace(
+            flights, **{f.name: getattr(flights, f.name)[keep] for f in fields(flights) if f.name != "follows"},
+            follows=index[flights.follows[keep]],
+        )  # fmt: skip
+        impacts = Impacts(*(getattr(self.impacts, f.name)[own] for f in fields(Impacts)))
+        impacts.before, impacts.after = index[impacts.before], index[impacts.after]
+        cut = replace(self.cut, flights=fewer)
+        return FilmData(cut, self.basis.only(keep), impacts, self.start_s[keep], self.order)
 
     def states(self, world: World) -> States:
         """The flights' states in a world."""

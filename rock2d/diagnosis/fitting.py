@@ -8,7 +8,7 @@ other side of an edge. Flights are independent of it: coefficients of degree 2 a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -23,9 +23,11 @@ HEAVY_FLIGHT = 8.0  # and of a flight's coefficient
 HOPELESS = 1e5  # chi-square of an impact beyond which it tells nothing more
 STEP = 0.02  # of a parameter's scale, for differences
 ROUNDS = 15
+SHORT = 5  # rounds of fits that only look for the way
 GRID = 9  # values of a parameter that are tried first
 RESCANS = 3
 PROMISING = 15.0  # log likelihood that an effect must gain before its parameters are looked at twice
+FEW = 100  # impacts with which the way to the best parameters is looked for
 LEAP = 0.5  # farthest that a parameter of the base law follows a step of the grid
 PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
 
@@ -66,6 +68,9 @@ class Data(Protocol):
     @property
     def impact_zone(self) -> Array:
         """(n,) zone of each impact."""
+
+    def only(self, releases: Array) -> Data:
+        """The segments of some of the releases, given as a mask; releases keep their numbers."""
 
     def left(self, world: World, shift: Array | None = None) -> Residuals:
         """What a world leaves unexplained; `shift` (6,) or (n, 6) is added to the states before the impacts."""
@@ -217,6 +222,19 @@ class Fit:
         impacts, flights = self.scores()
         return float(impacts.sum() + flights.sum())
 
+    def only(self, impacts: Array, flights: Array) -> Fit:
+        """The fit as it is on some impacts and flights, given as masks."""
+        s = self.slope
+        slope = Slopes(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
+        return replace(
+            self, slope=slope, left=Residuals(self.left.impacts[impacts], self.left.flights[flights])
+        )
+
+
+def some_releases(data: Data) -> Array:
+    """(releases,) mask of as many releases, evenly from every series, as have about FEW impacts."""
+    return data.order % max(1, len(data.impact_release) // FEW) == 0
+
 
 def normal_equations(
     left: Residuals, slope: Slopes, covariance: Array, keep: tuple[Array, Array]
@@ -292,21 +310,37 @@ def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | 
 
 
 def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
-    """Fit a model with more effects than `base` has (which come first): from there, and from where `scan` leads with
-    the variance as it is and with ten times as much, which sees misses from afar; then again around the best, if it is
-    worth it."""
+    """Fit a model with more effects than `base` has (which come first).
+
+    Some releases show the way (`explore`); from where it leads all of them are fitted.
+    """
+    some = some_releases(data)
+    if some.all():
+        return explore(model, data, base)
+    part = base.only(some[data.impact_release], some[data.flight_release])
+    found = fit(model, data, explore(model, data.only(some), part).p, old=base)
+    if found.total() > base.total():
+        return found
+    # what some releases liked the others do not: from the base, none can end below it
+    start = np.concatenate([base.p, model.start()[len(base.p) :]])
+    return max((found, fit(model, data, start, old=base)), key=Fit.total)
+
+
+def explore(model: Model, data: Data, base: Fit) -> Fit:
+    """The best of the fits from `base`, and from where `scan` leads with the variance as it is and with ten times as
+    much, which sees misses from afar; then again around the best, if it is worth it."""
     start = np.concatenate([base.p, model.start()[len(base.p) :]])
     starts = [start]
     for wide, slope in ((1.0, base.slope), (10.0, None)):
         found = scan(model, data, start, wide * base.covariance(), slope)
         if not any(np.allclose(found, p) for p in starts):
             starts.append(found)
-    best = max((fit(model, data, p, old=base) for p in starts), key=Fit.total)
+    best = max((fit(model, data, p, old=base, rounds=SHORT) for p in starts), key=Fit.total)
     for _ in range(RESCANS if best.total() > base.total() + PROMISING else 0):
         again = scan(model, data, best.p, best.covariance(), best.slope)
         if np.allclose(again, best.p):
             break
-        other = fit(model, data, again, old=best)
+        other = fit(model, data, again, old=best, rounds=SHORT)
         if other.total() < best.total() + 1.0:
             break
         best = other
@@ -354,18 +388,18 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         grad = grad + tight * (p - centre)
         grad[discrete(model)] = 0.0  # chosen, not fitted
         now = cost(left, p, covariance)
-        moved = False
+        gain = 0.0
         for _ in range(5):
             regular = curve + np.diag(tight + damping * np.diag(curve))
             ahead = np.clip(p - np.linalg.solve(regular, grad), low, high)
             trial = residuals(model, ahead, data)
-            if cost(trial, ahead, covariance) < now:
-                gain = now - cost(trial, ahead, covariance)
-                p, left, moved = ahead, trial, True
+            gain = now - cost(trial, ahead, covariance)
+            if gain > 0.0:
+                p, left = ahead, trial
                 damping = max(damping / 10, 1e-6)
                 break
             damping *= 10
-        if not moved or gain < 0.2:
+        if gain < 0.2:
             break
     assert slope is not None
     for i, k in enumerate(scatters(model)):

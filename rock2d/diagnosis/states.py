@@ -45,6 +45,14 @@ class Basis:
     level: Array
     degrees: Array
 
+    def only(self, keep: Array) -> Basis:
+        """The basis of some of the flights, given as a mask."""
+        lengths = np.diff(self.start)
+        rows = np.repeat(keep, lengths)
+        start = np.concatenate([[0], np.cumsum(lengths[keep])])
+        own = (a[keep] for a in (self.middle, self.slope, self.level, self.degrees))
+        return Basis(self.frames[rows], start, self.values[rows], *own)
+
 
 def flight_basis(film: Film, flights: Flights) -> Basis:
     """The basis of all flights of a film."""

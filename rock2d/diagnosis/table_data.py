@@ -6,7 +6,7 @@ a crater. On a hard floor the time in contact is not seen either, so only the ra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -48,6 +48,11 @@ class TableData:
     @property
     def flight_release(self) -> Array:
         return np.empty(0, np.int64)
+
+    def only(self, releases: Array) -> TableData:
+        own = releases[self.impact_release]
+        rows = {f.name: getattr(self, f.name)[own] for f in fields(self) if f.name != "order"}
+        return replace(self, **rows)
 
     def left(self, world: World, shift: Array | None = None) -> Residuals:
         """Simulated less recorded velocities after each impact: along the ground, across it, spin."""

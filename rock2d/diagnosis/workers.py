@@ -33,6 +33,7 @@ _job: Job | None = None
 
 def _set_job(job: Job) -> None:
     import numba
+    import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
     from threadpoolctl import threadpool_limits
 
     global _job

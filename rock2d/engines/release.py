@@ -121,7 +121,7 @@ def _descend(
     active, steps, looked, eased = 0, 0, 0, 1.0
     stale = False  # whether the slots have not looked at the ground since the block moved
     noticed = False  # whether the slots know the ground at the present pose
-    recording, airy = times.size > 0 or len(knots) > 0, in_air(block)
+    recording, airy = len(knots) > 0, in_air(block)
 
     while t < time_limit:
         if not terrain.x_low <= q[0] <= terrain.x_high:
@@ -178,8 +178,9 @@ def _descend(
             span = LOOK_EVERY * FREE_STEP * h
             reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
             near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
+            stretch_end = min(time_limit, times[at]) if at < times.size else time_limit
             until, done, left, why = press.press(
-                q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
+                q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, stretch_end,
                 anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done

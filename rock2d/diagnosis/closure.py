@@ -58,13 +58,14 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
     if candidate.effect.scatter:
         # a wider scatter shifts no mean: its gap is how far the spread that a model states is from the spread seen
         base, augmented = _misstated(data, found, candidate)
-    floor = _floor(data, found.base_left, found.best_left)
+    floors = _floors(data, found.base_left, found.best_left)
     if candidate.effect.scatter:
-        floor = np.zeros_like(base)
+        floors = np.zeros((1, len(base)))
     count = per_release(data, np.ones_like(found.base_left.impacts), np.ones_like(found.base_left.flights))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     draws = rng.multinomial(len(base), np.full(len(base), 1.0 / len(base)), size=BOOTSTRAPS)
-    b, a, f = (draws @ part for part in (base, augmented, floor))
+    b, a, f = draws @ base, draws @ augmented, (draws @ floors.T).min(axis=1)
+    floor = floors[floors.sum(axis=1).argmin()]
     low, high, closure = 0.0, 0.0, 0.0
     if np.quantile(b - f, 0.025) > 0:  # else there is no gap to close
         low, high = np.quantile((b - a) / np.maximum(b - f, 1e-12), [0.025, 0.975])
@@ -79,18 +80,18 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
     )
 
 
-def _floor(data: Data, base_left: Leftover, best_left: Leftover) -> Array:
-    """(releases,) squares that neither the best effect nor a regression on top of it explains."""
-    options = [
-        per_release(data, left_i**2, left_f**2)
-        for left_i, left_f in (
+def _floors(data: Data, base_left: Leftover, best_left: Leftover) -> Array:
+    """(4, releases) squares that the best effect, a regression on top of it, the base and a regression on top of that
+    leave unexplained; the least of them is the floor, in every bootstrap draw its own."""
+    return np.array([
+        per_release(data, impacts**2, flights**2)
+        for impacts, flights in (
             (best_left.impacts, best_left.flights),
             (best_left.impacts_left, best_left.flights_left),
             (base_left.impacts, base_left.flights),
             (base_left.impacts_left, base_left.flights_left),
         )
-    ]
-    return min(options, key=lambda o: float(o.sum()))
+    ])  # fmt: skip
 
 
 def _misstated(data: Data, found: Attribution, candidate: Candidate) -> tuple[Array, Array]:

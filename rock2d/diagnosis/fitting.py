@@ -312,18 +312,20 @@ def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | 
 def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
     """Fit a model with more effects than `base` has (which come first).
 
-    Some releases show the way (`explore`); from where it leads all of them are fitted.
+    Some releases show the way (`explore`); from where it leads all of them are fitted. An effect that is worth it has
+    its noise worked out anew: where the base is far off, so is the way in which it passes noise on.
     """
+    start = np.concatenate([base.p, model.start()[len(base.p) :]])
     some = some_releases(data)
     if some.all():
-        return explore(model, data, base)
-    part = base.only(some[data.impact_release], some[data.flight_release])
-    found = fit(model, data, explore(model, data.only(some), part).p, old=base)
-    if found.total() > base.total():
-        return found
-    # what some releases liked the others do not: from the base, none can end below it
-    start = np.concatenate([base.p, model.start()[len(base.p) :]])
-    return max((found, fit(model, data, start, old=base)), key=Fit.total)
+        found = explore(model, data, base)
+    else:
+        part = base.only(some[data.impact_release], some[data.flight_release])
+        found = fit(model, data, explore(model, data.only(some), part).p, old=base)
+    if found.total() < base.total():
+        # what some releases liked the others do not: from the base, none can end below it
+        found = max((found, fit(model, data, start, old=base)), key=Fit.total)
+    return fit(model, data, found.p) if found.total() > base.total() + PROMISING else found
 
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:

@@ -6,8 +6,9 @@ import json
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from rock2d.errors import InputError
@@ -50,14 +51,27 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder to write into; InputError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):  # asks whether it can be written into
+            pass
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", path) from None
+
+
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file under another name and rename it, so that it is never half there."""
+    """Write a text file under another name and rename it: never half there; InputError where it cannot be."""
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
         partial.write_text(text, encoding="utf-8")
         os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", path) from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def path_inside(folder: str | Path, relative: str) -> Path:

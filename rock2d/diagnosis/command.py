@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.predict import predict, read_model
 from rock2d.effects import catalogue
 from rock2d.experiment import read_experiment
-from rock2d.folders import write_whole
+from rock2d.folders import make_folder, write_whole
 
 PARTIAL = ".fits"  # folder of finished fits, removed at the end
 
@@ -37,7 +38,7 @@ def run_diagnosis(
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
     tell(f"{read.name}: {rows['release'].nunique()} releases, {len(rows)} rows; {len(names)} effects to try")
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     with tqdm(unit="model", disable=not progress) as bar:
         bar.total = len(names) + 1
 
@@ -46,8 +47,14 @@ def run_diagnosis(
             bar.set_description(name)
             bar.update()
 
+        processes = workers or os.cpu_count() or 1
+
+        def forecast(seconds: float) -> None:
+            if progress:
+                bar.write(f"about {seconds:.0f} s with {processes} processes", file=sys.stderr)
+
         result = diagnose(
-            read, seed=seed, workers=workers or os.cpu_count() or 1, folder=out / PARTIAL, step=step
+            read, seed=seed, workers=processes, folder=out / PARTIAL, step=step, forecast=forecast
         )
     content = diagnosis_json(result)
     write_report(result, content, out, progress=progress)
@@ -69,9 +76,11 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append("not told apart: " + ", ".join(content["group"]))
     gap = content["gap"]
     low, high = gap["closure_ci95"]
+    closed = f"closure {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    if gap["closure"] == 0.0 and high == 0.0:
+        closed = "none that stands out of chance"
     lines.append(
-        f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; "
-        f"closure {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+        f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
     )
     if content["beside"]:
         lines.append("beside it: " + ", ".join(entry["effect"] for entry in content["beside"]))

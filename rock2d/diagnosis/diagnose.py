@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,9 @@ from rock2d.diagnosis.closure import (
     where,
 )
 from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.fitting import Fit, residuals
 from rock2d.diagnosis.flights import load_film
-from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
+from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.rests import find_rests, rest_squares, rest_variance
 from rock2d.diagnosis.sanity import FEWEST_IMPACTS, MIRRORS, Sanity, check_film, check_table
@@ -40,6 +41,8 @@ from rock2d.terrain import Terrain
 from rock2d.world import World
 
 Array = np.ndarray
+
+LOOKS_BASE, LOOKS_EFFECT = 400, 220  # at all impacts, that fits of the base and of an effect take on average
 
 
 @dataclass
@@ -67,6 +70,7 @@ def diagnose(
     workers: int = 1,
     folder: Path | None = None,
     step: Callable[[str], None] = lambda name: None,
+    forecast: Callable[[float], None] = lambda seconds: None,
 ) -> Diagnosis:
     """Diagnose an experiment.
 
@@ -77,6 +81,7 @@ def diagnose(
     workers : processes that fit effects; the result does not depend on it
     folder : where finished fits are kept, so that an interrupted diagnosis goes on
     step : hears the name of each model when it is done
+    forecast : hears beforehand how many seconds it will take, roughly
     """
     bench = bench_world(experiment)
     data: FilmData | TableData
@@ -104,14 +109,25 @@ def diagnose(
     with threadpool_limits(
         1
     ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
+        tried = effects or catalogue()
+        forecast(_cost_s(bench, base_start(experiment), data, len(tried), workers))
         base = fit_base(bench, base_start(experiment), data)
         step("base")
-        found = attribute(base, data, effects or catalogue(), workers=workers, folder=folder, told=step)
+        found = attribute(base, data, tried, workers=workers, folder=folder, told=step)
     result.data, result.found = data, found
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
     result.cells = locate(experiment, data, found, bench)
     return result
+
+
+def _cost_s(bench: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
+    """Expected seconds of all fits, from the time that one look at all impacts takes."""
+    model = Model(bench, start)
+    residuals(model, model.start(), data)  # the first look may compile
+    begin = perf_counter()
+    residuals(model, model.start(), data)
+    return (perf_counter() - begin) * (LOOKS_BASE + LOOKS_EFFECT * effects / workers)
 
 
 def locate(

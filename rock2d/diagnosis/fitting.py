@@ -322,10 +322,12 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
         found = fit(model, data, explore(model, data.only(some), part).p, old=base)
+    if found.total() > base.total() + PROMISING:
+        found = fit(model, data, found.p)
     if found.total() < base.total():
         # what some releases liked the others do not: from the base, none can end below it
         found = max((found, fit(model, data, start, old=base)), key=Fit.total)
-    return fit(model, data, found.p) if found.total() > base.total() + PROMISING else found
+    return found
 
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:

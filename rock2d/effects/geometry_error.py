@@ -1,4 +1,5 @@
-"""The built cross-section differs from the surveyed one: angle of the embankment's facing, level of the ditch."""
+"""The built cross-section differs from the surveyed one: angle of the embankment's facing, level of the ditch; without
+an embankment, slope and level of the ground."""
 
 from __future__ import annotations
 
@@ -16,21 +17,25 @@ CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    if world.terrain.embankment is None or not any(values):
+    if not any(values):
         return world
-    return replace(world, terrain=as_built(world.terrain, float(values[0]), float(values[1])))
+    size = float(np.mean([block.size_m for block in world.blocks.values()]))
+    return replace(world, terrain=as_built(world.terrain, float(values[0]), float(values[1]), size))
 
 
-def as_built(terrain: Terrain, facing_rad: float, ditch_level: float) -> Terrain:
+def as_built(terrain: Terrain, facing_rad: float, ditch_level: float, size_m: float) -> Terrain:
     """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
     and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
 
-    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α).
+    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Ground without an
+    embankment is inclined as a whole about its middle and raised by `ditch_level` × `size_m`, the size of the blocks.
     """
     rise = terrain.embankment
-    if rise is None:
-        return terrain
     points = terrain.points_m.copy()
+    if rise is None:
+        middle = 0.5 * (points[0, 0] + points[-1, 0])
+        points[:, 1] += ditch_level * size_m + np.tan(facing_rad) * (points[:, 0] - middle)
+        return Terrain(points, terrain.zones, terrain.measure_lines)
     run, height = points[rise.crest] - points[rise.left]
     angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
     shear = 1.0 / np.tan(angle) - run / height
@@ -50,10 +55,15 @@ EFFECT = Effect(
     phase="impact",
     parameters=(
         Parameter(
-            "facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, steeper positive"
+            "facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, or of all ground"
         ),
         Parameter(
-            "ditch_level", "1", 0.0, -0.15, 0.15, "rise of the ditch over the height of the embankment"
+            "ditch_level",
+            "1",
+            0.0,
+            -0.15,
+            0.15,
+            "rise of the ditch over the embankment's height, or of all ground over the blocks' size",
         ),
     ),
     apply=apply,

@@ -219,12 +219,13 @@ def floats(depth, rate, step):
 
 
 @kernel
-def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, params, ints, reals,
+def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, params, ints, reals,
           work, audit, current, left):  # fmt: skip
     """Advance q from time t by up to `steps` contact steps within the guard.
 
     h_loading, h_floating, h_other : contact step in s while every contact goes deeper into virgin soil, while none
         touches the bottom of its crater, and else
+    pause : instant in s that only the first step may reach, so that a caller sees the state before and after it
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     current, left : the open impact, and whether the ground has ceased to press; see `note_pressure`
     Returns (time now in s, number of steps, left, why it ended: GUARD_LEFT, ENDS if a contact is about to end, 0).
@@ -233,35 +234,35 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravi
     # compiled twice: what effects need is in the way of the plain law's speed
     if effects_act(block, active, work[4]):
         return _press_with_effects(
-            q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints,
+            q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
             reals, work, audit, current, left,
         )  # fmt: skip
     return _press_plainly(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
         work, audit, current, left,
     )  # fmt: skip
 
 
 @kernel
-def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block,
+def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block,
                         active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
         work, audit, current, left, True,
     )  # fmt: skip
 
 
 @kernel
-def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active,
+def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
                    ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints, reals,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
         work, audit, current, left, False,
     )  # fmt: skip
 
 
 @kernel(inline="always")
-def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gravity, terrain, block, active, ints,
+def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
              reals, work, audit, current, left, effects):  # fmt: skip
     """`press` with its contacts loaded; effects: whether any of the catalogue act."""
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
@@ -286,7 +287,7 @@ def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, anchor, gr
             pace = np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius
             h = min(h_floating, max(h_other, GUARD_SHARE * anchor[3] / max(pace, 1e-300)))
         h = min(h, time_limit - t)
-        if h <= 0.0:
+        if h <= 0.0 or (done > 0 and t + h >= pause):
             break
         first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
         for attempt in range(2):

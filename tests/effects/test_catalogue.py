@@ -160,13 +160,22 @@ def test_an_embankment_is_told_by_its_shape():
 
 
 def test_the_facing_turns_about_its_foot_and_keeps_its_height():
-    built = as_built(BENCH, 0.1, 0.0)
+    built = as_built(BENCH, 0.1, 0.0, 0.02)
     run_, rise = built.points_m[3] - built.points_m[2]
     assert np.arctan2(rise, run_) == pytest.approx(np.arctan2(0.083, 0.0519) + 0.1)
     assert np.array_equal(np.delete(built.points_m, 3, 0), np.delete(BENCH.points_m, 3, 0))
-    level = as_built(BENCH, 0.0, 0.1)
+    level = as_built(BENCH, 0.0, 0.1, 0.02)
     assert level.points_m[1:3, 1] == pytest.approx(0.0083)
-    assert as_built(BENCH, -0.6, 0.0).points_m[3, 0] < BENCH.points_m[4, 0]  # never past the crest's end
+    assert (
+        as_built(BENCH, -0.6, 0.0, 0.02).points_m[3, 0] < BENCH.points_m[4, 0]
+    )  # never past the crest's end
+
+
+def test_ground_without_an_embankment_is_raised_and_inclined_as_a_whole():
+    built = as_built(FLOOR, 0.05, 0.1, 0.02)
+    slope = np.arctan2(built.tangents[:, 1], built.tangents[:, 0])
+    assert slope == pytest.approx(0.05)
+    assert built.points_m[[0, -1], 1].mean() == pytest.approx(0.1 * 0.02)
 
 
 def test_a_roughened_surface_keeps_the_mean_one_and_has_the_slopes_asked_for():

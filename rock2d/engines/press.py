@@ -219,8 +219,8 @@ def floats(depth, rate, step):
 
 
 @kernel
-def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, params, ints, reals,
-          work, audit, current, left):  # fmt: skip
+def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, params, ints,
+          reals, work, audit, current, left):  # fmt: skip
     """Advance q from time t by up to `steps` contact steps within the guard.
 
     h_loading, h_floating, h_other : contact step in s while every contact goes deeper into virgin soil, while none
@@ -234,36 +234,36 @@ def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor
     # compiled twice: what effects need is in the way of the plain law's speed
     if effects_act(block, active, work[4]):
         return _press_with_effects(
-            q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
-            reals, work, audit, current, left,
+            q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
+            ints, reals, work, audit, current, left,
         )  # fmt: skip
     return _press_plainly(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
-        work, audit, current, left,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        reals, work, audit, current, left,
     )  # fmt: skip
 
 
 @kernel
-def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block,
-                        active, ints, reals, work, audit, current, left):  # fmt: skip
+def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain,
+                        block, active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
-        work, audit, current, left, True,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        reals, work, audit, current, left, True,
     )  # fmt: skip
 
 
 @kernel
-def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
-                   ints, reals, work, audit, current, left):  # fmt: skip
+def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block,
+                   active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints, reals,
-        work, audit, current, left, False,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        reals, work, audit, current, left, False,
     )  # fmt: skip
 
 
 @kernel(inline="always")
-def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
-             reals, work, audit, current, left, effects):  # fmt: skip
+def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
+             ints, reals, work, audit, current, left, effects):  # fmt: skip
     """`press` with its contacts loaded; effects: whether any of the catalogue act."""
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
     for a in range(active):

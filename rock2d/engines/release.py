@@ -178,9 +178,10 @@ def _descend(
             span = LOOK_EVERY * FREE_STEP * h
             reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
             near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
+            pause = times[at] if at < times.size else np.inf
             until, done, left, why = press.press(
                 q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
-                times[at] if at < times.size else np.inf, anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
+                pause, anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
             if why > 0:

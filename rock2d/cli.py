@@ -119,6 +119,63 @@ def predict(experiment, diagnosis, base_only, out) -> None:
     run_prediction(experiment, diagnosis, out, base_only=base_only, tell=click.echo)
 
 
+@cli.group()
+def blind() -> None:
+    """Trials of the diagnosis on films whose cause is sealed, made by an engine that shares no code with this one."""
+
+
+@blind.command("make")
+@click.option(
+    "--cases", type=click.IntRange(1, 10_000), default=200, show_default=True, help="Number of cases."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed of everything in it.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the trial.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def blind_make(cases, seed, out, quiet) -> None:
+    """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue."""
+    from rock2d.blind.command import make
+
+    make(cases, seed, out, progress=not quiet, tell=click.echo)
+
+
+@blind.command("run")
+@click.argument("trial", type=click.Path(path_type=Path))
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def blind_run(trial, workers, quiet) -> None:
+    """Diagnose every case of TRIAL without its labels; goes on where it was interrupted."""
+    from rock2d.blind.command import run
+
+    run(trial, workers=workers, progress=not quiet, tell=click.echo)
+
+
+@blind.command("score")
+@click.argument("trial", type=click.Path(path_type=Path))
+def blind_score(trial) -> None:
+    """Open the labels of TRIAL and compare: score.html, score.json, score.csv."""
+    from rock2d.blind.command import score
+
+    score(trial, tell=click.echo)
+
+
+@blind.command("train")
+@click.option(
+    "--cases", type=click.IntRange(20, 10_000), default=400, show_default=True, help="Number of cases."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed; never that of a trial.")
+@click.option(
+    "--work", type=click.Path(path_type=Path), required=True, help="Folder for cases and diagnoses."
+)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Weights (JSON) to write.")
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def blind_train(cases, seed, work, out, workers, quiet) -> None:
+    """Learn the weights behind the probabilities from cases made for it."""
+    from rock2d.blind.command import train_weights
+
+    train_weights(cases, seed, work, out, workers=workers, progress=not quiet, tell=click.echo)
+
+
 @cli.command()
 def schema() -> None:
     """Print the JSON Schema of a scenario file, for editors."""

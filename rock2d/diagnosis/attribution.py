@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals,
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
+from rock2d.diagnosis.weighing import predictable, standard_error, statistics
 from rock2d.diagnosis.workers import Job, try_all
 from rock2d.effects.effect import Effect
 from rock2d.world import World
@@ -64,7 +66,7 @@ class Attribution:
     chain : the effect with the largest gain, then those that gained most beside the ones before them, as long as that
         was sure; each with its fit to all so far and its gain over the one before
     base_left, best_left : what a flexible regression finds in the residuals of the base and of the chain's last model
-    probabilities : over the catalogue, "none" and "unknown"
+    probabilities : over the catalogue, "none" and "unknown"; `statistics`: what they were found from
     group : effects that the data cannot tell from the best, the best first
     """
 
@@ -76,6 +78,7 @@ class Attribution:
     best_left: Leftover
     probabilities: dict[str, float]
     group: list[str]
+    statistics: dict[str, Any]
 
     @property
     def best(self) -> str:
@@ -88,11 +91,6 @@ class Attribution:
     @property
     def verdict(self) -> str:
         return max(self.probabilities, key=lambda name: self.probabilities[name])
-
-
-def standard_error(per_release: Array) -> float:
-    """Standard error of a sum over releases."""
-    return float(per_release.std() * np.sqrt(len(per_release)))
 
 
 def fit_base(bench: World, base: Array, data: Data) -> Fit:
@@ -162,7 +160,8 @@ def attribute(
         for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
         if name != best and winner.total - other.total < TIE * standard_error(winner.gain - other.gain)
     ]
-    return Attribution(base, base_out, candidates, chain, base_left, best_left, weights, group)
+    seen = statistics(candidates, best, len(chain), base_left, best_left, segments)
+    return Attribution(base, base_out, candidates, chain, base_left, best_left, weights, group, seen)
 
 
 def _sure(candidate: Candidate, least: float) -> bool:
@@ -227,15 +226,6 @@ def weigh(
     total = sum(weight.values())
     found = {"none": (1.0 - unknown) * none, "unknown": unknown}
     return found | {name: named * w / total for name, w in weight.items()}
-
-
-def predictable(left: Leftover) -> tuple[float, float]:
-    """(mean square per statistic that the regression takes away, its significance in standard errors)."""
-    taken = np.concatenate([
-        (left.impacts**2 - left.impacts_left**2).sum(axis=1), (left.flights**2 - left.flights_left**2).sum(axis=1)
-    ])  # fmt: skip
-    statistics = left.impacts.size + left.flights.size
-    return float(taken.sum() / statistics), float(taken.mean() / taken.std() * np.sqrt(len(taken)))
 
 
 def unexplained(base_left: Leftover, best_left: Leftover) -> tuple[float, float]:

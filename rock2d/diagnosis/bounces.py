@@ -120,12 +120,16 @@ def nearest_facet(points: Array, terrain: Terrain) -> Array:
 
 
 def simulate(world: World, impacts: Impacts, starts: Array, times_s: Array) -> Array:
-    """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6)."""
+    """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6); NaN where a start
+    is not finite, as of a flight that an impossible drag has taken back."""
     ensemble, tables = world_ensemble(world)
+    possible = np.isfinite(starts).all(axis=1)
+    starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     result = run_batch(
         ensemble, starts, block_ids=impacts.block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
         time_limit_s=times_s[:, -1] + 1e-9, times_s=times_s,
     )  # fmt: skip
+    result.samples[~possible] = np.nan
     return result.samples
 
 

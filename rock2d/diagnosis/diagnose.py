@@ -176,9 +176,10 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     """Effect name -> parameter name -> value, 95 % interval and unit."""
     out: dict[str, dict[str, dict[str, Any]]] = {}
     k = len(BASE_WIDTH)
-    for effect, values in zip(fit.model.effects, fit.model.values(fit.p), strict=True):
+    model = fit.model
+    for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
         entry = {}
-        for parameter, value in zip(effect.parameters, values, strict=True):
+        for parameter, value in zip(own, values, strict=True):
             half = 1.96 * float(np.sqrt(fit.p_covariance[k, k]))
             if is_factor(parameter):
                 low, high = value * np.exp(-half), value * np.exp(half)

@@ -124,7 +124,7 @@ def slopes(model: Model, p: Array, data: Data, at: Residuals, covariance: Array 
     for i, effect in enumerate(model.effects):
         if effect.scatter:  # the same amount at every impact
             amounts = [list(v) for v in model.values(p)]
-            amounts[i] = [from_scale(effect.parameters[0], STEP)]
+            amounts[i] = [from_scale(model.parameters[i][0], STEP)]
             moved = data.left(model.world(p, data.impact_order, amounts))
             columns.append(((moved.impacts - at.impacts) / STEP)[..., None])
     scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
@@ -270,7 +270,7 @@ def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | 
     `slope` of a fit nearby the base law follows each step.
     """
     low, high = model.bounds()
-    parameters = [q for e in model.effects for q in e.parameters]
+    parameters = [q for own in model.parameters for q in own]
     n_base = len(BASE_WIDTH)
     centre, tight = prior(model)
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,9 +31,15 @@ class Model:
     base: Array
     effects: Sequence[Effect] = ()
 
+    @cached_property
+    def parameters(self) -> list[list[Parameter]]:
+        """Parameters of each effect, with their ranges at the scale of this bench."""
+        size = float(np.mean([block.size_m for block in self.bench.blocks.values()]))
+        return [[p.at(size, self.bench.gravity_m_s2) for p in e.parameters] for e in self.effects]
+
     @property
     def size(self) -> int:
-        return len(BASE_WIDTH) + sum(len(e.parameters) for e in self.effects)
+        return len(BASE_WIDTH) + sum(map(len, self.parameters))
 
     @property
     def scatter_effects(self) -> list[Effect]:
@@ -40,13 +47,13 @@ class Model:
 
     def start(self) -> Array:
         """Parameters of the base as it stands, without effects."""
-        neutral = [to_scale(p, p.neutral) for e in self.effects for p in e.parameters]
+        neutral = [to_scale(p, p.neutral) for own in self.parameters for p in own]
         return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral])
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest parameters."""
-        low = [to_scale(p, p.low) for e in self.effects for p in e.parameters]
-        high = [to_scale(p, p.high) for e in self.effects for p in e.parameters]
+        low = [to_scale(p, p.low) for own in self.parameters for p in own]
+        high = [to_scale(p, p.high) for own in self.parameters for p in own]
         return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([3 * BASE_WIDTH, high])
 
     def law(self, p: Array) -> Array:
@@ -57,9 +64,9 @@ class Model:
     def values(self, p: Array) -> list[list[float]]:
         """Values of each effect's parameters at p."""
         out, i = [], len(BASE_WIDTH)
-        for effect in self.effects:
-            out.append([from_scale(q, p[i + k]) for k, q in enumerate(effect.parameters)])
-            i += len(effect.parameters)
+        for own in self.parameters:
+            out.append([from_scale(q, p[i + k]) for k, q in enumerate(own)])
+            i += len(own)
         return out
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
@@ -94,7 +101,7 @@ def from_scale(p: Parameter, z: float) -> float:
 
 def discrete(model: Model) -> list[int]:
     """Positions of the parameters that can only be chosen from a list."""
-    parameters = [q for e in model.effects for q in e.parameters]
+    parameters = [q for own in model.parameters for q in own]
     return [len(BASE_WIDTH) + i for i, q in enumerate(parameters) if q.choices]
 
 

@@ -95,9 +95,10 @@ def effect_rows(models: Models) -> list[EffectRow]:
     if models.effect is None:
         return []
     rows = []
-    for effect in models.effect.model.effects:
+    model = models.effect.model
+    for effect, parameters in zip(model.effects, model.parameters, strict=True):
         fitted = effect_values(models.effect)[effect.name]
-        for parameter in effect.parameters:
+        for parameter in parameters:
             value, unit = in_degrees(parameter, fitted[parameter.name]["value"])
             low, high = (in_degrees(parameter, v)[0] for v in fitted[parameter.name]["ci95"])
             least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))

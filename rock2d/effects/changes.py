@@ -23,8 +23,6 @@ CENTRE = (
     Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the bench's middle, over its width"),
 )
 
-STANDARD_GRAVITY_M_S2 = 9.80665
-
 
 def mean_mass_kg(world: World) -> float:
     """Mean mass of the world's blocks: what scales forces from the laboratory to the slope."""

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from rock2d.world import World
+
+LABORATORY_M = 0.02  # size of the blocks that plausible ranges are stated for
+STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect. `neutral` is its value without the effect; `low` and `high` bound the plausible.
 
-    `choices`: the values it can take, if it is no continuous quantity.
+    `choices`: the values it can take, if it is no continuous quantity. `length`, `time`: the exponents of its unit; the
+    range (and a neutral value that is not 0) is that of a laboratory, and grows with the bench, see `at`.
     """
 
     name: str
@@ -23,6 +29,19 @@ class Parameter:
     high: float
     meaning: str
     choices: tuple[float, ...] = ()
+    length: int = 0
+    time: int = 0
+
+    def at(self, size_m: float, gravity_m_s2: float) -> Parameter:
+        """The parameter with the range that it has for blocks of this mean size: lengths in units of the size L, times
+        of √(L / g)."""
+        if not (self.length or self.time):
+            return self
+        size = size_m / LABORATORY_M
+        factor = (
+            size**self.length * np.sqrt(size * STANDARD_GRAVITY_M_S2 / max(gravity_m_s2, 1e-3)) ** self.time
+        )
+        return replace(self, neutral=self.neutral * factor, low=self.low * factor, high=self.high * factor)
 
 
 @dataclass(frozen=True)

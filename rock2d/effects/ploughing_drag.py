@@ -39,6 +39,7 @@ EFFECT = Effect(
             0.0,
             4000.0,
             "drag over slip, at a depth of one block size, over the mean mass",
+            time=-1,
         ),
     ),
     apply=apply,

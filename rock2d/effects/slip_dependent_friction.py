@@ -34,7 +34,16 @@ EFFECT = Effect(
     phase="impact",
     parameters=(
         Parameter("change", "1", 0.0, -0.9, 2.0, "relative change of tan φ at high sliding speed"),
-        Parameter("speed_m_s", "m/s", 1.0, 0.2, 5.0, "sliding speed at which most of it has happened"),
+        Parameter(
+            "speed_m_s",
+            "m/s",
+            1.0,
+            0.2,
+            5.0,
+            "sliding speed at which most of it has happened",
+            length=1,
+            time=-1,
+        ),
     ),
     apply=apply,
     columns=("friction_change", "friction_speed_m_s"),

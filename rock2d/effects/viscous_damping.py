@@ -31,7 +31,9 @@ EFFECT = Effect(
     source="linear dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies",
     phase="impact",
     # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks and soil
-    parameters=(Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass"),),
+    parameters=(
+        Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass", time=-1),
+    ),
     apply=apply,
     columns=("viscous_Ns_m",),
     normal=normal,

@@ -1,0 +1,1 @@
+"""Blind tests of the diagnosis: films of a bench that the diagnosis knows nothing of but the files."""

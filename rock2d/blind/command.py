@@ -1,0 +1,74 @@
+"""The commands `rock2d blind make | run | score | train`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rock2d.folders import write_whole
+
+Tell = Callable[[str], None]
+
+
+def make(count: int, seed: int, out: Path, *, progress: bool, tell: Tell) -> None:
+    """Write a sealed trial."""
+    from tqdm import tqdm
+
+    from rock2d.blind.writing import make_trial
+
+    with tqdm(total=count, unit="case", disable=not progress) as bar:
+        digest = make_trial(count, seed, out, step=lambda: _advance(bar))
+    tell(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
+
+
+def _advance(bar: Any) -> None:
+    bar.update()
+
+
+def run(folder: Path, *, workers: int | None, without_best: bool = False, progress: bool, tell: Tell) -> None:
+    """Diagnose all cases of a trial."""
+    from tqdm import tqdm
+
+    from rock2d.blind.running import run_trial
+
+    with tqdm(unit="case", disable=not progress) as bar:
+
+        def told(done: int, of: int) -> None:
+            bar.total, bar.n = of, done
+            bar.refresh()
+
+        out = run_trial(folder, workers=workers or os.cpu_count() or 1, without_best=without_best, told=told)
+    tell(f"written: {out}")
+
+
+def score(folder: Path, *, tell: Tell) -> dict[str, Any]:
+    """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
+    from rock2d.blind.page import write_page
+    from rock2d.blind.scoring import summary, table
+    from rock2d.blind.writing import read_index
+
+    cases = table(folder)
+    found = summary(cases)
+    write_whole(folder / "score.csv", cases.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
+    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
+    for key, value in found.items():
+        tell(f"{key}: {value}")
+    tell(f"written: {folder / 'score.html'}")
+    return found
+
+
+def train_weights(
+    count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, tell: Tell
+) -> None:
+    """Make, run and learn from a trial of its own; goes on where it was interrupted."""
+    from rock2d.blind.training import train, write_weights
+
+    if not (work / "cases.json").is_file():
+        make(count, seed, work, progress=progress, tell=tell)
+    run(work, workers=workers, without_best=True, progress=progress, tell=tell)
+    write_weights(train([work]), out)
+    tell(f"written: {out}")

@@ -1,0 +1,56 @@
+"""What sizes of effects are measured by: length, mass, gravity, stiffness and extent of the bench at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.blind.reality.things import Array, Bench, Block, Soil, mean_mass_kg, mean_size_m, soil_of
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes of the bench at hand in SI.
+
+    Attributes
+    ----------
+    size, mass : means over the blocks
+    spring : √(k_l / mass) of the first zone's soil in rad/s
+    low, high : corners (x, y) of the box of embankment and ditch, or of the ground's middle third
+    """
+
+    size: float
+    mass: float
+    gravity: float
+    spring: float
+    low: Array
+    high: Array
+    blocks: int
+
+    @property
+    def speed(self) -> float:
+        """√(gravity × size) in m/s."""
+        return float(np.sqrt(self.gravity * self.size))
+
+    @property
+    def width(self) -> float:
+        """Width in m of what is looked at."""
+        return float(self.high[0] - self.low[0])
+
+
+def scale_of(bench: Bench, law: Soil, blocks: Sequence[Block], gravity: float) -> Scale:
+    """The scale of a bench."""
+    points = np.asarray(bench.points_m, float)
+    ranges = [r for r in (bench.ditch, bench.embankment) if r is not None]
+    if ranges:
+        seen = points[min(a for a, _ in ranges) : max(b for _, b in ranges) + 1]
+        low, high = seen.min(axis=0), seen.max(axis=0)
+    else:
+        low, high = points.min(axis=0), points.max(axis=0)
+        third = (high[0] - low[0]) / 3.0
+        low[0], high[0] = low[0] + third, high[0] - third
+    mass = mean_mass_kg(blocks)
+    spring = float(np.sqrt(soil_of(law, bench.zones[0]).k_l / mass))
+    return Scale(mean_size_m(blocks), mass, gravity, spring, low, high, len(blocks))

@@ -1,0 +1,124 @@
+"""The trial's diagnoses: every case from its films alone, in parallel; what is done is not done again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from rock2d.blind.writing import CASES, read_index
+from rock2d.folders import make_folder, write_whole
+
+RESULTS = "results"
+
+
+def run_trial(
+    folder: Path,
+    *,
+    workers: int = 1,
+    without_best: bool = False,
+    told: Callable[[int, int], None] = lambda done, of: None,
+) -> Path:
+    """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels.
+
+    without_best : diagnose each case once more without the effect found, for training: what "unknown" looks like
+    """
+    count = int(read_index(folder)["count"])
+    out = folder / RESULTS
+    make_folder(out)
+    names = [f"{i:03d}" for i in range(count)]
+    waiting = [name for name in names if not (out / f"{name}.json").is_file()]
+    told(count - len(waiting), count)
+    if workers <= 1:
+        for k, name in enumerate(waiting):
+            _diagnose(folder / CASES / name, out / f"{name}.json", without_best)
+            told(count - len(waiting) + k + 1, count)
+        return out
+    import multiprocessing
+
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread)
+    try:
+        jobs = [
+            pool.submit(_diagnose, folder / CASES / name, out / f"{name}.json", without_best)
+            for name in waiting
+        ]
+        for k, job in enumerate(as_completed(jobs)):
+            job.result()
+            told(count - len(waiting) + k + 1, count)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return out
+
+
+def _one_thread() -> None:
+    import numba
+    import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
+    from threadpoolctl import threadpool_limits
+
+    numba.set_num_threads(1)
+    threadpool_limits(1)
+
+
+def _diagnose(case: Path, out: Path, without_best: bool) -> None:
+    """Diagnose case/fit, try the model on case/heldout; writes one JSON."""
+    import tempfile
+    from time import perf_counter
+
+    from rock2d.diagnosis.attribution import attribute
+    from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+    from rock2d.effects import catalogue
+    from rock2d.experiment import read_experiment
+
+    experiment = read_experiment(case / "fit")
+    begin = perf_counter()
+    with tempfile.TemporaryDirectory() as fits:
+        result = diagnose(experiment, folder=Path(fits))
+        content = diagnosis_json(result)
+        seconds = perf_counter() - begin
+        kept: dict[str, Any] = {
+            "diagnosis": content,
+            "seconds": seconds,
+            "statistics": None,
+            "without_best": None,
+        }
+        if result.found is not None:
+            found, data = result.found, result.data
+            assert data is not None
+            kept["statistics"] = found.statistics
+            kept["closures"] = {name: gap.closure for name, gap in (result.gaps or {}).items()}
+            kept["heldout"] = _heldout(case / "heldout", content)
+            if without_best:
+                names = {c.effect.name for c in found.chain}
+                others = {name: e for name, e in catalogue().items() if name not in names}
+                kept["without_best"] = attribute(
+                    found.base, data, others, folder=next(Path(fits).iterdir())
+                ).statistics
+    write_whole(out, json.dumps(kept, indent=1) + "\n")
+
+
+def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
+    """Median over stretches of the root mean square distance in m between prediction and film: base and diagnosed."""
+    import numpy as np
+
+    from rock2d.diagnosis.predict import predict
+    from rock2d.errors import InputError
+    from rock2d.experiment import read_experiment
+
+    experiment = read_experiment(folder)
+    assert experiment.trajectories is not None
+    out = {}
+    for name, base_only in (("base", True), ("diagnosed", False)):
+        try:
+            predicted = predict(experiment, content, base_only=base_only)
+        except InputError:
+            return {}
+        both = predicted.merge(
+            experiment.trajectories, on=["release", "t_s"], suffixes=("", "_seen")
+        ).dropna()
+        square = (both["x_m"] - both["x_m_seen"]) ** 2 + (both["y_m"] - both["y_m_seen"]) ** 2
+        stretches = square.groupby([both["release"], both["segment"]]).mean()
+        out[name] = float(np.sqrt(stretches.median())) if len(stretches) else float("nan")
+    return out

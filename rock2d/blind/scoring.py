@@ -1,0 +1,144 @@
+"""A trial's score: the labels are opened and compared with what the diagnoses said."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.blind.running import RESULTS
+from rock2d.blind.writing import read_labels
+from rock2d.errors import InputError
+from rock2d.indicators import wilson_interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+
+LEVELS = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)  # signal-to-noise
+CLEAR = 5.0  # signal-to-noise from which on the data should allow a verdict
+SURE = 0.8  # probability with which no wrong cause may be named
+BINS = 10  # of equal mass, for the calibration error
+LEAST = 1e-4  # probability below which the log score does not follow
+
+
+def read_results(folder: Path) -> dict[str, dict[str, Any]]:
+    """Results of a trial, case -> JSON; raises `InputError` if there are none."""
+    paths = sorted((folder / RESULTS).glob("*.json"))
+    if not paths:
+        raise InputError("no results there: `rock2d blind run` makes them", folder)
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
+
+
+def table(
+    folder: Path, weigh: Callable[[Mapping[str, Any]], Mapping[str, float]] | None = None
+) -> pd.DataFrame:
+    """One row a case: what was hidden, what was said, how sure, what closed.
+
+    `weigh`: other probabilities from the statistics than those in the diagnoses.
+    """
+    import pandas as pd
+
+    labels, rows = read_labels(folder), []
+    for name, result in read_results(folder).items():
+        label, said = labels[name], result["diagnosis"]
+        p = dict(said["probabilities"])
+        if weigh is not None and result["statistics"] is not None:
+            p = dict.fromkeys(p, 0.0) | dict(weigh(result["statistics"]))
+        ranked = sorted(p, key=lambda effect: -p[effect])
+        truth = set(label["label"].split("+"))
+        verdict = ranked[0]
+        closures = result.get("closures") or {}
+        effect = next(iter(truth)) if len(truth) == 1 else None
+        others = [v for k, v in closures.items() if "+" not in k and k not in truth]
+        held = result.get("heldout") or {}
+        rows.append({
+            "case": name, "label": label["label"], "verdict": verdict, "p": p[verdict],
+            "right": verdict in truth, "top3": bool(truth & set(ranked[:3])),
+            "p_truth": min(sum(p.get(t, 0.0) for t in truth), 1.0), "p_none": p["none"], "p_unknown": p["unknown"],
+            "brier": sum((p[k] - (k in truth) / len(truth)) ** 2 for k in p),
+            "signal_to_noise": label["signal_to_noise"], "kind": label["kind"], "releases": label["releases"],
+            "noise": label["position_noise_m"] / label["block_size_m"], "fps": label["fps"],
+            "form": label["hidden"][0]["form"] if label["hidden"] else -1,
+            "diagnosed": result["statistics"] is not None, "seconds": result["seconds"],
+            "closure": closures.get(effect, np.nan) if effect else np.nan,
+            "runner_up": max(others, default=np.nan), "gap_closure": said["gap"]["closure"],
+            "phase": said["where"][0]["phase"] if said["where"] else "",
+            "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def summary(cases: pd.DataFrame) -> dict[str, Any]:
+    """The figures of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
+    single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
+    pairs = cases[cases["label"].str.contains("+", regex=False)]
+    nulls, outside = cases[cases["label"] == "none"], cases[cases["label"] == "unknown"]
+    clear = single[single["signal_to_noise"] >= CLEAR]
+    known = ~cases["verdict"].isin(["none", "unknown"])
+    wrong = cases[~cases["right"] & (cases["p"] > SURE)]
+    levels = {}
+    for low, high in itertools.pairwise(LEVELS):
+        own = single[(single["signal_to_noise"] >= low) & (single["signal_to_noise"] < high)]
+        levels[f"{low:g} to {high:g}"] = {"top1": _share(own["right"]), "top3": _share(own["top3"])}
+    strong = outside[outside["signal_to_noise"] >= CLEAR]
+    return {
+        "cases": len(cases),
+        "top1_clear": _share(clear["right"]),
+        "top3_clear": _share(clear["top3"]),
+        "by_signal_to_noise": levels,
+        "pairs_one_of_both": _share(pairs["right"]),
+        "false_attribution_on_nulls": _share(known[nulls.index]),
+        "nulls_called_none": _share(nulls["right"]),
+        "outside_called_unknown": _share(outside["right"]),
+        "outside_clear_called_unknown": _share(strong["right"]),
+        "auroc_unknown": auroc(cases["p_unknown"].to_numpy(), (cases["label"] == "unknown").to_numpy()),
+        "wrong_and_sure": wrong[["case", "label", "verdict", "p", "signal_to_noise"]].to_dict("records"),
+        "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
+        "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST)).mean()),
+        "brier": float(cases["brier"].mean()),
+        "median_closure_clear": _median(clear["closure"]),
+        "median_closure_of_runner_up": _median(clear["runner_up"]),
+        "heldout_median_ratio_clear": _median(
+            (clear["heldout_diagnosed"] / clear["heldout_base"])[clear["right"]]
+        ),
+        "median_seconds": _median(cases["seconds"]),
+    }
+
+
+def _share(hits: pd.Series) -> list[float]:
+    count, total = int(hits.sum()), len(hits)
+    if total == 0:
+        return [float("nan"), 0.0, 1.0, 0]
+    low, high = wilson_interval(count, total)
+    return [count / total, float(low), float(high), total]
+
+
+def _median(values: pd.Series) -> float:
+    return float(np.nanmedian(values)) if values.notna().any() else float("nan")
+
+
+def auroc(score: Array, positive: Array) -> float:
+    """Area under the ROC curve."""
+    from sklearn.metrics import roc_auc_score
+
+    return float(roc_auc_score(positive, score)) if 0 < np.sum(positive) < len(positive) else float("nan")
+
+
+def calibration_error(p: Array, right: Array) -> float:
+    """Expected calibration error over bins of equal mass (Naeini et al. 2015)."""
+    parts = np.array_split(np.argsort(p, kind="stable"), min(BINS, len(p)))
+    return float(sum(len(i) * abs(p[i].mean() - right[i].mean()) for i in parts) / len(p))
+
+
+def confusion(cases: pd.DataFrame) -> pd.DataFrame:
+    """Counts, label by verdict, of cases that hide at most one effect."""
+    import pandas as pd
+
+    one = cases[~cases["label"].str.contains("+", regex=False)]
+    return pd.crosstab(one["label"], one["verdict"])

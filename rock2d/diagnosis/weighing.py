@@ -1,0 +1,121 @@
+"""From what the trial of the effects found to probabilities over the catalogue, "none" and "unknown".
+
+Three questions, each answered by a logistic regression on a few statistics of the trial (`statistics`): is there any
+effect at all; if so, is it one of the catalogue; if so, which. The regressions are trained on films of a foreign
+engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.diagnosis.leftover import Leftover
+
+if TYPE_CHECKING:
+    from rock2d.diagnosis.attribution import Candidate
+
+Array = np.ndarray
+
+WEIGHTS = Path(__file__).with_name("weights.json")
+ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
+MOST_Z = 30.0  # standard errors beyond which more tells nothing new
+
+
+def standard_error(per_release: Array) -> float:
+    """Standard error of a sum over releases."""
+    return float(per_release.std() * np.sqrt(len(per_release)))
+
+
+def predictable(left: Leftover) -> tuple[float, float]:
+    """(mean square per statistic that the regression takes away, its significance in standard errors)."""
+    taken = np.concatenate([
+        (left.impacts**2 - left.impacts_left**2).sum(axis=1), (left.flights**2 - left.flights_left**2).sum(axis=1)
+    ])  # fmt: skip
+    count = left.impacts.size + left.flights.size
+    return float(taken.sum() / count), float(taken.mean() / max(taken.std(), 1e-12) * np.sqrt(len(taken)))
+
+
+def mean_square(left: Leftover) -> float:
+    """Mean square of what a model leaves, in units of noise and scatter."""
+    return float(
+        ((left.impacts**2).sum() + (left.flights**2).sum()) / (left.impacts.size + left.flights.size)
+    )
+
+
+def statistics(
+    candidates: Mapping[str, Candidate],
+    best: str,
+    chain: int,
+    base_left: Leftover,
+    best_left: Leftover,
+    segments: int,
+) -> dict[str, Any]:
+    """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
+
+    `chain`: effects in the last model; `base_left`, `best_left`: what the base and the last model leave.
+    """
+    winner = candidates[best]
+    effects = {}
+    for name, other in candidates.items():
+        behind = winner.total - other.total
+        spread = max(standard_error(winner.gain - other.gain), 1.0)
+        effects[name] = {
+            "behind_z": min(behind / spread, MOST_Z),
+            "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
+            "behind_log": float(np.log1p(max(behind, 0.0))),
+            "scatter": float(other.effect.scatter),
+        }
+    second = min((e["behind_z"] for name, e in effects.items() if name != best), default=MOST_Z)
+    left, left_sigma = predictable(best_left)
+    gap, gap_sigma = predictable(base_left)
+    base, final = mean_square(base_left), mean_square(best_left)
+    reducible = max(base - final + max(left, 0.0), gap, 1e-9)
+    case = {
+        "gain_z": float(np.clip(winner.total / max(winner.error, 1.0), 0.0, MOST_Z)),
+        "gain_log": float(np.log(max(winner.total, 0.1) / segments)),
+        "gain_total_log": float(np.log(max(winner.total, 0.1))),
+        "segments_log": float(np.log(segments)),
+        "second_z": float(second),
+        "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
+        "left_sigma": float(np.clip(left_sigma, 0.0, MOST_Z)),
+        "left_log": float(np.log(max(left, 1e-3))),
+        "gap_log": float(np.log(max(gap, 1e-3))),
+        "gap_sigma": float(np.clip(gap_sigma, 0.0, MOST_Z)),
+        "final_log": float(np.log(max(final, 1e-3))),
+        "closed_share": float(np.clip((base - final) / max(base - 1.0, 0.05), -1.0, 2.0)),
+        "chain": float(chain),
+        "scatter": float(winner.effect.scatter),
+    }
+    return {"case": case, "effects": effects}
+
+
+@functools.cache
+def weights() -> dict[str, Any]:
+    """The trained regressions: question -> {"features", "mean", "scale", "coefficients", "intercept"}."""
+    return dict(json.loads(WEIGHTS.read_text(encoding="utf-8")))
+
+
+def chance(question: Mapping[str, Any], values: Mapping[str, float]) -> float:
+    """Probability that a regression gives to "yes"."""
+    x = np.array([values[name] for name in question["features"]])
+    z = (x - np.array(question["mean"])) / np.array(question["scale"])
+    return float(1.0 / (1.0 + np.exp(-(z @ np.array(question["coefficients"]) + question["intercept"]))))
+
+
+def probabilities(found: Mapping[str, Any], known: Mapping[str, Any] | None = None) -> dict[str, float]:
+    """Probabilities over the effects, "none" and "unknown" from `statistics`; `known`: other weights than the own."""
+    known = weights() if known is None else known
+    some, catalogued = chance(known[ANY], found["case"]), chance(known[KNOWN], found["case"])
+    odds = {}
+    for name, values in found["effects"].items():
+        p = chance(known[WHICH], values)
+        odds[name] = p / (1.0 - p)
+    total = sum(odds.values())
+    out = {"none": 1.0 - some, "unknown": some * (1.0 - catalogued)}
+    return out | {name: some * catalogued * o / total for name, o in odds.items()}

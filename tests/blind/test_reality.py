@@ -1,0 +1,259 @@
+"""The independent reality: independence, physics of its clean motion, and that all that is hidden shows."""
+
+from __future__ import annotations
+
+import ast
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rock2d.blind import reality
+from rock2d.blind.reality import FORMS, OUTSIDE, Bench, Block, Hidden, Law, draw, fall, film
+
+G = 9.81
+MAY_IMPORT = {"numpy", "numba", *sys.stdlib_module_names}
+EMBANKMENT_ONLY = {"zone_contrast", "embankment_yield"}
+
+
+def _rectangle(length: float, height: float) -> np.ndarray:
+    return 0.5 * np.array([[-length, -height], [length, -height], [length, height], [-length, height]])
+
+
+SPHERE = Block("sphere", 0.0125, None, 0.022, 0.4 * 0.022 * 0.0125**2)
+CUBE = Block("cube", 0.019 / math.sqrt(2), _rectangle(0.019, 0.019), 0.0233, 0.0233 * 0.019**2 / 6)
+SLAB = Block(
+    "slab", math.hypot(0.0175, 0.007), _rectangle(0.035, 0.014), 0.0231, 0.0231 * (0.035**2 + 0.014**2) / 12
+)
+BLOCKS = [SPHERE, CUBE, SLAB]
+LAW = Law(1.0e4, 6.0e4, 2.5e3, math.tan(math.radians(30)), 0.025)
+FLOOR = Bench(np.array([[-1.0, 0.0], [1.0, 0.0]]), ("floor",))
+_PROFILE = [[-0.695, 0.571], [0, 0], [0.148, 0], [0.184, 0.083], [0.239, 0.083], [0.3625, 0], [0.8625, 0]]
+BENCH = Bench(
+    np.array(_PROFILE),
+    ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out"),
+    face=(2, 3), embankment=(2, 5), ditch=(1, 2),
+)  # fmt: skip
+
+
+def _fall(
+    bench: Bench, blocks: list[Block], states: np.ndarray, times: np.ndarray, hidden: list[Hidden] | None = None,
+    *, law: Law = LAW, gravity: float = G, soil_sd: float = 0.0, seed: int = 1,
+) -> np.ndarray:  # fmt: skip
+    states = np.atleast_2d(states)
+    n = np.arange(len(states))
+    return fall(
+        bench, law, blocks, n % len(blocks), states, n // len(blocks), times, gravity_m_s2=gravity,
+        soil_sd=np.full(5, soil_sd), hidden=hidden or [], seed=seed,
+    )  # fmt: skip
+
+
+def _states(n: int, size: float = 0.02) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    pace = math.sqrt(G * size)
+    low = [0.5 * size, 4.0 * size, 0.0, 2.0 * pace, -4.5 * pace, -3.0 * pace / size]
+    high = [6.5 * size, 5.0 * size, 2 * math.pi, 3.5 * pace, -3.5 * pace, 1.0 * pace / size]
+    return rng.uniform(low, high, (n, 6))
+
+
+def _rebound(law: Law, speed: float, omega: float) -> np.ndarray:
+    """Velocity after the sphere hits the floor with 2 m/s down, `speed` along and `omega`, without gravity."""
+    times = np.arange(300) * 1e-4
+    poses = _fall(FLOOR, [SPHERE], np.array([0, 0.02, 0, speed, -2, omega]), times, law=law, gravity=0.0)[0]
+    return (poses[-1] - poses[-100]) / (99 * 1e-4)
+
+
+def test_imports_nothing_of_the_toolkit() -> None:
+    package = Path(reality.__file__).parent
+    modules = sorted(package.rglob("*.py"))
+    assert len(modules) > 5
+    for path in modules:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{path.name}: relative import"
+                package_name = node.module or ""
+                names = [package_name]
+                if package_name in ("rock2d", "rock2d.blind"):
+                    names = [f"{package_name}.{alias.name}" for alias in node.names]
+            for name in names:
+                own = f"{name}.".startswith("rock2d.blind.reality.")
+                assert own or name.split(".")[0] in MAY_IMPORT, f"{path.name} imports {name}"
+
+
+@pytest.mark.parametrize("k_ul", [1.5e4, 6e4, 2e5])
+def test_head_on_restitution(k_ul: float) -> None:
+    assert _rebound(replace(LAW, k_ul=k_ul), 0.0, 0.0)[1] / 2.0 == pytest.approx(
+        math.sqrt(LAW.k_l / k_ul), rel=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "speed", "omega", "along", "spin"),
+    [
+        ({"mu": 1e9, "k_r": 0.0}, 1.0, 0.0, 0.57770, -84.459),
+        ({"k_r": 0.0}, 1.0, 0.0, 0.5879, -82.42),
+        ({"k_r": 0.0}, 10.0, 0.0, 8.37389, -325.22),
+        ({"k_r": 0.0}, 1.0, -80.0, 1.0, -80.0),
+        ({"mu": 0.0}, 0.0, 100.0, 0.0, 90.371),
+    ],
+)
+def test_oblique_impact_of_a_circle(
+    change: dict[str, float], speed: float, omega: float, along: float, spin: float
+) -> None:
+    after = _rebound(replace(LAW, **change), speed, omega)
+    assert after[0] == pytest.approx(along, rel=0.01, abs=1e-3)
+    assert after[2] == pytest.approx(spin, rel=0.01)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda b: b.name)
+def test_flight_is_a_parabola(block: Block) -> None:
+    times = np.arange(100) * 1e-3
+    state = np.array([0.1, 0.4, 0.3, 1.0, 0.5, -20.0])
+    poses = _fall(BENCH, [block], state, times)[0]
+    assert poses[:, 0] == pytest.approx(0.1 + times, abs=1e-12)
+    assert poses[:, 1] == pytest.approx(0.4 + 0.5 * times - 0.5 * G * times**2, abs=1e-12)
+    assert poses[:, 2] == pytest.approx(0.3 - 20.0 * times, abs=1e-12)
+
+
+def _clear(pose: np.ndarray, block: Block, bench: Bench) -> bool:
+    """Whether no part of the block can touch the ground, which is where springs would hold energy."""
+    start, way = bench.points_m[:-1], np.diff(bench.points_m, axis=0)
+    share = np.clip(((pose[:2] - start) * way).sum(axis=1) / (way**2).sum(axis=1), 0.0, 1.0)
+    gap = np.hypot(*(start + share[:, None] * way - pose[:2]).T).min()
+    return bool(gap > block.radius_m)
+
+
+@pytest.mark.parametrize("bench", [BENCH, FLOOR], ids=["bench", "floor"])
+@pytest.mark.parametrize("crater", [False, True])
+def test_energy_of_flights_never_rises(bench: Bench, crater: bool) -> None:
+    dt = 5e-4
+    states = _states(30)
+    poses = _fall(bench, BLOCKS, states, np.arange(900) * dt, law=replace(LAW, crater=crater))
+    for i, path in enumerate(poses):
+        block = BLOCKS[i % 3]
+        speed = (path[2:] - path[:-2]) / (2 * dt)
+        free = np.array([_clear(pose, block, bench) for pose in path])
+        free = free[2:] & free[1:-1] & free[:-2]
+        energy = block.mass_kg * (0.5 * speed[:, 0] ** 2 + 0.5 * speed[:, 1] ** 2 + G * path[1:-1, 1])
+        energy = (energy + 0.5 * block.inertia_kg_m2 * speed[:, 2] ** 2)[free]
+        assert free.sum() > 20
+        assert (np.diff(energy) < 1e-3 * energy[0]).all()
+
+
+def test_same_seed_same_bits_whatever_the_company() -> None:
+    times = np.arange(300) * 1e-3
+    states = _states(9)
+    first, again = (_fall(BENCH, BLOCKS, states, times, soil_sd=0.1) for _ in range(2))
+    assert np.array_equal(first, again)
+    assert np.array_equal(first[:3], _fall(BENCH, BLOCKS, states[:3], times, soil_sd=0.1))
+    assert not np.array_equal(first, _fall(BENCH, BLOCKS, states, times, soil_sd=0.1, seed=2))
+
+
+def test_effects_follow_their_closed_forms() -> None:
+    times = np.arange(200) * 5e-4
+
+    def after(
+        name: str, form: int, values: dict[str, float], state: list[float], law: Law = LAW
+    ) -> np.ndarray:
+        poses = _fall(
+            FLOOR, [SPHERE], np.array(state), times, [Hidden(name, form, values)], law=law, gravity=0.0
+        )[0]
+        return (poses[-1] - poses[-3]) / 1e-3
+
+    t = times[-2]
+    drag = after("air_drag", 0, {"drag": 0.5, "power": 2.0}, [0, 0.5, 0, 3, 0, 0])
+    assert drag[0] == pytest.approx(3 / (1 + 0.5 * 3 * t), rel=1e-3)
+    damped = after("flight_damping", 1, {"rate_1_s": 2.0, "spin_rate_1_s": 1.4}, [0, 0.5, 0, 3, 0, 10])
+    assert damped[[0, 2]] == pytest.approx([3 * math.exp(-2 * t), 10 * math.exp(-1.4 * t)], rel=1e-3)
+    lifted = after("magnus_lift", 0, {"lift": 0.03, "arm_m": 0.0}, [0, 0.5, 0, 3, 0, 100])
+    assert math.atan2(lifted[1], lifted[0]) == pytest.approx(3.0 * t, rel=1e-3)
+    # the way out of the crater costs pull × depth, but for half of its first tenth
+    bottom = 2.0 / math.sqrt(LAW.k_l / SPHERE.mass_kg) * (1 - LAW.k_l / LAW.k_ul)
+    wet = {"pull_N": 2.0, "fades": 0.0, "onset_m_s": 0.01}
+    plain = replace(LAW, mu=0.0, k_r=0.0)
+    pulled = after("adhesion", 0, wet, [0, 0.02, 0, 0, -2, 0], plain)
+    work = 2.0 * bottom * 0.95 / SPHERE.mass_kg
+    assert pulled[1] == pytest.approx(math.sqrt(4 * LAW.k_l / LAW.k_ul - 2 * work), rel=0.01)
+
+
+def _filmed(bench: Bench, hidden: list[Hidden], n: int = 9) -> np.ndarray:
+    times = np.arange(160) * 1e-3
+    poses = _fall(bench, BLOCKS, _states(n), times, hidden, soil_sd=0.05)
+    record, stated = film(
+        poses, times, hidden=hidden, position_noise_m=0.0, angle_noise_rad=0.0, colour=0.0, lost=0.0,
+        centre_m=np.array([0.18, 0.05]), extent_m=0.36, seed=3,
+    )  # fmt: skip
+    assert np.array_equal(stated, times)
+    return record
+
+
+CASES = [(name, form) for name, forms in FORMS.items() for form in range(forms)] + [(k, 0) for k in OUTSIDE]
+
+
+@pytest.mark.parametrize("bench", [BENCH, FLOOR], ids=["bench", "floor"])
+def test_what_is_hidden_shows_and_vanishes(bench: Bench) -> None:
+    clean = _filmed(bench, [])
+    for name, form in CASES:
+        gaps = []
+        for strength in (1.0, 1e-7):
+            hidden = draw(name, form, np.random.default_rng(4), bench, LAW, BLOCKS, G, strength)
+            record = _filmed(bench, [hidden])
+            assert np.isfinite(record).all(), (name, form, strength)
+            gaps.append(float(np.median(np.abs(record - clean).max(axis=(1, 2)))))
+        if name in EMBANKMENT_ONLY and bench is FLOOR:
+            assert gaps == [0.0, 0.0], name
+        else:
+            assert gaps[0] > 1e-4, (name, form)
+        if name != "mirrored_axis":
+            assert gaps[1] < 0.02, (name, form, gaps)
+
+
+def test_forms_of_an_effect_differ() -> None:
+    for name, forms in FORMS.items():
+        records = [
+            _filmed(BENCH, [draw(name, form, np.random.default_rng(4), BENCH, LAW, BLOCKS, G, 1.0)], 6)
+            for form in range(forms)
+        ]
+        assert forms >= 2
+        assert not np.allclose(records[0], records[1], atol=1e-6), name
+    assert len(OUTSIDE) >= 8
+    assert not set(OUTSIDE) & set(FORMS)
+
+
+def test_noise_and_lost_frames() -> None:
+    poses = np.zeros((20, 2000, 3))
+    record, _ = film(
+        poses, np.arange(2000) * 1e-3, hidden=[], position_noise_m=3e-4, angle_noise_rad=0.02, colour=0.5, lost=0.1,
+        centre_m=np.zeros(2), extent_m=1.0, seed=0,
+    )  # fmt: skip
+    lost = np.isnan(record)
+    assert (lost.any(axis=2) == lost.all(axis=2)).all()
+    assert lost.mean() == pytest.approx(0.1, abs=0.01)
+    assert np.nanstd(record, axis=(0, 1)) == pytest.approx([3e-4, 3e-4, 0.02], rel=0.03)
+    pairs = record[:, 1:, 0] * record[:, :-1, 0]
+    assert np.nanmean(pairs) / np.nanvar(record[..., 0]) == pytest.approx(0.5, abs=0.03)
+
+
+def test_field_scale() -> None:
+    """Boulders of 1 m and 2.5 t: the same reality 50 times as large, in time √50 as long."""
+    grow = 50.0
+    mass, k = 2500.0, 2500.0 / 0.0233 / grow
+    blocks = [
+        Block("ball", 0.0125 * grow, None, mass, 0.4 * mass * (0.0125 * grow) ** 2),
+        Block("cube", 0.95 / math.sqrt(2), _rectangle(0.95, 0.95), mass, mass * 0.95**2 / 6),
+    ]
+    law = Law(1e4 * k, 6e4 * k, 2.5e3 * k, LAW.mu, 0.025 * k * grow**2)
+    bench = replace(BENCH, points_m=BENCH.points_m * grow)
+    times = np.arange(200) * 8e-3
+    clean = _fall(bench, blocks, _states(6, 1.0), times, law=law)
+    assert clean[:, -1, 1].max() < 10.0
+    for name, form in CASES:
+        if name in OUTSIDE or form == 1:
+            hidden = draw(name, form, np.random.default_rng(1), bench, law, blocks, G, 0.5)
+            assert np.isfinite(_fall(bench, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), name

@@ -1,0 +1,176 @@
+"""Blind trials: what is sealed stays sealed, is the same from the same seed, and the score says what it should."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.blind import reality, writing
+from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
+from rock2d.blind.scoring import auroc, calibration_error, summary, table
+from rock2d.blind.strength import signal_to_noise
+from rock2d.blind.training import FEATURES, regression
+from rock2d.blind.writing import make_trial, read_labels
+from rock2d.diagnosis.weighing import ANY, KNOWN, WHICH, chance, probabilities
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+from rock2d.experiment import read_experiment
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Cases of ten releases."""
+
+    def draw(hand, seed):
+        return draw_case(hand, seed, smallest=True)
+
+    monkeypatch.setattr(writing, "draw_case", draw)
+
+
+def test_hands_hold_enough_nulls_outsiders_and_every_effect():
+    hands = deal(200, np.random.SeedSequence(1))
+    outside = [hand for hand in hands if set(hand) & set(reality.OUTSIDE)]
+    assert len(hands) == 200
+    assert hands.count(()) >= 0.2 * 200 <= NULLS * 200
+    assert len(outside) >= OUTSIDERS * 200 >= 0.15 * 200
+    assert {name for hand in outside for name in hand} == set(reality.OUTSIDE)
+    assert {name for hand in hands if len(hand) == 1 for name in hand} >= set(catalogue())
+    assert hands == deal(200, np.random.SeedSequence(1))
+
+
+def test_the_reality_knows_every_effect_of_the_catalogue_in_two_forms():
+    assert set(reality.FORMS) == set(catalogue())
+    assert min(reality.FORMS.values()) >= 2
+    assert len(reality.OUTSIDE) >= 6
+
+
+def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_path, small):
+    hands = [("air_drag",), (), ("late_angle",)]
+    digests = [make_trial(3, 7, tmp_path / name, hands=hands) for name in "ab"]
+    assert digests[0] == digests[1]
+    for path in sorted((tmp_path / "a").rglob("*.csv")):
+        assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes()
+    assert [v["label"] for v in read_labels(tmp_path / "a").values()] == ["air_drag", "none", "unknown"]
+    for part in ("fit", "heldout"):
+        assert read_experiment(tmp_path / "a" / "cases" / "000" / part).trajectories is not None
+    public = (tmp_path / "a" / "cases.json").read_text() + "".join(
+        p.read_text() for p in (tmp_path / "a" / "cases").rglob("experiment.yaml")
+    )
+    assert "air_drag" not in public and "late_angle" not in public
+
+
+def test_labels_that_were_changed_are_refused(tmp_path, small):
+    make_trial(1, 3, tmp_path / "t", hands=[()])
+    path = tmp_path / "t" / "labels.json"
+    path.write_text(path.read_text().replace("none", "air_drag"))
+    with pytest.raises(InputError, match="SHA-256"):
+        read_labels(tmp_path / "t")
+
+
+def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():
+    seed = np.random.SeedSequence(5)
+    case = draw_case(("camera_tilt",), seed, smallest=True)
+    case.hidden = [reality.Hidden("camera_tilt", 0, case.hidden[0].values | {"turn_rad": 0.001})]
+    one = signal_to_noise(case)
+    case.hidden = [reality.Hidden("camera_tilt", 0, case.hidden[0].values | {"turn_rad": 0.002})]
+    two = signal_to_noise(case)
+    assert two == pytest.approx(2 * one, rel=0.1)  # while it is linear
+    case.position_noise_m *= 3
+    case.angle_noise_rad *= 3
+    assert signal_to_noise(case) < two
+
+
+def _row(label, verdict, p, **other):
+    names = {"signal_to_noise": 20.0, "p_none": 0.0, "p_unknown": float(verdict == "unknown"), "p_truth": p,
+             "brier": 0.0, "closure": 1.0, "runner_up": 0.1, "heldout_base": 2.0, "heldout_diagnosed": 1.0,
+             "seconds": 1.0, "case": "0"}  # fmt: skip
+    right = verdict in label.split("+")
+    return names | {"label": label, "verdict": verdict, "p": p, "right": right, "top3": right} | other
+
+
+def test_the_score_counts_what_it_says():
+    cases = pd.DataFrame([
+        _row("air_drag", "air_drag", 0.9), _row("air_drag", "adhesion", 0.95), _row("none", "none", 0.9),
+        _row("none", "air_drag", 0.6), _row("unknown", "unknown", 0.9),
+        _row("adhesion", "none", 0.9, signal_to_noise=1.0),
+    ])  # fmt: skip
+    found = summary(cases)
+    assert found["top1_clear"][0] == 0.5 and found["top1_clear"][3] == 2
+    assert found["false_attribution_on_nulls"][0] == 0.5
+    assert found["outside_called_unknown"][0] == 1.0 and found["auroc_unknown"] == 1.0
+    assert [w["verdict"] for w in found["wrong_and_sure"]] == ["adhesion", "none"]
+
+
+def test_calibration_error_of_known_cases():
+    p = np.full(100, 0.7)
+    right = np.arange(100) % 10 < 7
+    assert calibration_error(p, right.astype(float)) == pytest.approx(0.0, abs=1e-12)
+    assert calibration_error(p, np.zeros(100)) == pytest.approx(0.7)
+    assert auroc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0, 0, 1, 1])) == 0.75
+
+
+def test_a_regression_learns_what_separates_and_probabilities_sum_to_one():
+    rng = np.random.default_rng(0)
+    known = {}
+    for question in (ANY, KNOWN, WHICH):
+        values = [
+            dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: x} for x in rng.normal(size=200)
+        ]
+        known[question] = regression(
+            FEATURES[question], values, [v[FEATURES[question][0]] > 0 for v in values]
+        )
+        assert (
+            chance(known[question], dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: 3.0})
+            > 0.95
+        )
+    case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.5)
+    effects = {n: dict.fromkeys(FEATURES[WHICH], float(i)) for i, n in enumerate(("air_drag", "adhesion"))}
+    p = probabilities({"case": case, "effects": effects}, known)
+    assert sum(p.values()) == pytest.approx(1.0)
+    assert set(p) == {"none", "unknown", "air_drag", "adhesion"}
+
+
+def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
+    from rock2d.blind.running import run_trial
+
+    make_trial(1, 3, tmp_path / "t", hands=[()])
+    sealed = (tmp_path / "t" / "labels.json").rename(tmp_path / "sealed.json")
+    run_trial(tmp_path / "t")
+    result = json.loads((tmp_path / "t" / "results" / "000.json").read_text())
+    assert sum(result["diagnosis"]["probabilities"].values()) == pytest.approx(1.0)
+    with pytest.raises(InputError, match="sealed elsewhere"):
+        table(tmp_path / "t")
+    sealed.rename(tmp_path / "t" / "labels.json")
+    assert len(table(tmp_path / "t")) == 1
+
+
+def test_weights_are_learned_from_a_trial(tmp_path, small):
+    """Results in which the effect with the largest gain is the right one, and what is left tells the unknown."""
+    from rock2d.blind.training import train
+
+    rng = np.random.default_rng(1)
+    hands = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
+    make_trial(len(hands), 5, tmp_path / "t", hands=hands)
+    (tmp_path / "t" / "results").mkdir()
+    for i, hand in enumerate(hands):
+        outside = hand == ("late_angle",)
+        case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.0)
+        case |= {"gain_z": 8.0 if hand else rng.normal(), "left_share": 0.9 if outside else 0.0}
+        effects = {
+            name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in hand else 6.0}
+            for name in ("air_drag", "adhesion", "magnus_lift")
+        }
+        result = {"statistics": {"case": case, "effects": effects}, "without_best": None}
+        (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
+    labels = read_labels(tmp_path / "t")
+    learned = train([tmp_path / "t"])
+    assert set(learned) == {ANY, KNOWN, WHICH}
+    p = probabilities({"case": case, "effects": effects}, learned)
+    assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"
+    named = probabilities(
+        json.loads((tmp_path / "t" / "results" / "001.json").read_text())["statistics"], learned
+    )
+    assert max(named, key=named.__getitem__) == "air_drag"

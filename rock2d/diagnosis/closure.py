@@ -140,9 +140,16 @@ def explained(found: Attribution) -> tuple[Array, Array]:
     return base.impacts**2 - impacts**2, base.flights**2 - flights**2
 
 
-def impact_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
-    """Impacts, by direction along the ground, across it, and spin."""
+def impact_part(
+    found: Attribution, zone: Array, block: Array, release: Array, bare: Array | None = None
+) -> Part:
+    """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
+    effect, if others are to be explained than those of the base."""
     taken, _ = explained(found)
+    if bare is not None:
+        covariance = found.final.fit.covariance()
+        scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+        taken = clipped(bare / scale) ** 2 - found.base_left.impacts**2 + taken
     columns = tuple(list(range(c, taken.shape[1], 3)) for c in range(3))
     return Part("impact", taken, zone, block, release, IMPACT_CHANNELS, columns)
 

@@ -135,7 +135,16 @@ def locate(
 ) -> list[Cell]:
     """Where the gap lies; a flight belongs to the zone below its middle, a rest to that below its end."""
     terrain, blocks = experiment.terrain, list(experiment.blocks)
-    parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release)]
+    bare = None
+    if found.verdict == found.best and not found.chain[0].effect.camera:
+        # The base's parameters have given way to the effect everywhere, and what air does shows in impacts, too:
+        # the law found with the effect, in the air found with it, tells where the ground is wrong.
+        model, p = found.final.fit.model, found.final.fit.p
+        law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
+        for effect, values in zip(model.effects, model.values(p), strict=True):
+            law = effect.apply(law, values) if effect.phase == "flight" else law
+        bare = data.left(law).impacts
+    parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release, bare)]
     if isinstance(data, FilmData):
         flights = data.cut.flights
         best = found.final.fit

@@ -129,21 +129,31 @@ def slopes(model: Model, p: Array, data: Data, at: Residuals, covariance: Array 
             columns.append(((moved.impacts - at.impacts) / STEP)[..., None])
     scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
     if covariance is None:
-        covariance = _noise_covariance(model, p, data)
+        covariance = _noise_covariance(model, p, data, at)
     return Slopes(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
 
 
-def _noise_covariance(model: Model, p: Array, data: Data) -> Array:
-    """(n, d, d) of the residuals, from the noise of the measured states before and after."""
+def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals) -> Array:
+    """(n, d, d) of the residuals, from the noise of the measured states before and after.
+
+    To second order: near an edge of what may happen (a corner that lands just before or after another) the state before
+    says less of the state after than its slope there promises. Of r = a x + b x² the variance is a² + 2 b² if x is normal.
+    """
     before = data.state_noise()
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
-    columns = []
+    slope, bend = [], []
     for k in range(6):
         shift = sigma[k] * (np.arange(6) == k)
         ahead, behind = residuals(model, p, data, shift), residuals(model, p, data, -shift)
-        columns.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
-    by_state = np.nan_to_num(np.stack(columns, axis=-1))
-    return by_state @ before @ by_state.transpose(0, 2, 1) + data.outcome_noise()
+        slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
+        bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
+    by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
+    own = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
+    return (
+        by_state @ before @ by_state.transpose(0, 2, 1)
+        + (by_square * own[:, None]) @ by_square.transpose(0, 2, 1)
+        + data.outcome_noise()
+    )
 
 
 def spread(slope: Slopes, scatter: Array) -> Array:

@@ -109,8 +109,11 @@ class Slopes:
     covariance: Array  # (n, 6, 6) of measurement noise
 
 
-def slopes(model: Model, p: Array, data: Data, at: Residuals, covariance: Array | None = None) -> Slopes:
-    """Derivatives at p by differences; `covariance` of measurement noise is worked out unless given."""
+def slopes(
+    model: Model, p: Array, data: Data, at: Residuals, soil: Array, covariance: Array | None = None
+) -> Slopes:
+    """Derivatives at p by differences; `covariance` of measurement noise is worked out, at this scatter `soil`,
+    unless given."""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
@@ -129,15 +132,17 @@ def slopes(model: Model, p: Array, data: Data, at: Residuals, covariance: Array 
             columns.append(((moved.impacts - at.impacts) / STEP)[..., None])
     scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
     if covariance is None:
-        covariance = _noise_covariance(model, p, data, at)
+        covariance = _noise_covariance(model, p, data, at, soil)
     return Slopes(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
 
 
-def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals) -> Array:
-    """(n, d, d) of the residuals, from the noise of the measured states before and after.
+def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
+    """(n, d, d) of the residuals, from the noise of the measured states before and after, and from what the soil's
+    scatter (5,) does beyond its slope.
 
-    To second order: near an edge of what may happen (a corner that lands just before or after another) the state before
-    says less of the state after than its slope there promises. Of r = a x + b x² the variance is a² + 2 b² if x is normal.
+    To second order: near an edge of what may happen (a corner that lands just before or after another) the state
+    before says less of the state after than its slope there promises. Of r = a x + b x² the variance is a² + 2 b² if x
+    is normal.
     """
     before = data.state_noise()
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
@@ -149,8 +154,15 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals) -> Arra
         bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
     by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
     own = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
+    curved = []
+    for k in range(len(BASE_WIDTH)):
+        step = scatter[k] * (np.arange(model.size) == k)
+        ahead, behind = residuals(model, p + step, data), residuals(model, p - step, data)
+        curved.append((ahead.impacts + behind.impacts - 2 * at.impacts) / np.sqrt(2.0))
+    by_soil = np.nan_to_num(np.stack(curved, axis=-1))
     return (
-        by_state @ before @ by_state.transpose(0, 2, 1)
+        by_soil @ by_soil.transpose(0, 2, 1)
+        + by_state @ before @ by_state.transpose(0, 2, 1)
         + (by_square * own[:, None]) @ by_square.transpose(0, 2, 1)
         + data.outcome_noise()
     )
@@ -392,7 +404,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
     curve = np.eye(model.size)
     for round in range(rounds):
         noise = slope.covariance if slope is not None and (old is not None or round not in (0, 2)) else None
-        slope = slopes(model, p, data, left, noise)
+        slope = slopes(model, p, data, left, scatter, noise)
         part = Slopes(
             slope.impacts[keep[0]], slope.flights, slope.scatter[keep[0]], slope.covariance[keep[0]]
         )

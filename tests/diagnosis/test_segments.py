@@ -87,6 +87,6 @@ def test_true_world_leaves_only_noise():
 
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
     model = Model(true, base)
-    slope = slopes(model, np.zeros(5), data, left)
+    slope = slopes(model, np.zeros(5), data, left, np.full(5, 0.05))
     chi2 = chi_square(left.impacts, spread(slope, np.full(5, 1e-4))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)

@@ -65,10 +65,10 @@ def train_weights(
     count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, tell: Tell
 ) -> None:
     """Make, run and learn from a trial of its own; goes on where it was interrupted."""
-    from rock2d.blind.training import train, write_weights
+    from rock2d.blind.training import labelled, train, write_weights
 
     if not (work / "cases.json").is_file():
         make(count, seed, work, progress=progress, tell=tell)
     run(work, workers=workers, without_best=True, progress=progress, tell=tell)
-    write_weights(train([work]), out)
+    write_weights(train(labelled([work])), out)
     tell(f"written: {out}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,60 +27,86 @@ STRENGTH = 1.0  # of the regularisation, inverse
 SEEN = 2.0  # signal-to-noise below which a hidden effect leaves nothing to see: it is none
 
 
-def examples(folders: Iterable[Path]) -> dict[str, tuple[list[dict[str, float]], list[bool]]]:
-    """Question -> (statistics, answers) from trials that were run; see `running.run_trial` for `without_best`."""
-    out: dict[str, tuple[list[dict[str, float]], list[bool]]] = {q: ([], []) for q in FEATURES}
+Labelled = tuple[dict[str, Any], dict[str, Any]]  # a case's label and its result
 
-    def add(question: str, values: dict[str, float], answer: bool) -> None:
-        out[question][0].append(values)
-        out[question][1].append(answer)
 
+def labelled(folders: Iterable[Path]) -> list[Labelled]:
+    """Labels and results of all cases that were run in these trials."""
+    out = []
     for folder in folders:
         labels = read_labels(folder)
-        for name, result in read_results(folder).items():
-            found, label = result["statistics"], labels[name]["label"]
-            if found is None:
-                continue
-            truth = set(label.split("+"))
-            some = label != "none" and labels[name]["signal_to_noise"] >= SEEN
-            add(ANY, found["case"], some)
-            if not some:
-                continue
-            add(KNOWN, found["case"], label != "unknown")
-            if label == "unknown":
-                continue
-            for effect, values in found["effects"].items():
-                add(WHICH, values, effect in truth)
-            without = result["without_best"]
-            if without is not None and len(truth) == 1 and not truth & set(without["effects"]):
-                add(ANY, without["case"], True)
-                add(KNOWN, without["case"], False)
+        out += [(labels[name], result) for name, result in read_results(folder).items()]
     return out
 
 
-def regression(
-    features: Sequence[str], values: list[dict[str, float]], answers: list[bool]
-) -> dict[str, Any]:
+@dataclass
+class Examples:
+    """Statistics, answers, and how much each counts."""
+
+    values: list[dict[str, float]] = field(default_factory=list)
+    answers: list[bool] = field(default_factory=list)
+    weights: list[float] = field(default_factory=list)
+
+
+def examples(cases: Iterable[Labelled]) -> dict[str, Examples]:
+    """Question -> examples; see `running.run_trial` for `without_best`: cases that are unknown once their effect is
+    left out. They and those that hide something from outside share the weight of the latter, so that "unknown" stays
+    as frequent as it is."""
+    cases = list(cases)
+    out = {question: Examples() for question in FEATURES}
+    outside = sum(label["label"] == "unknown" for label, _ in cases)
+    left_out = sum(bool(result["without_best"]) for _, result in cases)
+    half, share = (0.5, 0.5 * outside / left_out) if left_out else (1.0, 0.0)
+
+    def add(question: str, values: dict[str, float], answer: bool, weight: float = 1.0) -> None:
+        out[question].values.append(values)
+        out[question].answers.append(answer)
+        out[question].weights.append(weight)
+
+    for label, result in cases:
+        found, truth = result["statistics"], set(label["label"].split("+"))
+        if found is None:
+            continue
+        some = label["label"] != "none" and label["signal_to_noise"] >= SEEN
+        add(ANY, found["case"], some)
+        if not some:
+            continue
+        known = label["label"] != "unknown"
+        add(KNOWN, found["case"], known, 1.0 if known else half)
+        if label["label"] == "unknown":
+            continue
+        for effect, values in found["effects"].items():
+            add(WHICH, values, effect in truth)
+        without = result["without_best"]
+        if without is not None and len(truth) == 1 and not truth & set(without["effects"]):
+            add(ANY, without["case"], True, share)
+            add(KNOWN, without["case"], False, share)
+    return out
+
+
+def regression(features: Sequence[str], given: Examples) -> dict[str, Any]:
     """A logistic regression as plain numbers."""
     from sklearn.linear_model import LogisticRegression
 
-    x = np.array([[v[name] for name in features] for v in values])
+    x = np.array([[v[name] for name in features] for v in given.values])
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
-    model = LogisticRegression(C=STRENGTH, max_iter=1000).fit((x - mean) / scale, np.array(answers))
+    model = LogisticRegression(C=STRENGTH, max_iter=1000).fit(
+        (x - mean) / scale, np.array(given.answers), np.array(given.weights)
+    )
     return {
         "features": list(features),
         "mean": mean.round(6).tolist(),
         "scale": scale.round(6).tolist(),
         "coefficients": model.coef_[0].round(6).tolist(),
         "intercept": round(float(model.intercept_[0]), 6),
-        "examples": len(answers),
+        "examples": len(given.answers),
     }
 
 
-def train(folders: Iterable[Path]) -> dict[str, Any]:
-    """Weights from trials whose labels may be read."""
-    found = examples(folders)
-    return {question: regression(FEATURES[question], *found[question]) for question in FEATURES}
+def train(cases: Iterable[Labelled]) -> dict[str, Any]:
+    """Weights from cases whose labels may be read."""
+    found = examples(cases)
+    return {question: regression(FEATURES[question], found[question]) for question in FEATURES}
 
 
 def write_weights(weights: dict[str, Any], path: Path) -> None:

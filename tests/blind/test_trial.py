@@ -149,7 +149,7 @@ def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
 
 def test_weights_are_learned_from_a_trial(tmp_path, small):
     """Results in which the effect with the largest gain is the right one, and what is left tells the unknown."""
-    from rock2d.blind.training import train
+    from rock2d.blind.training import labelled, train
 
     rng = np.random.default_rng(1)
     hands = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
@@ -166,7 +166,7 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
         result = {"statistics": {"case": case, "effects": effects}, "without_best": None}
         (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
     labels = read_labels(tmp_path / "t")
-    learned = train([tmp_path / "t"])
+    learned = train(labelled([tmp_path / "t"]))
     assert set(learned) == {ANY, KNOWN, WHICH}
     p = probabilities({"case": case, "effects": effects}, learned)
     assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"

@@ -17,7 +17,7 @@ def camera_tilt(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
     turn = 0.12 * s * sign(rng)
     if form == 0:
         return {"turn_rad": turn, "off_x": 0.0, "off_y": 0.0, "keystone": 0.0}
-    off_x, off_y = rng.uniform(-0.5, 0.5, 2)
+    off_x, off_y = rng.uniform(-0.2, 0.2, 2)
     return {"turn_rad": turn, "off_x": off_x, "off_y": off_y, "keystone": 0.02 * s * sign(rng)}
 
 

@@ -63,7 +63,11 @@ def _spin_kick(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
 
 def _updraught(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
     left = at.low[0] + rng.uniform(0.0, 0.25) * at.width
-    return {"lift_m_s2": 0.6 * s * at.gravity, "left_m": left, "right_m": left + 0.5 * at.width}
+    return {
+        "lift_m_s2": 0.6 * s * at.gravity,
+        "left_m": left,
+        "right_m": left + min(0.5 * at.width, 8.0 * at.size),
+    }
 
 
 KINDS: dict[str, tuple[str, Sizes]] = {

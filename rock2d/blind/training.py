@@ -18,11 +18,10 @@ from rock2d.folders import write_whole
 Array = np.ndarray
 
 FEATURES = {
-    ANY: ("gain_z", "gain_log", "gain_total_log", "segments_log", "gap_log", "gap_sigma", "scatter", "final_log"),
-    KNOWN: ("left_share", "left_sigma", "left_log", "closed_share", "gain_z", "final_log", "chain", "scatter",
-            "gain_log", "second_z"),
+    ANY: ("gain_z", "gain_log", "gain_total_log", "gap_log", "scatter"),
+    KNOWN: ("left_share", "left_sigma", "closed_share"),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
-}  # fmt: skip
+}
 STRENGTH = 1.0  # of the regularisation, inverse
 SEEN = 2.0  # signal-to-noise below which a hidden effect leaves nothing to see: it is none
 

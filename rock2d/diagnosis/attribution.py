@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals,
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
-from rock2d.diagnosis.weighing import predictable, standard_error, statistics
+from rock2d.diagnosis.weighing import predictable, probabilities, standard_error, statistics
 from rock2d.diagnosis.workers import Job, try_all
 from rock2d.effects.effect import Effect
 from rock2d.world import World
@@ -33,7 +33,6 @@ LONGEST_CHAIN = 3  # effects at once
 STARTS = 2  # of the fit of the base law
 COMPANIONS = 6  # effects tried beside the best one
 MORE = 0.05  # log likelihood a segment that a further effect must gain at least
-MUCH_LEFT, LEFT_WIDTH = 0.35, 0.06  # share of the reducible gap that may stay unexplained
 
 
 @dataclass
@@ -153,15 +152,16 @@ def attribute(
     covariance = chain[-1].fit.covariance()
     base_left = regress(bench, data, base_out.left, covariance)
     best_left = regress(bench, data, chain[-1].held_out.left, covariance)
-    weights = weigh(candidates, best, base_left, best_left, segments)
+    seen = statistics(candidates, best, len(chain), base_left, best_left, segments)
     winner = candidates[best]
     group = [best] + [
         name
         for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
         if name != best and winner.total - other.total < TIE * standard_error(winner.gain - other.gain)
     ]
-    seen = statistics(candidates, best, len(chain), base_left, best_left, segments)
-    return Attribution(base, base_out, candidates, chain, base_left, best_left, weights, group, seen)
+    return Attribution(
+        base, base_out, candidates, chain, base_left, best_left, probabilities(seen), group, seen
+    )
 
 
 def _sure(candidate: Candidate, least: float) -> bool:
@@ -194,46 +194,3 @@ def _next(
         for other, (own, out) in zip(others, tried.values(), strict=True)
     ]
     return max(found, key=lambda c: c.total, default=None)
-
-
-def weigh(
-    candidates: Mapping[str, Candidate], best: str, base_left: Leftover, best_left: Leftover, segments: int
-) -> dict[str, float]:
-    """Probabilities over the effects, "none" and "unknown".
-
-    An effect's weight is the chance that it would beat the best one on other releases; "none" that the best one would
-    not beat the base by more than LITTLE a segment, with all its rivals counted against it; "unknown" grows with the
-    share of the reducible gap that the best one leaves.
-    """
-    from scipy.special import expit
-    from scipy.stats import norm
-
-    winner = candidates[best]
-    weight = {}
-    for name, other in candidates.items():
-        behind = winner.total - other.total
-        spread = standard_error(winner.gain - other.gain)
-        weight[name] = 1.0 if name == best else 2 * float(norm.sf(behind / max(spread, 1.0)))
-    sure = (winner.total - LITTLE * segments) / max(winner.error, 1.0)
-    none = float(min(1.0, len(candidates) * 2 * norm.sf(sure)))
-    share, sigma = unexplained(base_left, best_left)
-    real = expit((sigma - SURE) / 0.5)
-    unknown = real * float(expit((share - MUCH_LEFT) / LEFT_WIDTH))
-    if none > 0.5:  # no effect explains anything: is there anything to explain?
-        gap, gap_sigma = predictable(base_left)
-        unknown = float(expit((gap_sigma - SURE - 1.0) / 0.5)) * float(expit((gap - 0.1) / 0.02))
-    named = (1.0 - unknown) * (1.0 - none)
-    total = sum(weight.values())
-    found = {"none": (1.0 - unknown) * none, "unknown": unknown}
-    return found | {name: named * w / total for name, w in weight.items()}
-
-
-def unexplained(base_left: Leftover, best_left: Leftover) -> tuple[float, float]:
-    """(share of the reducible gap that the best model leaves, significance of what it leaves)."""
-    left, sigma = predictable(best_left)
-    statistics = base_left.impacts.size + base_left.flights.size
-    base_total = (base_left.impacts**2).sum() + (base_left.flights**2).sum()
-    best_total = (best_left.impacts**2).sum() + (best_left.flights**2).sum()
-    reducible = (base_total - best_total) / statistics + max(left, 0.0)
-    reducible = max(reducible, predictable(base_left)[0], 1e-9)
-    return float(max(left, 0.0) / reducible), sigma

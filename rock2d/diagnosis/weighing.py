@@ -88,6 +88,10 @@ def statistics(
         "gap_log": float(np.log(max(gap, 1e-3))),
         "gap_sigma": float(np.clip(gap_sigma, 0.0, MOST_Z)),
         "final_log": float(np.log(max(final, 1e-3))),
+        "flights_log": float(np.log(max(np.mean(best_left.flights**2), 1e-3)))
+        if best_left.flights.size
+        else 0.0,
+        "impacts_log": float(np.log(max(np.mean(best_left.impacts**2), 1e-3))),
         "closed_share": float(np.clip((base - final) / max(base - 1.0, 0.05), -1.0, 2.0)),
         "chain": float(chain),
         "scatter": float(winner.effect.scatter),

@@ -12,7 +12,7 @@ from rock2d.blind import reality, writing
 from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
 from rock2d.blind.scoring import auroc, calibration_error, summary, table
 from rock2d.blind.strength import signal_to_noise
-from rock2d.blind.training import FEATURES, regression
+from rock2d.blind.training import FEATURES, Examples, regression
 from rock2d.blind.writing import make_trial, read_labels
 from rock2d.diagnosis.weighing import ANY, KNOWN, WHICH, chance, probabilities
 from rock2d.effects import catalogue
@@ -119,9 +119,8 @@ def test_a_regression_learns_what_separates_and_probabilities_sum_to_one():
         values = [
             dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: x} for x in rng.normal(size=200)
         ]
-        known[question] = regression(
-            FEATURES[question], values, [v[FEATURES[question][0]] > 0 for v in values]
-        )
+        answers = [v[FEATURES[question][0]] > 0 for v in values]
+        known[question] = regression(FEATURES[question], Examples(values, answers, [1.0] * len(values)))
         assert (
             chance(known[question], dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: 3.0})
             > 0.95

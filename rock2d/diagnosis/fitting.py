@@ -27,6 +27,7 @@ SHORT = 5  # rounds of fits that only look for the way
 GRID = 9  # values of a parameter that are tried first
 RESCANS = 3
 PROMISING = 15.0  # log likelihood that an effect must gain before its parameters are looked at twice
+FAR = 0.1  # way of a parameter after which noise is worked out anew
 FEW = 100  # impacts with which the way to the best parameters is looked for
 LEAP = 0.5  # farthest that a parameter of the base law follows a step of the grid
 PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
@@ -384,7 +385,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     low, high = model.bounds()
     centre, tight = prior(model)
-    left = residuals(model, p, data)
+    begin, left = p, residuals(model, p, data)
     own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
     scatter = np.full(own + extra, 0.05)
     if old is not None:
@@ -403,7 +404,9 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
 
     curve = np.eye(model.size)
     for round in range(rounds):
-        noise = slope.covariance if slope is not None and (old is not None or round not in (0, 2)) else None
+        # the noise of a start far away is not that of the end
+        stale = old is None and (round == 0 or (round == 2 and np.abs(p - begin).max() > FAR))
+        noise = None if slope is None or stale else slope.covariance
         slope = slopes(model, p, data, left, scatter, noise)
         part = Slopes(
             slope.impacts[keep[0]], slope.flights, slope.scatter[keep[0]], slope.covariance[keep[0]]

@@ -38,8 +38,10 @@ def run_trial(
         return out
     import multiprocessing
 
+    from rock2d.diagnosis.workers import one_thread
+
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=one_thread)
     try:
         jobs = [
             pool.submit(_diagnose, folder / CASES / name, out / f"{name}.json", without_best)
@@ -51,15 +53,6 @@ def run_trial(
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return out
-
-
-def _one_thread() -> None:
-    import numba
-    import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
-    from threadpoolctl import threadpool_limits
-
-    numba.set_num_threads(1)
-    threadpool_limits(1)
 
 
 def _diagnose(case: Path, out: Path, without_best: bool) -> None:

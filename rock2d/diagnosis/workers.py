@@ -31,15 +31,20 @@ class Job:
 _job: Job | None = None
 
 
-def _set_job(job: Job) -> None:
+def one_thread() -> None:
+    """Keep this process to one thread: where several work, threads of their own only get in each other's way."""
     import numba
     import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
     from threadpoolctl import threadpool_limits
 
-    global _job
-    _job = job
     numba.set_num_threads(1)
     threadpool_limits(1)
+
+
+def _set_job(job: Job) -> None:
+    global _job
+    _job = job
+    one_thread()
 
 
 def _try_own(names: tuple[str, ...]) -> Result:

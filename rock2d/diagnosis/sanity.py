@@ -33,14 +33,17 @@ class Sanity:
     mirror: str = ""
 
 
-def check_film(experiment: Experiment, film: Film) -> Sanity:
-    """Checks of the recorded frames: numbers, time step, units, axes, ground."""
-    found = Sanity()
-    releases = len(film.release_names)
+def _check_count(releases: int, found: Sanity) -> None:
     if releases < FEWEST_RELEASES:
         found.faults.append(
             f"{releases} releases are too few to tell causes apart: at least {FEWEST_RELEASES} are needed"
         )
+
+
+def check_film(experiment: Experiment, film: Film) -> Sanity:
+    """Checks of the recorded frames: numbers, time step, units, axes, ground."""
+    found = Sanity()
+    _check_count(len(film.release_names), found)
     _check_time_step(experiment, film, found)
     _check_units(experiment, film, found)
     if not found.faults:
@@ -178,11 +181,8 @@ def _below_ground(experiment: Experiment, film: Film, mirror: tuple[float, float
 def check_table(experiment: Experiment, data: TableData) -> Sanity:
     """Checks of an impact table: numbers, units, direction of the impacts, energy."""
     found = Sanity()
-    releases = len(data.order)
-    if releases < FEWEST_RELEASES:
-        found.faults.append(
-            f"{releases} releases are too few to tell causes apart: at least {FEWEST_RELEASES} are needed"
-        )
+    _check_count(len(data.order), found)
+    if found.faults:
         return found
     reach = float(np.abs(experiment.terrain.points_m).max())
     extent = float(np.quantile(np.abs(data.before[:, :2]), 0.95))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.contact import CRATER
+from rock2d.diagnosis.discrepancy import discrepancies
 from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals, some_releases
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
@@ -152,7 +153,8 @@ def attribute(
     covariance = chain[-1].fit.covariance()
     base_left = regress(bench, data, base_out.left, covariance)
     best_left = regress(bench, data, chain[-1].held_out.left, covariance)
-    seen = statistics(candidates, best, len(chain), base_left, best_left, segments)
+    hidden, left_hidden = discrepancies(base, data)[0], discrepancies(chain[-1].fit, data)[0]
+    seen = statistics(candidates, best, len(chain), base_left, best_left, hidden, left_hidden, segments)
     winner = candidates[best]
     group = [best] + [
         name

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from rock2d.diagnosis.bounces import Impacts, find_impacts, outcomes, release_order, start_instants
+from rock2d.diagnosis.discrepancy import standard
 from rock2d.diagnosis.fitting import Residuals
 from rock2d.diagnosis.flights import Cut, Film, cut_film
 from rock2d.diagnosis.states import Basis, States, drift, fit_states, flight_basis
@@ -15,6 +16,7 @@ from rock2d.world import World
 
 Array = np.ndarray
 
+STRETCHES = 10  # of the bench, with as many impacts each
 
 @dataclass
 class FilmData:
@@ -129,6 +131,13 @@ class FilmData:
             ]
         )
 
+    def impact_groups(self, world: World) -> dict[str, Array]:
+        """Groups of what is known of each impact; see `incident_groups`."""
+        impacts = self.impacts
+        groups = incident_groups(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        began = self.basis.middle[impacts.before] + impacts.start_s
+        return groups | history_groups(impacts.release, impacts.order, began)
+
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: the accelerations that forces would cause, times the lever of the duration."""
         flights, basis = self.cut.flights, self.basis
@@ -160,6 +169,38 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
         [along, across, spin, along + spin, before[:, 0], before[:, 1], along * across, *angles, *kinds,
          *[k * across for k in kinds], *[k * along for k in kinds]]
     )  # fmt: skip
+
+
+def incident_groups(
+    world: World, block: Array, zone: Array, tangent: Array, before: Array
+) -> dict[str, Array]:
+    """What an impact may depend on, from the states before: name -> (n, features), see `discrepancy`."""
+    size = np.array([b.radius_m for b in world.blocks.values()])[block]
+    tx, ty = tangent.T
+    along, across = before[:, 3] * tx + before[:, 4] * ty, -before[:, 3] * ty + before[:, 4] * tx
+    spin = before[:, 5] * size
+    lean = before[:, 2] - np.arctan2(ty, tx)
+    edges = np.quantile(before[:, 0], np.linspace(0.0, 1.0, STRETCHES + 1)[1:-1])
+    groups = {
+        "block": np.eye(len(world.blocks))[block],
+        "zone": np.eye(int(zone.max()) + 1)[zone],
+        "place": np.eye(STRETCHES)[np.digitize(before[:, 0], edges)],
+        "orientation to the ground": np.column_stack([f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]),
+        "orientation": np.column_stack([f(k * before[:, 2]) for k in (1, 2) for f in (np.sin, np.cos)]),
+        "speed": np.column_stack([along, across, np.hypot(along, across)]),
+        "spin": np.column_stack([spin, np.abs(spin), along + spin, np.abs(along + spin)]),
+    }
+    return {"nothing": np.ones((len(block), 1))} | {k: standard(v) for k, v in groups.items()}
+
+
+def history_groups(release: Array, order: Array, began: Array) -> dict[str, Array]:
+    """What happened before an impact: `order` of its release in the series, instant at which it `began`."""
+    number = np.zeros(len(release))
+    for r in np.unique(release):
+        own = release == r
+        number[own] = np.argsort(np.argsort(began[own]))
+    groups = {"series": order[:, None], "history": np.column_stack([number, number == 0])}
+    return {k: standard(v) for k, v in groups.items()}
 
 
 def film_data(

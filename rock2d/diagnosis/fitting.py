@@ -26,8 +26,11 @@ ROUNDS = 15
 SHORT = 5  # rounds of fits that only look for the way
 GRID = 9  # values of a parameter that are tried first
 RESCANS = 3
+ENOUGH = 0.2  # log likelihood below which a step is not worth it
+WORTH = 1.0  # log likelihood that an effect must gain on some releases to be looked for from where they led
 PROMISING = 15.0  # log likelihood that an effect must gain before its parameters are looked at twice
 FAR = 0.1  # way of a parameter after which noise is worked out anew
+NEAR = 0.03  # way of any parameter within which slopes are those of the start
 FEW = 100  # impacts with which the way to the best parameters is looked for
 LEAP = 0.5  # farthest that a parameter of the base law follows a step of the grid
 PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
@@ -91,6 +94,9 @@ class Data(Protocol):
     def impact_features(self, world: World) -> Array:
         """(n, features) what is known of each impact before it happens."""
 
+    def impact_groups(self, world: World) -> dict[str, Array]:
+        """Name -> (n, features): groups of what each impact may depend on, standardised."""
+
     def flight_features(self, world: World) -> Array:
         """(m, features) what is known of each flight."""
 
@@ -111,15 +117,20 @@ class Slopes:
 
 
 def slopes(
-    model: Model, p: Array, data: Data, at: Residuals, soil: Array, covariance: Array | None = None
+    model: Model, p: Array, data: Data, at: Residuals, soil: Array, covariance: Array | None = None,
+    known: Slopes | None = None,
 ) -> Slopes:
     """Derivatives at p by differences; `covariance` of measurement noise is worked out, at this scatter `soil`,
-    unless given."""
+    unless given. `known`: derivatives at the same place by the first parameters."""
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
+    first = 0
+    if known is not None:
+        first = known.impacts.shape[-1]
+        by_impacts[..., :first], by_flights[..., :first] = known.impacts, known.flights
     fixed = {*scatters(model), *discrete(model)}
-    for k in sorted(set(range(size)) - fixed):
+    for k in sorted(set(range(first, size)) - fixed):
         step = STEP if p[k] + STEP <= high[k] else -STEP
         ahead = residuals(model, p + step * (np.arange(size) == k), data)
         by_impacts[..., k] = (ahead.impacts - at.impacts) / step
@@ -344,7 +355,9 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
         found = explore(model, data, base)
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
-        found = fit(model, data, explore(model, data.only(some), part).p, old=base)
+        way = explore(model, data.only(some), part)
+        ahead = way.p if way.total() > part.total() + WORTH else start
+        found = fit(model, data, ahead, old=base)
     if found.total() > base.total() + PROMISING:
         found = fit(model, data, found.p)
     if found.total() < base.total():
@@ -378,7 +391,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         old: Fit | None = None, rounds: int = ROUNDS) -> Fit:  # fmt: skip
     """Fit a model to the impacts and flights in `keep` (two boolean arrays; all by default).
 
-    `old`: a fit whose noise covariance and scatter are taken as a start.
+    `old`: a fit whose noise covariance and scatter are taken as a start, and its slopes as long as the fit stays near it.
     """
     p = model.start() if start is None else start.copy()
     if keep is None:
@@ -394,6 +407,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         scatter[own:] = old.scatter[known:]
     slope: Slopes | None = old.slope if old is not None else None
     damping = 1e-3
+    near = np.concatenate([old.p, model.start()[len(old.p) :]]) if old is not None else np.full(model.size, np.inf)
 
     def cost(r: Residuals, q: Array, covariance: Array) -> float:
         return float(
@@ -407,7 +421,8 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         # the noise of a start far away is not that of the end
         stale = old is None and (round == 0 or (round == 2 and np.abs(p - begin).max() > FAR))
         noise = None if slope is None or stale else slope.covariance
-        slope = slopes(model, p, data, left, scatter, noise)
+        known = old.slope if old is not None and np.abs(p - near).max() < NEAR else None
+        slope = slopes(model, p, data, left, scatter, noise, known)
         part = Slopes(
             slope.impacts[keep[0]], slope.flights, slope.scatter[keep[0]], slope.covariance[keep[0]]
         )
@@ -421,6 +436,8 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         for _ in range(5):
             regular = curve + np.diag(tight + damping * np.diag(curve))
             ahead = np.clip(p - np.linalg.solve(regular, grad), low, high)
+            if grad @ (p - ahead) < 0.2 * ENOUGH:  # a parabola promises half of it
+                break
             trial = residuals(model, ahead, data)
             gain = now - cost(trial, ahead, covariance)
             if gain > 0.0:
@@ -428,7 +445,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
                 damping = max(damping / 10, 1e-6)
                 break
             damping *= 10
-        if gain < 0.2:
+        if gain < ENOUGH:
             break
     assert slope is not None
     for i, k in enumerate(scatters(model)):

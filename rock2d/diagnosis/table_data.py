@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from rock2d.diagnosis.bounces import nearest_facet, release_order
-from rock2d.diagnosis.film_data import incident_features
+from rock2d.diagnosis.film_data import history_groups, incident_features, incident_groups
 from rock2d.diagnosis.fitting import Residuals
 from rock2d.diagnosis.flights import clearances
 from rock2d.diagnosis.states import DEGREES, drift
@@ -110,6 +110,11 @@ class TableData:
                 self.impact_order,
             ]
         )
+
+    def impact_groups(self, world: World) -> dict[str, Array]:
+        """Groups of what is known of each impact."""
+        groups = incident_groups(world, self.impact_block, self.impact_zone, self.tangent, self.before)
+        return groups | history_groups(self.impact_release, self.impact_order, np.arange(len(self.before)))
 
     def flight_features(self, world: World) -> Array:
         """A table has no flights."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.leftover import Leftover
 
 if TYPE_CHECKING:
@@ -54,11 +55,14 @@ def statistics(
     chain: int,
     base_left: Leftover,
     best_left: Leftover,
+    base_hidden: Discrepancy,
+    best_hidden: Discrepancy,
     segments: int,
 ) -> dict[str, Any]:
     """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
-    `chain`: effects in the last model; `base_left`, `best_left`: what the base and the last model leave.
+    `chain`: effects in the last model; `base_left`, `best_left`: what the base and the last model leave;
+    `base_hidden`, `best_hidden`: the strongest dependence beside each that no effect stands for.
     """
     winner = candidates[best]
     effects = {}
@@ -93,10 +97,21 @@ def statistics(
         else 0.0,
         "impacts_log": float(np.log(max(np.mean(best_left.impacts**2), 1e-3))),
         "closed_share": float(np.clip((base - final) / max(base - 1.0, 0.05), -1.0, 2.0)),
+        "hidden_log": log_gain(base_hidden.total),
+        "hidden_z": float(np.clip(base_hidden.total / max(base_hidden.error, 1.0), 0.0, MOST_Z)),
+        "left_hidden_log": log_gain(best_hidden.total),
+        "left_hidden_z": float(np.clip(best_hidden.total / max(best_hidden.error, 1.0), 0.0, MOST_Z)),
+        "hidden_over_gain": log_gain(base_hidden.total) - log_gain(winner.total),
+        "left_hidden_over_gain": log_gain(best_hidden.total) - log_gain(winner.total),
         "chain": float(chain),
         "scatter": float(winner.effect.scatter),
     }
     return {"case": case, "effects": effects}
+
+
+def log_gain(total: float) -> float:
+    """Gain in log likelihood on a scale on which trifles are alike."""
+    return float(np.log(max(total, 0.0) + 1.0))
 
 
 @functools.cache

@@ -1,0 +1,165 @@
+"""What no effect of the catalogue may explain, sought with the law's own levers: does the law, what happens before an
+impact, or what comes out of it depend on something that it should not?
+
+A regression that knows no mechanics (`leftover`) needs many impacts to find a pattern in six channels. Here a pattern is
+sought in a few numbers that move all channels together: the five parameters of the law, the six of the incident state
+and the outcomes themselves, each as a linear function of one group of measured things (place, orientation, number of
+the impact, ...). One Newton step answers for each pair of lever and group what it gains on releases that it did not
+see, beside the model's own parameters, which stay free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.fitting import (
+    HEAVY,
+    HEAVY_FLIGHT,
+    Data,
+    Fit,
+    chi_square,
+    residuals,
+)
+from rock2d.diagnosis.leftover import FLIGHT_DEGREES
+from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.trial import FOLDS, folds
+
+Array = np.ndarray
+
+WIDTHS = (0.02, 0.1, 0.4)  # standard deviations of the coefficients that are tried
+OWN_WIDTH = 10.0  # of the model's own parameters
+CLIP = 8.0  # standard deviations
+STATE_STEP = 0.003  # in units of the block's size and √(gravity × size)
+
+
+@dataclass
+class Discrepancy:
+    """What a dependence would gain: its name ("lever of group"), and log likelihood of held-out releases (releases,)."""
+
+    name: str
+    gain: Array
+
+    @property
+    def total(self) -> float:
+        return float(self.gain.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total gain, over releases."""
+        return float(self.gain.std() * np.sqrt(len(self.gain)))
+
+
+def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:
+    """Every dependence that was sought, the one that gains most first."""
+    found = _of_impacts(fit, data) + _of_flights(fit, data)
+    return sorted(found, key=lambda d: -d.total)
+
+
+def _of_impacts(fit: Fit, data: Data) -> list[Discrepancy]:
+    covariance = fit.covariance()
+    known = np.isfinite(fit.left.impacts).all(axis=1)
+    r = np.nan_to_num(fit.left.impacts)
+    weight = known * (HEAVY + r.shape[1]) / (HEAVY + chi_square(r, covariance))
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    z = np.clip(np.einsum("nij,nj->ni", whiten, r), -CLIP, CLIP)
+    own = whiten @ fit.slope.impacts
+    sd = np.sqrt(np.median(np.diagonal(covariance, axis1=1, axis2=2), axis=0))
+    levers = {
+        "law": own[..., : len(BASE_WIDTH)],
+        "incident state": whiten @ _by_state(fit, data),
+        "outcome": whiten * sd,
+    }
+    fold = folds(data)[data.impact_release]
+    world = fit.model.world(fit.p, data.impact_order)
+    found = []
+    for group, features in data.impact_groups(world).items():
+        for lever, slope in levers.items():
+            x = (slope[..., None] * features[:, None, None, :]).reshape(*r.shape, -1)
+            gain = known * _best_gain(z, own, x, weight, fold)
+            found.append(Discrepancy(f"{lever} of {group}", _by_release(data.impact_release, gain, data)))
+    return found
+
+
+def _by_state(fit: Fit, data: Data) -> Array:
+    """(n, d, 6) derivatives of the residuals by the states before, in units of size and √(gravity × size)."""
+    world = fit.model.world(fit.p, data.impact_order)
+    size = np.array([b.radius_m for b in world.blocks.values()])[data.impact_block]
+    pace = np.sqrt(world.gravity_m_s2 * size)
+    units = STATE_STEP * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
+    columns = []
+    for k in range(6):
+        shift = units * (np.arange(6) == k)
+        ahead, behind = residuals(fit.model, fit.p, data, shift), residuals(fit.model, fit.p, data, -shift)
+        columns.append((ahead.impacts - behind.impacts) / (2 * STATE_STEP))
+    return np.nan_to_num(np.stack(columns, axis=-1))
+
+
+def _best_gain(z: Array, own: Array, x: Array, weight: Array, fold: Array) -> Array:
+    """(n,) held-out gain in log likelihood of the columns `x` (n, d, k) beside `own`, with the best of the widths."""
+    both = np.concatenate([own, x], axis=2)
+    free = own.shape[2]
+    moments = [_moments(z[fold == k], both[fold == k], weight[fold == k]) for k in range(FOLDS)]
+    curve, grad = (sum(m[i] for m in moments) for i in (0, 1))
+    gains = np.zeros((len(WIDTHS), len(z)))
+    for k, (own_curve, own_grad) in enumerate(moments):
+        a, b = curve - own_curve, grad - own_grad
+        tight = np.full(free, OWN_WIDTH**-2)
+        without = np.linalg.solve(a[:free, :free] + np.diag(tight), b[:free])
+        test = fold == k
+        before = _log_likelihood(z[test] - own[test] @ without)
+        for i, width in enumerate(WIDTHS):
+            full = np.concatenate([tight, np.full(x.shape[2], width**-2)])
+            step = np.linalg.solve(a + np.diag(full), b)
+            gains[i, test] = _log_likelihood(z[test] - both[test] @ step) - before
+    return np.asarray(gains[gains.sum(axis=1).argmax()])
+
+
+def _moments(z: Array, x: Array, weight: Array) -> tuple[Array, Array]:
+    flat = x.reshape(-1, x.shape[2])
+    heavy = np.repeat(weight, z.shape[1])[:, None] * flat
+    return heavy.T @ flat, heavy.T @ z.ravel()
+
+
+def _log_likelihood(z: Array) -> Array:
+    return -0.5 * (HEAVY + z.shape[1]) * np.log1p((z**2).sum(axis=1) / HEAVY)
+
+
+def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
+    """Every coefficient of the flights as a linear function of all that is known of them."""
+    if not len(data.flight_release):
+        return []
+    z = np.clip(np.nan_to_num(fit.left.flights[:, :, :FLIGHT_DEGREES]), -CLIP, CLIP)
+    z = z.reshape(len(z), -1)
+    world = fit.model.world(fit.p, data.impact_order)
+    features = standard(data.flight_features(world))
+    weight = (HEAVY_FLIGHT + 1) / (HEAVY_FLIGHT + z**2)
+    fold = folds(data)[data.flight_release]
+    x = np.column_stack([np.ones(len(z)), features])
+    best = np.zeros((len(WIDTHS), *z.shape))
+    for k in range(FOLDS):
+        train, test = fold != k, fold == k
+        for c in range(z.shape[1]):
+            heavy = weight[train, c, None] * x[train]
+            curve, grad = heavy.T @ x[train], heavy.T @ z[train, c]
+            for i, width in enumerate(WIDTHS):
+                step = np.linalg.solve(curve + np.eye(x.shape[1]) * width**-2, grad)
+                left = z[test, c] - x[test] @ step
+                best[i, test, c] = 0.5 * (HEAVY_FLIGHT + 1) * (
+                    np.log1p(z[test, c] ** 2 / HEAVY_FLIGHT) - np.log1p(left**2 / HEAVY_FLIGHT)
+                )
+    channels = best.sum(axis=1).argmax(axis=0)
+    gain = np.take_along_axis(best, channels[None, None, :], axis=0)[0].sum(axis=1)
+    return [Discrepancy("flight", _by_release(data.flight_release, gain, data))]
+
+
+def standard(features: Array) -> Array:
+    """Columns of zero mean and unit variance; those that say nothing are left out."""
+    spread = features.std(axis=0)
+    told = spread > 1e-9 * (1.0 + np.abs(features).max(axis=0, initial=0.0))
+    return np.asarray((features[:, told] - features[:, told].mean(axis=0)) / spread[told])
+
+
+def _by_release(release: Array, gain: Array, data: Data) -> Array:
+    return np.bincount(release, gain, len(data.order))

@@ -110,18 +110,26 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
 def _gravity(experiment: Experiment, film: Film) -> float | None:
     """Vertical acceleration in m/s² of the frames that lie on a curved parabola; None if too few do.
 
-    Short windows may be the smooth turn of a bounce, long ones a slide: of the lengths, that counts which comes nearest
-    to gravity. If none does, lengths or times are wrong.
+    Short windows may be the smooth turn of a bounce, long ones a slide: what counts is where windows of a length crowd,
+    and of the lengths that which comes nearest to gravity. If none does, lengths or times are wrong.
     """
     found = []
     for window in WINDOWS:
         a, error = _curvatures(film, window)
         use = np.abs(a) > 8 * error
         if use.sum() >= 20:
-            found.append(float(np.median(a[use])))
+            found.append(_mode(a[use]))
     return (
         min(found, key=lambda a: abs(np.log(abs(a) / max(experiment.gravity_m_s2, 1e-9)))) if found else None
     )
+
+
+def _mode(values: Array) -> float:
+    """Where values crowd most: the median of the closest quarter of them, or of ten."""
+    values = np.sort(values)
+    k = max(len(values) // 4, min(len(values), 10))
+    first = int(np.argmin(values[k - 1 :] - values[: len(values) - k + 1]))
+    return float(np.median(values[first : first + k]))
 
 
 def _curvatures(film: Film, window: int) -> tuple[Array, Array]:

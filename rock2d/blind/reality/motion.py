@@ -198,10 +198,6 @@ def release(
                     soil[z, K_UL] = max(
                         soil[z, K_L], laws[z, K_UL] * factors[impact, K_L] * factors[impact, K_UL]
                     )
-                if impact == 0 and dial[dials.SHEDS] > 0.0:
-                    mass *= 1.0 - dial[dials.SHEDS]
-                    inertia *= 1.0 - dial[dials.SHEDS]
-                    body[MASS], body[INERTIA] = mass, inertia
                 if tilts[impact] != 0.0:
                     tilt = tilts[impact]
                     pivot_x, pivot_y = _foot_of_first(low, high, fixed, found, q)
@@ -217,6 +213,13 @@ def release(
                 last = h
             elif is_open:
                 is_open, last = False, 0.0
+                if impact == 0 and dial[dials.SHEDS] > 0.0:
+                    mass *= 1.0 - dial[dials.SHEDS]
+                    inertia *= 1.0 - dial[dials.SHEDS]
+                    body[MASS], body[INERTIA] = mass, inertia
+                    for k in range(3):
+                        q[3 + k] /= 1.0 - dial[dials.SHEDS]
+                    loading, unloading, floating = steps_s(soil, body, dial)
                 _lift_off(q, reach, impact, sums, shares, dial)
                 drift = 0.0 if dial[dials.RECOIL_SPRING] == 0.0 else drift
                 if tilt != 0.0:

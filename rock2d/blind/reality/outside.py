@@ -19,7 +19,7 @@ def _side_wind(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
 
 
 def _mass_shedding(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
-    return {"share": 0.4 * s}
+    return {"share": 0.3 * s}
 
 
 def _soft_strips(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
@@ -72,7 +72,7 @@ def _updraught(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
 
 KINDS: dict[str, tuple[str, Sizes]] = {
     "side_wind": ("The block is pushed sideways while it passes a band of heights.", _side_wind),
-    "mass_shedding": ("The block loses up to two fifths of its mass at its first impact.", _mass_shedding),
+    "mass_shedding": ("At its first lift-off the block leaves a part of its mass behind, at rest.", _mass_shedding),
     "soft_strips": ("Strips of the ground are much softer than the zone they lie in.", _soft_strips),
     "shaking_ground": ("All ground swings up and down like a shaking table.", _shaking_ground),
     "soft_side": ("One side of the block is much softer than the others.", _soft_side),

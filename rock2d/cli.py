@@ -130,12 +130,13 @@ def blind() -> None:
 )
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed of everything in it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the trial.")
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_make(cases, seed, out, quiet) -> None:
+def blind_make(cases, seed, out, workers, quiet) -> None:
     """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue."""
     from rock2d.blind.command import make
 
-    make(cases, seed, out, progress=not quiet, tell=click.echo)
+    make(cases, seed, out, workers=workers, progress=not quiet, tell=click.echo)
 
 
 @blind.command("run")

@@ -13,14 +13,16 @@ from rock2d.folders import write_whole
 Tell = Callable[[str], None]
 
 
-def make(count: int, seed: int, out: Path, *, progress: bool, tell: Tell) -> None:
+def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, tell: Tell) -> None:
     """Write a sealed trial."""
     from tqdm import tqdm
 
     from rock2d.blind.writing import make_trial
 
     with tqdm(total=count, unit="case", disable=not progress) as bar:
-        digest = make_trial(count, seed, out, step=lambda: _advance(bar))
+        digest = make_trial(
+            count, seed, out, workers=workers or os.cpu_count() or 1, step=lambda: _advance(bar)
+        )
     tell(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
 
 
@@ -47,11 +49,11 @@ def run(folder: Path, *, workers: int | None, without_best: bool = False, progre
 def score(folder: Path, *, tell: Tell) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
     from rock2d.blind.page import write_page
-    from rock2d.blind.scoring import summary, table
+    from rock2d.blind.scoring import confused, summary, table
     from rock2d.blind.writing import read_index
 
     cases = table(folder)
-    found = summary(cases)
+    found = summary(cases) | {"confused": confused(folder, cases)}
     write_whole(folder / "score.csv", cases.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
     write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
@@ -68,7 +70,7 @@ def train_weights(
     from rock2d.blind.training import labelled, train, write_weights
 
     if not (work / "cases.json").is_file():
-        make(count, seed, work, progress=progress, tell=tell)
+        make(count, seed, work, workers=workers, progress=progress, tell=tell)
     run(work, workers=workers, without_best=True, progress=progress, tell=tell)
     write_weights(train(labelled([work])), out)
     tell(f"written: {out}")

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+from rock2d.blind.pool import in_turn
 from rock2d.blind.writing import CASES, read_index
 from rock2d.folders import make_folder, write_whole
 
 RESULTS = "results"
+CLEARLY = 4.0  # standard errors of the best effect's gain, for a case to be an example of what its absence looks like
 
 
 def run_trial(
@@ -23,7 +24,7 @@ def run_trial(
 ) -> Path:
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels.
 
-    without_best : diagnose each case once more without the effect found, for training: what "unknown" looks like
+    without_best : diagnose a case with a clear effect once more without it, for training: what "unknown" looks like
     """
     count = int(read_index(folder)["count"])
     out = folder / RESULTS
@@ -31,27 +32,9 @@ def run_trial(
     names = [f"{i:03d}" for i in range(count)]
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     told(count - len(waiting), count)
-    if workers <= 1:
-        for k, name in enumerate(waiting):
-            _diagnose(folder / CASES / name, out / f"{name}.json", without_best)
-            told(count - len(waiting) + k + 1, count)
-        return out
-    import multiprocessing
-
-    from rock2d.diagnosis.workers import one_thread
-
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=one_thread)
-    try:
-        jobs = [
-            pool.submit(_diagnose, folder / CASES / name, out / f"{name}.json", without_best)
-            for name in waiting
-        ]
-        for k, job in enumerate(as_completed(jobs)):
-            job.result()
-            told(count - len(waiting) + k + 1, count)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
+    for k, _ in enumerate(in_turn(_diagnose, jobs, workers)):
+        told(count - len(waiting) + k + 1, count)
     return out
 
 
@@ -61,6 +44,7 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
     from time import perf_counter
 
     from rock2d.diagnosis.attribution import attribute
+    from rock2d.diagnosis.closure import regression_closure
     from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
     from rock2d.effects import catalogue
     from rock2d.experiment import read_experiment
@@ -82,8 +66,9 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
             assert data is not None
             kept["statistics"] = found.statistics
             kept["closures"] = {name: gap.closure for name, gap in (result.gaps or {}).items()}
+            kept["regression_closure"] = regression_closure(data, found)
             kept["heldout"] = _heldout(case / "heldout", content)
-            if without_best:
+            if without_best and found.chain[0].total > CLEARLY * found.chain[0].error:
                 names = {c.effect.name for c in found.chain}
                 others = {name: e for name, e in catalogue().items() if name not in names}
                 kept["without_best"] = attribute(

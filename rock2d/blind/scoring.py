@@ -69,6 +69,8 @@ def table(
             "closure": closures.get(effect, np.nan) if effect else np.nan,
             "runner_up": max(others, default=np.nan), "gap_closure": said["gap"]["closure"],
             "phase": said["where"][0]["phase"] if said["where"] else "",
+            "phases": "+".join(label.get("phases", [])),
+            "regression_closure": result.get("regression_closure", np.nan),
             "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
         })  # fmt: skip
     return pd.DataFrame(rows)
@@ -76,12 +78,16 @@ def table(
 
 def summary(cases: pd.DataFrame) -> dict[str, Any]:
     """The figures of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
+    import pandas as pd
+
     single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
     pairs = cases[cases["label"].str.contains("+", regex=False)]
     nulls, outside = cases[cases["label"] == "none"], cases[cases["label"] == "unknown"]
     clear = single[single["signal_to_noise"] >= CLEAR]
     known = ~cases["verdict"].isin(["none", "unknown"])
     wrong = cases[~cases["right"] & (cases["p"] > SURE)]
+    named = clear[clear["diagnosed"] & (clear["phases"] != "")]
+    in_phase = [p in truth.split("+") for p, truth in zip(named["phase"], named["phases"], strict=True)]
     levels = {}
     for low, high in itertools.pairwise(LEVELS):
         own = single[(single["signal_to_noise"] >= low) & (single["signal_to_noise"] < high)]
@@ -102,8 +108,10 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
         "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
         "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST)).mean()),
         "brier": float(cases["brier"].mean()),
+        "phase_right_clear": _share(pd.Series(in_phase, dtype=bool)),
         "median_closure_clear": _median(clear["closure"]),
         "median_closure_of_runner_up": _median(clear["runner_up"]),
+        "median_closure_of_regression": _median(clear["regression_closure"]),
         "heldout_median_ratio_clear": _median(
             (clear["heldout_diagnosed"] / clear["heldout_base"])[clear["right"]]
         ),
@@ -142,3 +150,23 @@ def confusion(cases: pd.DataFrame) -> pd.DataFrame:
 
     one = cases[~cases["label"].str.contains("+", regex=False)]
     return pd.crosstab(one["label"], one["verdict"])
+
+
+def confused(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
+    """Every pair of one hidden effect and another that was named for it more than once: how often, and how alike the
+    two are in principle in those cases (`strength.likeness`, median). None of a likeness where the answer was "none" or
+    "unknown"."""
+    from rock2d.blind.strength import likeness
+    from rock2d.blind.writing import redraw
+
+    single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
+    out = []
+    for (label, verdict), own in single[~single["right"]].groupby(["label", "verdict"]):
+        if len(own) > 1:
+            alike = None
+            if verdict not in ("none", "unknown"):
+                alike = float(np.median([likeness(redraw(folder, name), verdict) for name in own["case"]]))
+            strengths = float(own["signal_to_noise"].median())
+            out.append({"label": label, "verdict": verdict, "count": len(own), "cosine": alike,
+                        "median_signal_to_noise": strengths})  # fmt: skip
+    return sorted(out, key=lambda pair: -pair["count"])

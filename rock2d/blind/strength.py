@@ -10,11 +10,13 @@ standard errors by which the best linear test would see the effect.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from rock2d.blind import reality
 from rock2d.blind.cases import Case
 
 Array = np.ndarray
@@ -24,13 +26,33 @@ SHIFT = (
 )
 AFTER = 3.0  # of the first impact: how long the flight after is looked at, in √(size / g)
 ENOUGH = 40  # releases that are looked at; the result is that of all
+STRENGTHS = (0.1, 0.5)  # of the largest plausible size, at which another effect is held against a case
+SOILS = 8  # draws of the soil that its scatter is read from
+SHRINK = 0.3  # of the covariance that so few draws give, toward its diagonal
 CLIP = 30.0  # standard deviations that one statistic may count: other ways than the linear one lead farther
 
 
 def signal_to_noise(case: Case) -> float:
     """Standard errors by which what is hidden shows in the first flights and impacts of all releases; 0 for nothing."""
-    if not case.hidden:
-        return 0.0
+    return float(np.linalg.norm(signatures(case, [case.hidden])[0])) if case.hidden else 0.0
+
+
+def likeness(case: Case, name: str) -> float:
+    """|cos| of the angle between the signature of what a case hides and that of the effect `name`, in that of its forms
+    which is the more alike; 1: nothing that is free in a fit tells them apart here, 0: nothing confuses them."""
+    rng = np.random.default_rng(case.seed)
+    others = [
+        [reality.draw(name, form, rng, case.bench, case.law, case.blocks, case.gravity_m_s2, strength)]
+        for form in range(reality.FORMS[name])
+        for strength in STRENGTHS
+    ]
+    own, *rest = signatures(case, [case.hidden, *others])
+    lengths = np.linalg.norm(rest, axis=1) * np.linalg.norm(own)
+    return float(np.abs(np.asarray(rest) @ own / np.maximum(lengths, 1e-12)).max())
+
+
+def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:
+    """What each cause shows in the statistics of all releases, in standard errors, less all that is free in a fit."""
     from rock2d.blind.writing import record
 
     chosen = np.flatnonzero(~case.heldout)
@@ -49,17 +71,30 @@ def signal_to_noise(case: Case) -> float:
         return np.array([_statistics(f, k, w) for f, k, w in zip(film, touch, window, strict=True)])
 
     base = statistics(calm)
-    # the statistics are coefficients of orthonormal polynomials, with the noise of a frame
-    noise = np.array([case.position_noise_m, case.position_noise_m, case.angle_noise_rad] * 5)
+    # the statistics are coefficients of orthonormal polynomials, with the noise of a frame; what is correlated from
+    # frame to frame averages out less
+    slow = np.sqrt((1.0 + case.colour) / (1.0 - case.colour))
+    noise = slow * np.array([case.position_noise_m, case.position_noise_m, case.angle_noise_rad] * 5)
     even = statistics(record(case, times, [], noisy=False, soil_sd=np.zeros(5)))
+    # a release near an edge of what may happen is scattered far more by the soil than its like
+    others = [
+        statistics(record(replace(case, seed=case.seed + k), times, [], noisy=False)) for k in range(1, SOILS)
+    ]
+    scattered = np.array([base, *others]) - even
     soil = np.empty_like(base)
     for b in np.unique(case.block_ids):
-        own = case.block_ids == b
-        soil[own] = np.sqrt(np.mean((base[own] - even[own]) ** 2, axis=0))
+        own, square = case.block_ids == b, scattered[:, case.block_ids == b] ** 2
+        soil[own] = np.sqrt(np.maximum(square.mean(axis=0), square.mean(axis=(0, 1))))
     sd = np.hypot(noise, soil)
+    # and it moves all statistics of a release together
+    z = (scattered / sd).transpose(1, 0, 2)
+    together = (1.0 - SHRINK) * z.transpose(0, 2, 1) @ z / len(z[0])
+    rest = np.maximum(1.0 - np.diagonal(together, axis1=1, axis2=2), 0.0)
+    whiten = np.linalg.inv(np.linalg.cholesky(together + np.eye(base.shape[1]) * rest[:, None, :]))
 
     def whitened(film: Array) -> Array:
-        return np.clip((statistics(film) - base) / sd, -CLIP, CLIP)
+        z = np.clip((statistics(film) - base) / sd, -CLIP, CLIP)
+        return np.asarray((whiten @ z[..., None])[..., 0])
 
     def shown(**changes: Any) -> Array:
         return whitened(record(replace(case, **changes), times, [], noisy=False))
@@ -78,9 +113,13 @@ def signal_to_noise(case: Case) -> float:
     for name in ("k_l", "k_ul", "k_t", "mu", "k_r"):
         law = replace(case.law, **{name: getattr(case.law, name) * (1 + SHIFT)})
         mimics.append(projected(shown(law=law)))
-    basis, seen = np.column_stack(mimics), projected(whitened(record(case, times, case.hidden, noisy=False)))
-    left = seen - basis @ np.linalg.lstsq(basis, seen, rcond=None)[0]
-    return float(np.linalg.norm(left) * np.sqrt(releases / len(chosen)))
+    basis = np.column_stack(mimics)
+    out = []
+    for cause in causes:
+        seen = projected(whitened(record(case, times, cause, noisy=False)))
+        left = seen - basis @ np.linalg.lstsq(basis, seen, rcond=None)[0]
+        out.append(left * np.sqrt(releases / len(chosen)))
+    return out
 
 
 def _touch(case: Case, film: Array, times: Array) -> Array:

@@ -12,7 +12,9 @@ import numpy as np
 
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, deal, draw_case
+from rock2d.blind.pool import in_turn
 from rock2d.blind.strength import signal_to_noise
+from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.folders import atomic_folder
 
@@ -22,7 +24,7 @@ CASES, LABELS, INDEX = "cases", "labels.json", "cases.json"
 
 
 def make_trial(
-    count: int, seed: int, out: Path, *, hands: list[tuple[str, ...]] | None = None,
+    count: int, seed: int, out: Path, *, hands: list[tuple[str, ...]] | None = None, workers: int = 1,
     step: Callable[[], None] = lambda: None,
 ) -> str:  # fmt: skip
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
@@ -35,16 +37,31 @@ def make_trial(
     hands = deal(count, dealing) if hands is None else hands
     labels = {}
     with atomic_folder(out) as folder:
-        for i, (hand, child) in enumerate(zip(hands, children, strict=True)):
-            case = draw_case(hand, child)
-            labels[f"{i:03d}"] = write_case(case, folder / CASES / f"{i:03d}")
+        jobs = [
+            (hand, child, folder / CASES / f"{i:03d}")
+            for i, (hand, child) in enumerate(zip(hands, children, strict=True))
+        ]
+        for name, label in in_turn(_make, jobs, workers):
+            labels[name] = label
             step()
+        labels = dict(sorted(labels.items()))
         text = json.dumps(labels, indent=1) + "\n"
         digest = hashlib.sha256(text.encode()).hexdigest()
         (folder / LABELS).write_text(text, encoding="utf-8")
         index = {"count": count, "seed": seed, "labels_sha256": digest}
         (folder / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
     return digest
+
+
+def _make(hand: tuple[str, ...], seed: np.random.SeedSequence, folder: Path) -> tuple[str, dict[str, Any]]:
+    return folder.name, write_case(draw_case(hand, seed), folder)
+
+
+def redraw(folder: Path, name: str) -> Case:
+    """A case of a trial that was dealt from its seed, as it was before it was filmed."""
+    index = read_index(folder)
+    dealing, *children = np.random.SeedSequence(index["seed"]).spawn(index["count"] + 1)
+    return draw_case(deal(index["count"], dealing)[int(name)], children[int(name)])
 
 
 def write_case(case: Case, folder: Path) -> dict[str, Any]:
@@ -56,6 +73,7 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
     return {
         "label": case.label,
         "hidden": [{"name": h.name, "form": h.form, "values": h.values} for h in case.hidden],
+        "phases": phases(case),
         "signal_to_noise": signal_to_noise(case),
         "kind": case.kind,
         "blocks": [b.name for b in case.blocks],
@@ -69,6 +87,12 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
             name: float(getattr(case.law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "crater")
         },
     }
+
+
+def phases(case: Case) -> list[str]:
+    """Phases in which what a case hides acts; none if it hides nothing."""
+    own = [reality.PHASES.get(h.name) or catalogue()[h.name].phase for h in case.hidden]
+    return ["flight", "impact"] if "all" in own else sorted(set(own))
 
 
 def record(

@@ -20,7 +20,7 @@ from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals,
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
-from rock2d.diagnosis.weighing import predictable, probabilities, standard_error, statistics
+from rock2d.diagnosis.weighing import probabilities, standard_error, statistics
 from rock2d.diagnosis.workers import Job, try_all
 from rock2d.effects.effect import Effect
 from rock2d.world import World
@@ -145,7 +145,7 @@ def attribute(
     chain = [candidates[best]]
     segments = len(data.impact_release) + len(data.flight_release)
     if _sure(chain[0], LITTLE * segments):
-        while len(chain) < LONGEST_CHAIN and _leaves_something(bench, data, chain[-1]):
+        while len(chain) < LONGEST_CHAIN and _leaves_something(data, chain[-1]):
             following = _next(job, chain, candidates, workers, told)
             if following is None or not _sure(following, MORE * segments):
                 break
@@ -153,7 +153,7 @@ def attribute(
     covariance = chain[-1].fit.covariance()
     base_left = regress(bench, data, base_out.left, covariance)
     best_left = regress(bench, data, chain[-1].held_out.left, covariance)
-    hidden, left_hidden = discrepancies(base, data)[0], discrepancies(chain[-1].fit, data)[0]
+    hidden, left_hidden = discrepancies(base, data), discrepancies(chain[-1].fit, data)
     seen = statistics(candidates, best, len(chain), base_left, best_left, hidden, left_hidden, segments)
     winner = candidates[best]
     group = [best] + [
@@ -171,10 +171,10 @@ def _sure(candidate: Candidate, least: float) -> bool:
     return candidate.total > SURE * candidate.error + least
 
 
-def _leaves_something(bench: World, data: Data, candidate: Candidate) -> bool:
-    """Whether a regression still finds something in what a model leaves."""
-    _, sigma = predictable(regress(bench, data, candidate.held_out.left, candidate.fit.covariance()))
-    return sigma > 2.0
+def _leaves_something(data: Data, candidate: Candidate) -> bool:
+    """Whether what a model leaves still depends on something."""
+    left = discrepancies(candidate.fit, data)[0]
+    return left.total > 2.0 * max(left.error, 1.0)
 
 
 def _next(

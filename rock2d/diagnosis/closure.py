@@ -80,6 +80,13 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
     )
 
 
+def regression_closure(data: Data, found: Attribution) -> float:
+    """Closure of a flexible regression on top of the base law, without effects; 0 where nothing is to close."""
+    floors = _floors(data, found.base_left, found.best_left).sum(axis=1)
+    base, flexible = floors[2], floors[3]
+    return float((base - flexible) / (base - floors.min())) if base > floors.min() else 0.0
+
+
 def _floors(data: Data, base_left: Leftover, best_left: Leftover) -> Array:
     """(4, releases) squares that the best effect, a regression on top of it, the base and a regression on top of that
     leave unexplained; the least of them is the floor, in every bootstrap draw its own."""

@@ -1,10 +1,10 @@
 """What no effect of the catalogue may explain, sought with the law's own levers: does the law, what happens before an
 impact, or what comes out of it depend on something that it should not?
 
-A regression that knows no mechanics (`leftover`) needs many impacts to find a pattern in six channels. Here a pattern is
-sought in a few numbers that move all channels together: the five parameters of the law, the six of the incident state
-and the outcomes themselves, each as a linear function of one group of measured things (place, orientation, number of
-the impact, ...). One Newton step answers for each pair of lever and group what it gains on releases that it did not
+A regression that knows no mechanics (`leftover`) needs many impacts to find a pattern in six channels. Here a pattern
+is sought in a few numbers that move all channels together: the five parameters of the law, the six of the incident
+state and the outcomes themselves, each as a linear function of one group of measured things (place, orientation, number
+of the impact, ...). One Newton step answers for each pair of lever and group what it gains on releases that it did not
 see, beside the model's own parameters, which stay free.
 """
 
@@ -22,13 +22,13 @@ from rock2d.diagnosis.fitting import (
     chi_square,
     residuals,
 )
-from rock2d.diagnosis.leftover import FLIGHT_DEGREES
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.trial import FOLDS, folds
 
 Array = np.ndarray
 
 WIDTHS = (0.02, 0.1, 0.4)  # standard deviations of the coefficients that are tried
+FLIGHT_WIDTHS = (0.1, 1.0, 10.0)  # in standard deviations of a flight's bend
 OWN_WIDTH = 10.0  # of the model's own parameters
 CLIP = 8.0  # standard deviations
 STATE_STEP = 0.003  # in units of the block's size and √(gravity × size)
@@ -36,7 +36,7 @@ STATE_STEP = 0.003  # in units of the block's size and √(gravity × size)
 
 @dataclass
 class Discrepancy:
-    """What a dependence would gain: its name ("lever of group"), and log likelihood of held-out releases (releases,)."""
+    """What a dependence ("lever of group") would gain: log likelihood of held-out releases (releases,)."""
 
     name: str
     gain: Array
@@ -127,31 +127,30 @@ def _log_likelihood(z: Array) -> Array:
 
 
 def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
-    """Every coefficient of the flights as a linear function of all that is known of them."""
+    """Accelerations along x, y and theta, each a linear function of one group of measured things."""
     if not len(data.flight_release):
         return []
-    z = np.clip(np.nan_to_num(fit.left.flights[:, :, :FLIGHT_DEGREES]), -CLIP, CLIP)
-    z = z.reshape(len(z), -1)
-    world = fit.model.world(fit.p, data.impact_order)
-    features = standard(data.flight_features(world))
+    z = np.clip(np.nan_to_num(fit.left.flights[:, :, 0]), -CLIP, CLIP)
     weight = (HEAVY_FLIGHT + 1) / (HEAVY_FLIGHT + z**2)
     fold = folds(data)[data.flight_release]
-    x = np.column_stack([np.ones(len(z)), features])
-    best = np.zeros((len(WIDTHS), *z.shape))
-    for k in range(FOLDS):
-        train, test = fold != k, fold == k
-        for c in range(z.shape[1]):
-            heavy = weight[train, c, None] * x[train]
-            curve, grad = heavy.T @ x[train], heavy.T @ z[train, c]
-            for i, width in enumerate(WIDTHS):
-                step = np.linalg.solve(curve + np.eye(x.shape[1]) * width**-2, grad)
-                left = z[test, c] - x[test] @ step
-                best[i, test, c] = 0.5 * (HEAVY_FLIGHT + 1) * (
-                    np.log1p(z[test, c] ** 2 / HEAVY_FLIGHT) - np.log1p(left**2 / HEAVY_FLIGHT)
-                )
-    channels = best.sum(axis=1).argmax(axis=0)
-    gain = np.take_along_axis(best, channels[None, None, :], axis=0)[0].sum(axis=1)
-    return [Discrepancy("flight", _by_release(data.flight_release, gain, data))]
+    lever, groups = data.flight_groups(fit.model.world(fit.p, data.impact_order))
+    found = []
+    for group, features in groups.items():
+        x = lever[:, None] * features
+        gains = np.zeros((len(FLIGHT_WIDTHS), len(z)))
+        for k in range(FOLDS):
+            train, test = fold != k, fold == k
+            for c in range(3):
+                heavy = weight[train, c, None] * x[train]
+                curve, grad = heavy.T @ x[train], heavy.T @ z[train, c]
+                before = np.log1p(z[test, c] ** 2 / HEAVY_FLIGHT)
+                for i, width in enumerate(FLIGHT_WIDTHS):
+                    step = np.linalg.solve(curve + np.eye(x.shape[1]) * width**-2, grad)
+                    after = np.log1p((z[test, c] - x[test] @ step) ** 2 / HEAVY_FLIGHT)
+                    gains[i, test] += 0.5 * (HEAVY_FLIGHT + 1) * (before - after)
+        best = gains[gains.sum(axis=1).argmax()]
+        found.append(Discrepancy(f"flight of {group}", _by_release(data.flight_release, best, data)))
+    return found
 
 
 def standard(features: Array) -> Array:

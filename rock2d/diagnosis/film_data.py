@@ -18,6 +18,7 @@ Array = np.ndarray
 
 STRETCHES = 10  # of the bench, with as many impacts each
 
+
 @dataclass
 class FilmData:
     """Flights and impacts of a film; see `fitting.Data`.
@@ -140,20 +141,41 @@ class FilmData:
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: the accelerations that forces would cause, times the lever of the duration."""
-        flights, basis = self.cut.flights, self.basis
-        blocks = list(world.blocks.values())
+        flights = self.cut.flights
+        lever = self._lever()
         x, y, theta, vx, vy, w = self.states(world).middle.T
-        speed, size = np.hypot(vx, vy), np.array([b.radius_m for b in blocks])[flights.block]
-        duration = 1.0 / (basis.slope * basis.level)
-        lever = duration**2 / basis.level
-        lever = lever / np.median(lever)
+        speed, size = np.hypot(vx, vy), self._sizes(world)
         terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
                  self.order[flights.release], np.sin(theta), np.cos(theta), w * size * np.sin(theta),
                  w * size * np.cos(theta)]  # fmt: skip
-        kinds = [flights.block == b for b in range(len(blocks))]
+        kinds = [flights.block == b for b in range(len(world.blocks))]
         return np.column_stack(
             [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
         )
+
+    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
+        """How much each flight (m,) bends under an acceleration, and what accelerations may depend on."""
+        x, y, theta, vx, vy, w = self.states(world).middle.T
+        speed = np.hypot(vx, vy)
+        groups = {
+            "velocity": np.column_stack([vx, vy, speed * vx, speed * vy]),
+            "spin": np.column_stack([w, w * vx, w * vy]),
+            "height": np.column_stack([y, y**2]),
+            "place": np.eye(STRETCHES)[_stretch(x)],
+            "orientation": np.column_stack([np.sin(theta), np.cos(theta), w**2 * np.sin(theta), w**2 * np.cos(theta)]),
+            "block": np.eye(len(world.blocks))[self.cut.flights.block],
+            "series": self.order[self.cut.flights.release][:, None],
+        }  # fmt: skip
+        return self._lever(), {"nothing": np.ones((len(x), 1))} | {k: standard(v) for k, v in groups.items()}
+
+    def _lever(self) -> Array:
+        """(m,) bend of each flight under one acceleration, of unit mean square."""
+        duration = 1.0 / (self.basis.slope * self.basis.level)
+        lever = duration**2 / self.basis.level
+        return np.asarray(lever / np.sqrt(np.mean(lever**2)))
+
+    def _sizes(self, world: World) -> Array:
+        return np.array([b.radius_m for b in world.blocks.values()])[self.cut.flights.block]
 
 
 def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
@@ -180,17 +202,23 @@ def incident_groups(
     along, across = before[:, 3] * tx + before[:, 4] * ty, -before[:, 3] * ty + before[:, 4] * tx
     spin = before[:, 5] * size
     lean = before[:, 2] - np.arctan2(ty, tx)
-    edges = np.quantile(before[:, 0], np.linspace(0.0, 1.0, STRETCHES + 1)[1:-1])
     groups = {
         "block": np.eye(len(world.blocks))[block],
         "zone": np.eye(int(zone.max()) + 1)[zone],
-        "place": np.eye(STRETCHES)[np.digitize(before[:, 0], edges)],
-        "orientation to the ground": np.column_stack([f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]),
+        "place": np.eye(STRETCHES)[_stretch(before[:, 0])],
+        "orientation to the ground": np.column_stack(
+            [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
+        ),
         "orientation": np.column_stack([f(k * before[:, 2]) for k in (1, 2) for f in (np.sin, np.cos)]),
         "speed": np.column_stack([along, across, np.hypot(along, across)]),
         "spin": np.column_stack([spin, np.abs(spin), along + spin, np.abs(along + spin)]),
     }
     return {"nothing": np.ones((len(block), 1))} | {k: standard(v) for k, v in groups.items()}
+
+
+def _stretch(x: Array) -> Array:
+    """Which of STRETCHES stretches of the bench with as many places each a place is in."""
+    return np.digitize(x, np.quantile(x, np.linspace(0.0, 1.0, STRETCHES + 1)[1:-1]))
 
 
 def history_groups(release: Array, order: Array, began: Array) -> dict[str, Array]:

@@ -27,6 +27,7 @@ SHORT = 5  # rounds of fits that only look for the way
 GRID = 9  # values of a parameter that are tried first
 RESCANS = 3
 ENOUGH = 0.2  # log likelihood below which a step is not worth it
+LITTLE = 2.0  # and where some releases saw nothing in the effect
 WORTH = 1.0  # log likelihood that an effect must gain on some releases to be looked for from where they led
 PROMISING = 15.0  # log likelihood that an effect must gain before its parameters are looked at twice
 FAR = 0.1  # way of a parameter after which noise is worked out anew
@@ -97,6 +98,9 @@ class Data(Protocol):
     def impact_groups(self, world: World) -> dict[str, Array]:
         """Name -> (n, features): groups of what each impact may depend on, standardised."""
 
+    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
+        """How much each flight (m,) bends under an acceleration; groups of what that may depend on, as above."""
+
     def flight_features(self, world: World) -> Array:
         """(m, features) what is known of each flight."""
 
@@ -117,7 +121,12 @@ class Slopes:
 
 
 def slopes(
-    model: Model, p: Array, data: Data, at: Residuals, soil: Array, covariance: Array | None = None,
+    model: Model,
+    p: Array,
+    data: Data,
+    at: Residuals,
+    soil: Array,
+    covariance: Array | None = None,
     known: Slopes | None = None,
 ) -> Slopes:
     """Derivatives at p by differences; `covariance` of measurement noise is worked out, at this scatter `soil`,
@@ -356,13 +365,13 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
         way = explore(model, data.only(some), part)
-        ahead = way.p if way.total() > part.total() + WORTH else start
-        found = fit(model, data, ahead, old=base)
+        worth = way.total() > part.total() + WORTH
+        found = fit(model, data, way.p if worth else start, old=base, enough=ENOUGH if worth else LITTLE)
     if found.total() > base.total() + PROMISING:
         found = fit(model, data, found.p)
     if found.total() < base.total():
         # what some releases liked the others do not: from the base, none can end below it
-        found = max((found, fit(model, data, start, old=base)), key=Fit.total)
+        found = max((found, fit(model, data, start, old=base, enough=LITTLE)), key=Fit.total)
     return found
 
 
@@ -388,10 +397,10 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
 
 
 def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array, Array] | None = None,
-        old: Fit | None = None, rounds: int = ROUNDS) -> Fit:  # fmt: skip
+        old: Fit | None = None, rounds: int = ROUNDS, enough: float = ENOUGH) -> Fit:  # fmt: skip
     """Fit a model to the impacts and flights in `keep` (two boolean arrays; all by default).
 
-    `old`: a fit whose noise covariance and scatter are taken as a start, and its slopes as long as the fit stays near it.
+    `old`: a fit whose noise covariance and scatter are taken as a start, and its slopes while the fit is near it.
     """
     p = model.start() if start is None else start.copy()
     if keep is None:
@@ -407,7 +416,11 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         scatter[own:] = old.scatter[known:]
     slope: Slopes | None = old.slope if old is not None else None
     damping = 1e-3
-    near = np.concatenate([old.p, model.start()[len(old.p) :]]) if old is not None else np.full(model.size, np.inf)
+    near = (
+        np.concatenate([old.p, model.start()[len(old.p) :]])
+        if old is not None
+        else np.full(model.size, np.inf)
+    )
 
     def cost(r: Residuals, q: Array, covariance: Array) -> float:
         return float(
@@ -436,7 +449,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         for _ in range(5):
             regular = curve + np.diag(tight + damping * np.diag(curve))
             ahead = np.clip(p - np.linalg.solve(regular, grad), low, high)
-            if grad @ (p - ahead) < 0.2 * ENOUGH:  # a parabola promises half of it
+            if grad @ (p - ahead) < 0.2 * enough:  # a parabola promises half of it
                 break
             trial = residuals(model, ahead, data)
             gain = now - cost(trial, ahead, covariance)
@@ -445,7 +458,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
                 damping = max(damping / 10, 1e-6)
                 break
             damping *= 10
-        if gain < ENOUGH:
+        if gain < enough:
             break
     assert slope is not None
     for i, k in enumerate(scatters(model)):

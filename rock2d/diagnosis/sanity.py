@@ -18,7 +18,7 @@ from rock2d.experiment import Experiment
 
 Array = np.ndarray
 
-WINDOWS = (96, 64, 48, 32, 20, 12)  # frames of a parabola that gravity is read from
+WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of a parabola that gravity is read from
 FEWEST_RELEASES = 6
 FEWEST_IMPACTS = 20
 MIRRORS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
@@ -116,7 +116,7 @@ def _gravity(experiment: Experiment, film: Film) -> float | None:
     found = []
     for window in WINDOWS:
         a, error = _curvatures(film, window)
-        use = np.abs(a) > 8 * error
+        use = (np.abs(a) > 8 * error) & (experiment.gravity_m_s2 > 8 * error)
         if use.sum() >= 20:
             found.append(_mode(a[use]))
     return (

@@ -116,6 +116,10 @@ class TableData:
         groups = incident_groups(world, self.impact_block, self.impact_zone, self.tangent, self.before)
         return groups | history_groups(self.impact_release, self.impact_order, np.arange(len(self.before)))
 
+    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
+        """A table has no flights."""
+        return np.empty(0), {}
+
     def flight_features(self, world: World) -> Array:
         """A table has no flights."""
         return np.empty((0, 1))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.leftover import Leftover
+from rock2d.diagnosis.model import BASE_WIDTH
 
 if TYPE_CHECKING:
     from rock2d.diagnosis.attribution import Candidate
@@ -55,14 +56,14 @@ def statistics(
     chain: int,
     base_left: Leftover,
     best_left: Leftover,
-    base_hidden: Discrepancy,
-    best_hidden: Discrepancy,
+    base_hidden: Sequence[Discrepancy],
+    best_hidden: Sequence[Discrepancy],
     segments: int,
 ) -> dict[str, Any]:
     """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
     `chain`: effects in the last model; `base_left`, `best_left`: what the base and the last model leave;
-    `base_hidden`, `best_hidden`: the strongest dependence beside each that no effect stands for.
+    `base_hidden`, `best_hidden`: the dependences beside each that no effect stands for, the strongest first.
     """
     winner = candidates[best]
     effects = {}
@@ -74,8 +75,12 @@ def statistics(
             "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
             "behind_log": float(np.log1p(max(behind, 0.0))),
             "scatter": float(other.effect.scatter),
+            "gain": other.total,
+            "error": other.error,
+            "wald": _wald(other),
         }
     second = min((e["behind_z"] for name, e in effects.items() if name != best), default=MOST_Z)
+    hidden, still = base_hidden[0], best_hidden[0]
     left, left_sigma = predictable(best_left)
     gap, gap_sigma = predictable(base_left)
     base, final = mean_square(base_left), mean_square(best_left)
@@ -97,16 +102,27 @@ def statistics(
         else 0.0,
         "impacts_log": float(np.log(max(np.mean(best_left.impacts**2), 1e-3))),
         "closed_share": float(np.clip((base - final) / max(base - 1.0, 0.05), -1.0, 2.0)),
-        "hidden_log": log_gain(base_hidden.total),
-        "hidden_z": float(np.clip(base_hidden.total / max(base_hidden.error, 1.0), 0.0, MOST_Z)),
-        "left_hidden_log": log_gain(best_hidden.total),
-        "left_hidden_z": float(np.clip(best_hidden.total / max(best_hidden.error, 1.0), 0.0, MOST_Z)),
-        "hidden_over_gain": log_gain(base_hidden.total) - log_gain(winner.total),
-        "left_hidden_over_gain": log_gain(best_hidden.total) - log_gain(winner.total),
+        "hidden_log": log_gain(hidden.total),
+        "hidden_z": float(np.clip(hidden.total / max(hidden.error, 1.0), 0.0, MOST_Z)),
+        "left_hidden_log": log_gain(still.total),
+        "left_hidden_z": float(np.clip(still.total / max(still.error, 1.0), 0.0, MOST_Z)),
+        "hidden_over_gain": log_gain(hidden.total) - log_gain(winner.total),
+        "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
         "chain": float(chain),
         "scatter": float(winner.effect.scatter),
     }
-    return {"case": case, "effects": effects}
+    dependences = {
+        when: {d.name: [d.total, d.error] for d in found}
+        for when, found in (("base", base_hidden), ("best", best_hidden))
+    }
+    return {"case": case, "effects": effects, "dependences": dependences}
+
+
+def _wald(candidate: Candidate) -> float:
+    """Chi-square of the effect's parameters against their start, by the fit's own covariance."""
+    k = len(BASE_WIDTH)
+    away = candidate.fit.p[k:] - candidate.fit.model.start()[k:]
+    return float(away @ np.linalg.solve(candidate.fit.p_covariance[k:, k:], away))
 
 
 def log_gain(total: float) -> float:

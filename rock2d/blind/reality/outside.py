@@ -62,17 +62,17 @@ def _spin_kick(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
 
 
 def _updraught(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
-    left = at.low[0] + rng.uniform(0.0, 0.25) * at.width
-    return {
-        "lift_m_s2": 0.6 * s * at.gravity,
-        "left_m": left,
-        "right_m": left + min(0.5 * at.width, 8.0 * at.size),
-    }
+    # narrow, or the flights that it carries would show no more than another gravity
+    left = at.low[0] + rng.uniform(0.0, 4.0) * at.size
+    return {"lift_m_s2": 1.2 * s * at.gravity, "left_m": left, "right_m": left + 3.0 * at.size}
 
 
 KINDS: dict[str, tuple[str, Sizes]] = {
     "side_wind": ("The block is pushed sideways while it passes a band of heights.", _side_wind),
-    "mass_shedding": ("At its first lift-off the block leaves a part of its mass behind, at rest.", _mass_shedding),
+    "mass_shedding": (
+        "At its first lift-off the block leaves a part of its mass behind, at rest.",
+        _mass_shedding,
+    ),
     "soft_strips": ("Strips of the ground are much softer than the zone they lie in.", _soft_strips),
     "shaking_ground": ("All ground swings up and down like a shaking table.", _shaking_ground),
     "soft_side": ("One side of the block is much softer than the others.", _soft_side),
@@ -84,4 +84,18 @@ KINDS: dict[str, tuple[str, Sizes]] = {
     "ground_pull": ("Close to its surface the ground attracts the block.", _ground_pull),
     "spin_kick": ("At lift-off the block gains speed off the ground in proportion to its spin.", _spin_kick),
     "updraught": ("Air rises in a band of the bench and carries the block.", _updraught),
+}
+
+# where each shows: in free flight, in impacts, or in both
+PHASES = {
+    "side_wind": "flight",
+    "mass_shedding": "impact",
+    "soft_strips": "impact",
+    "shaking_ground": "impact",
+    "soft_side": "impact",
+    "late_angle": "impact",
+    "sliding_camera": "all",
+    "ground_pull": "flight",
+    "spin_kick": "impact",
+    "updraught": "flight",
 }

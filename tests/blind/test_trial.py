@@ -10,10 +10,11 @@ import pytest
 
 from rock2d.blind import reality, writing
 from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
+from rock2d.blind.pool import in_turn
 from rock2d.blind.scoring import auroc, calibration_error, summary, table
-from rock2d.blind.strength import signal_to_noise
+from rock2d.blind.strength import likeness, signal_to_noise
 from rock2d.blind.training import FEATURES, Examples, regression
-from rock2d.blind.writing import make_trial, read_labels
+from rock2d.blind.writing import make_trial, read_labels, redraw
 from rock2d.diagnosis.weighing import ANY, KNOWN, WHICH, chance, probabilities
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -86,14 +87,16 @@ def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():
 def _row(label, verdict, p, **other):
     names = {"signal_to_noise": 20.0, "p_none": 0.0, "p_unknown": float(verdict == "unknown"), "p_truth": p,
              "brier": 0.0, "closure": 1.0, "runner_up": 0.1, "heldout_base": 2.0, "heldout_diagnosed": 1.0,
-             "seconds": 1.0, "case": "0"}  # fmt: skip
+             "seconds": 1.0, "case": "0", "diagnosed": True, "phase": "flight", "phases": "flight",
+             "regression_closure": 0.5}  # fmt: skip
     right = verdict in label.split("+")
     return names | {"label": label, "verdict": verdict, "p": p, "right": right, "top3": right} | other
 
 
 def test_the_score_counts_what_it_says():
     cases = pd.DataFrame([
-        _row("air_drag", "air_drag", 0.9), _row("air_drag", "adhesion", 0.95), _row("none", "none", 0.9),
+        _row("air_drag", "air_drag", 0.9), _row("air_drag", "adhesion", 0.95, phase="impact"),
+        _row("none", "none", 0.9),
         _row("none", "air_drag", 0.6), _row("unknown", "unknown", 0.9),
         _row("adhesion", "none", 0.9, signal_to_noise=1.0),
     ])  # fmt: skip
@@ -101,7 +104,28 @@ def test_the_score_counts_what_it_says():
     assert found["top1_clear"][0] == 0.5 and found["top1_clear"][3] == 2
     assert found["false_attribution_on_nulls"][0] == 0.5
     assert found["outside_called_unknown"][0] == 1.0 and found["auroc_unknown"] == 1.0
+    assert found["phase_right_clear"][0] == 0.5 and found["phase_right_clear"][3] == 2
+    assert found["median_closure_of_regression"] == 0.5
     assert [w["verdict"] for w in found["wrong_and_sure"]] == ["adhesion", "none"]
+
+
+def test_what_bends_flights_alike_is_alike_and_what_acts_elsewhere_is_not():
+    case = draw_case(("air_drag",), np.random.SeedSequence(7), smallest=True)
+    assert likeness(case, "air_drag") > 0.95
+    assert likeness(case, "flight_damping") > 0.8
+    assert likeness(case, "adhesion") < 0.5
+
+
+def test_a_sealed_case_can_be_drawn_again_once_it_is_open(tmp_path, small):
+    make_trial(3, 7, tmp_path / "t")
+    labels = read_labels(tmp_path / "t")
+    for name, label in labels.items():
+        assert redraw(tmp_path / "t", name).label == label["label"]
+
+
+def test_jobs_give_the_same_in_other_processes():
+    jobs = [(k,) for k in range(4)]
+    assert sorted(in_turn(np.sqrt, jobs, 2)) == sorted(in_turn(np.sqrt, jobs, 1)) == list(np.sqrt(range(4)))
 
 
 def test_calibration_error_of_known_cases():
@@ -165,7 +189,9 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
         result = {"statistics": {"case": case, "effects": effects}, "without_best": None}
         (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
     labels = read_labels(tmp_path / "t")
-    learned = train(labelled([tmp_path / "t"]))
+    # as if all that is hidden in so few releases could be seen
+    clear = [(label | {"signal_to_noise": 20.0}, result) for label, result in labelled([tmp_path / "t"])]
+    learned = train(clear)
     assert set(learned) == {ANY, KNOWN, WHICH}
     p = probabilities({"case": case, "effects": effects}, learned)
     assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"

@@ -43,20 +43,34 @@ def write_page(cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: 
         ("Stated and actual probability", _reliability(cases)),
     ]
     rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(_text(v))}</td></tr>" for k, v in summary.items()
-                   if k != "wrong_and_sure")  # fmt: skip
+                   if k not in ("wrong_and_sure", "confused"))  # fmt: skip
     wrong = "".join(
         f"<li>case {w['case']}: {w['label']} taken for {w['verdict']} (p {w['p']:.2f}, signal-to-noise "
         f"{w['signal_to_noise']:.1f})</li>"
         for w in summary["wrong_and_sure"]
     )
+    pairs = "".join(
+        f"<tr>{''.join(f'<td>{html.escape(t)}</td>' for t in _pair(c))}</tr>" for c in summary["confused"]
+    )
+    heads = "".join(f"<td><b>{t}</b></td>" for t in ("hidden", "named", "cases", "signal-to-noise", "alike"))
     pictures = "".join(f"<h2>{title}</h2><img alt='{title}' src='{_embedded(f)}'>" for title, f in figures)
     seal = f"SHA-256 of the sealed labels: <code>{digest}</code>"
     write_whole(
         path,
         f"<!doctype html><html lang='en'><meta charset='utf-8'><title>Blind trial</title><style>{STYLE}</style>"
         f"<h1>Blind trial of {summary['cases']} cases</h1><p>{seal}</p><table>{rows}</table>"
-        f"<h2>Wrong with more than 80 %</h2><ul>{wrong or '<li>none</li>'}</ul>{pictures}</html>\n",
+        f"<h2>Wrong with more than 80 %</h2><ul>{wrong or '<li>none</li>'}</ul>"
+        f"<h2>Confused more than once</h2><p>“Alike” is the cosine of the angle between the two signatures once all "
+        f"that is free in a fit is projected out (median over the cases): near 1 none could tell them apart there; "
+        f"well below, it is a weakness of this one.</p><table><tr>{heads}</tr>{pairs}</table>{pictures}</html>\n",
     )
+
+
+def _pair(confused: dict[str, Any]) -> list[str]:
+    """One line of the table of confused pairs."""
+    alike = "" if confused["cosine"] is None else f"{confused['cosine']:.2f}"
+    strength = f"{confused['median_signal_to_noise']:.1f}"
+    return [confused["label"], confused["verdict"], str(confused["count"]), strength, alike]
 
 
 def _clear(cases: pd.DataFrame) -> pd.DataFrame:

@@ -165,7 +165,9 @@ def confused(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
         if len(own) > 1:
             alike = None
             if verdict not in ("none", "unknown"):
-                alike = float(np.median([likeness(redraw(folder, name), str(verdict)) for name in own["case"]]))
+                alike = float(
+                    np.median([likeness(redraw(folder, name), str(verdict)) for name in own["case"]])
+                )
             strengths = float(own["signal_to_noise"].median())
             out.append({"label": label, "verdict": verdict, "count": len(own), "cosine": alike,
                         "median_signal_to_noise": strengths})  # fmt: skip

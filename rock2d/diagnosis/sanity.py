@@ -26,11 +26,13 @@ MIRRORS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
 
 @dataclass
 class Sanity:
-    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none."""
+    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none; `suspects` the effects
+    that could have made the faults."""
 
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     mirror: str = ""
+    suspects: list[str] = field(default_factory=list)
 
 
 def _check_count(releases: int, found: Sanity) -> None:
@@ -96,6 +98,7 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
                 f"blocks in flight accelerate by {abs(g):.3g} m/s², gravity is {experiment.gravity_m_s2:g}: "
                 f"lengths would be wrong by a factor {ratio:.3g}, or the frame rate by {ratio**-0.5:.3g}"
             )
+            found.suspects += ["scale_error", "frame_rate_error"]
     turn = np.abs(np.diff(film.pose[:, 2]))[np.diff(film.release) == 0]
     travel = np.hypot(*np.diff(film.pose[:, :2], axis=0).T)[np.diff(film.release) == 0]
     moving = travel > 4 * film.noise[0]
@@ -163,10 +166,12 @@ def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground: "
             "the cross-section and the film do not belong together (origin, scale or axes)"
         )
+        found.suspects += ["scale_error", "camera_tilt", "geometry_error"]
     elif g is not None and g > 0:
         found.faults.append(
             "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?"
         )
+        found.suspects.append("mirrored_axis")
     elif below[""] > 0.002:
         found.remarks.append(
             f"in {100 * below['']:.1f} % of the frames the block's centre lies inside the ground"

@@ -55,6 +55,15 @@ def test_wrong_frame_rate_shows_in_gravity(plain):
     assert "accelerate by" in faults(slow)
 
 
+def test_a_fault_that_an_effect_could_have_made_is_not_surely_unknown(plain):
+    slow = changed(plain, t_s=4.0 * plain.trajectories.t_s)
+    slow.fps = plain.fps / 4.0
+    content = diagnosis_json(diagnose(slow, effects=NOTHING))
+    assert content["verdict"] == "unknown"
+    assert content["probabilities"]["unknown"] == 0.5
+    assert content["probabilities"]["frame_rate_error"] == content["probabilities"]["scale_error"] == 0.25
+
+
 @pytest.mark.parametrize("column", ["x_m", "y_m"])
 def test_mirrored_axis_is_seen_and_named(plain, column):
     mirrored = changed(plain, **{column: -plain.trajectories[column]})

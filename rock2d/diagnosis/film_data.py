@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from rock2d.diagnosis.bounces import Impacts, find_impacts, outcomes, release_order, start_instants
-from rock2d.diagnosis.discrepancy import standard
+from rock2d.diagnosis.discrepancy import NOTHING, standard
 from rock2d.diagnosis.fitting import Residuals
 from rock2d.diagnosis.flights import Cut, Film, cut_film
 from rock2d.diagnosis.states import Basis, States, drift, fit_states, flight_basis
@@ -166,7 +166,7 @@ class FilmData:
             "block": np.eye(len(world.blocks))[self.cut.flights.block],
             "series": self.order[self.cut.flights.release][:, None],
         }  # fmt: skip
-        return self._lever(), {"nothing": np.ones((len(x), 1))} | {k: standard(v) for k, v in groups.items()}
+        return self._lever(), {NOTHING: np.ones((len(x), 1))} | {k: standard(v) for k, v in groups.items()}
 
     def _lever(self) -> Array:
         """(m,) bend of each flight under one acceleration, of unit mean square."""
@@ -213,7 +213,7 @@ def incident_groups(
         "speed": np.column_stack([along, across, np.hypot(along, across)]),
         "spin": np.column_stack([spin, np.abs(spin), along + spin, np.abs(along + spin)]),
     }
-    return {"nothing": np.ones((len(block), 1))} | {k: standard(v) for k, v in groups.items()}
+    return {NOTHING: np.ones((len(block), 1))} | {k: standard(v) for k, v in groups.items()}
 
 
 def _stretch(x: Array) -> Array:

@@ -18,8 +18,8 @@ from rock2d.folders import write_whole
 Array = np.ndarray
 
 FEATURES = {
-    ANY: ("gain_z", "gain_log", "gain_total_log", "gap_log", "scatter"),
-    KNOWN: ("left_share", "left_sigma", "closed_share"),
+    ANY: ("any_z", "any_log", "scatter"),
+    KNOWN: ("left_hidden_over_gain", "left_hidden_z", "left_share", "flights_log", "scatter", "gain_z"),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
 }
 STRENGTH = 1.0  # of the regularisation, inverse

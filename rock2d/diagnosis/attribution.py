@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.contact import CRATER
-from rock2d.diagnosis.discrepancy import discrepancies
+from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals, some_releases
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import Model
@@ -28,6 +28,7 @@ from rock2d.world import World
 Array = np.ndarray
 
 SURE = 3.0  # standard errors
+LEFT = 2.0  # standard errors beyond which something is left to explain
 TIE = 2.0  # standard errors within which two effects are not told apart
 LITTLE = 0.01  # log likelihood a segment below which a gain is no physics
 LONGEST_CHAIN = 3  # effects at once
@@ -68,6 +69,7 @@ class Attribution:
     base_left, best_left : what a flexible regression finds in the residuals of the base and of the chain's last model
     probabilities : over the catalogue, "none" and "unknown"; `statistics`: what they were found from
     group : effects that the data cannot tell from the best, the best first
+    unexplained : dependences that the chain's last model leaves, beyond chance, the strongest first
     """
 
     base: Fit
@@ -79,6 +81,7 @@ class Attribution:
     probabilities: dict[str, float]
     group: list[str]
     statistics: dict[str, Any]
+    unexplained: list[Discrepancy]
 
     @property
     def best(self) -> str:
@@ -154,7 +157,7 @@ def attribute(
     base_left = regress(bench, data, base_out.left, covariance)
     best_left = regress(bench, data, chain[-1].held_out.left, covariance)
     hidden, left_hidden = discrepancies(base, data), discrepancies(chain[-1].fit, data)
-    seen = statistics(candidates, best, len(chain), base_left, best_left, hidden, left_hidden, segments)
+    seen = statistics(candidates, best, base_left, best_left, hidden, left_hidden)
     winner = candidates[best]
     group = [best] + [
         name
@@ -162,8 +165,9 @@ def attribute(
         if name != best and winner.total - other.total < TIE * standard_error(winner.gain - other.gain)
     ]
     return Attribution(
-        base, base_out, candidates, chain, base_left, best_left, probabilities(seen), group, seen
-    )
+        base, base_out, candidates, chain, base_left, best_left, probabilities(seen), group, seen,
+        [d for d in left_hidden if _stands_out(d)],
+    )  # fmt: skip
 
 
 def _sure(candidate: Candidate, least: float) -> bool:
@@ -173,8 +177,12 @@ def _sure(candidate: Candidate, least: float) -> bool:
 
 def _leaves_something(data: Data, candidate: Candidate) -> bool:
     """Whether what a model leaves still depends on something."""
-    left = discrepancies(candidate.fit, data)[0]
-    return left.total > 2.0 * max(left.error, 1.0)
+    return _stands_out(discrepancies(candidate.fit, data)[0])
+
+
+def _stands_out(dependence: Discrepancy) -> bool:
+    """Whether a dependence is more than chance."""
+    return dependence.total > LEFT * max(dependence.error, 1.0)
 
 
 def _next(

@@ -274,6 +274,10 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "next_release": next_release(
             result.data, result.bench, found, result.cells, result.experiment.terrain.zone_names
         ),
+        "unexplained": [
+            {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
+            for d in found.unexplained
+        ],
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
         "assumptions": [reading_in_words(found.base)],

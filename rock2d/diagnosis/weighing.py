@@ -2,7 +2,8 @@
 
 Three questions, each answered by a logistic regression on a few statistics of the trial (`statistics`): is there any
 effect at all; if so, is it one of the catalogue; if so, which. The regressions are trained on films of a foreign
-engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients.
+engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients. As no regression knows
+all that can happen, a small share of the probability stays with what was to be expected beforehand.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import numpy as np
 
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.leftover import Leftover
-from rock2d.diagnosis.model import BASE_WIDTH
 
 if TYPE_CHECKING:
     from rock2d.diagnosis.attribution import Candidate
@@ -26,6 +26,9 @@ Array = np.ndarray
 
 WEIGHTS = Path(__file__).with_name("weights.json")
 ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
+LAPSE = 0.05  # probability that the statistics say nothing of a case: nothing is ever surer than that
+PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
+ONE_OF_THEM = 0.6
 MOST_Z = 30.0  # standard errors beyond which more tells nothing new
 
 
@@ -53,16 +56,14 @@ def mean_square(left: Leftover) -> float:
 def statistics(
     candidates: Mapping[str, Candidate],
     best: str,
-    chain: int,
     base_left: Leftover,
     best_left: Leftover,
     base_hidden: Sequence[Discrepancy],
     best_hidden: Sequence[Discrepancy],
-    segments: int,
 ) -> dict[str, Any]:
     """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
-    `chain`: effects in the last model; `base_left`, `best_left`: what the base and the last model leave;
+    `base_left`, `best_left`: what the base and the last model leave;
     `base_hidden`, `best_hidden`: the dependences beside each that no effect stands for, the strongest first.
     """
     winner = candidates[best]
@@ -77,38 +78,22 @@ def statistics(
             "scatter": float(other.effect.scatter),
             "gain": other.total,
             "error": other.error,
-            "wald": _wald(other),
         }
-    second = min((e["behind_z"] for name, e in effects.items() if name != best), default=MOST_Z)
     hidden, still = base_hidden[0], best_hidden[0]
-    left, left_sigma = predictable(best_left)
-    gap, gap_sigma = predictable(base_left)
+    left, _ = predictable(best_left)
+    gap, _ = predictable(base_left)
     base, final = mean_square(base_left), mean_square(best_left)
     reducible = max(base - final + max(left, 0.0), gap, 1e-9)
+    flights = np.mean(best_left.flights**2) if best_left.flights.size else 1.0
+    gain_z = winner.total / max(winner.error, 1.0)
     case = {
-        "gain_z": float(np.clip(winner.total / max(winner.error, 1.0), 0.0, MOST_Z)),
-        "gain_log": float(np.log(max(winner.total, 0.1) / segments)),
-        "gain_total_log": float(np.log(max(winner.total, 0.1))),
-        "segments_log": float(np.log(segments)),
-        "second_z": float(second),
-        "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
-        "left_sigma": float(np.clip(left_sigma, 0.0, MOST_Z)),
-        "left_log": float(np.log(max(left, 1e-3))),
-        "gap_log": float(np.log(max(gap, 1e-3))),
-        "gap_sigma": float(np.clip(gap_sigma, 0.0, MOST_Z)),
-        "final_log": float(np.log(max(final, 1e-3))),
-        "flights_log": float(np.log(max(np.mean(best_left.flights**2), 1e-3)))
-        if best_left.flights.size
-        else 0.0,
-        "impacts_log": float(np.log(max(np.mean(best_left.impacts**2), 1e-3))),
-        "closed_share": float(np.clip((base - final) / max(base - 1.0, 0.05), -1.0, 2.0)),
-        "hidden_log": log_gain(hidden.total),
-        "hidden_z": float(np.clip(hidden.total / max(hidden.error, 1.0), 0.0, MOST_Z)),
-        "left_hidden_log": log_gain(still.total),
+        "gain_z": float(np.clip(gain_z, 0.0, MOST_Z)),
+        "any_z": float(np.clip(max(gain_z, hidden.total / max(hidden.error, 1.0)), 0.0, MOST_Z)),
+        "any_log": log_gain(max(winner.total, hidden.total)),
         "left_hidden_z": float(np.clip(still.total / max(still.error, 1.0), 0.0, MOST_Z)),
-        "hidden_over_gain": log_gain(hidden.total) - log_gain(winner.total),
         "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
-        "chain": float(chain),
+        "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
+        "flights_log": float(np.log(max(flights, 1e-3))),
         "scatter": float(winner.effect.scatter),
     }
     dependences = {
@@ -116,13 +101,6 @@ def statistics(
         for when, found in (("base", base_hidden), ("best", best_hidden))
     }
     return {"case": case, "effects": effects, "dependences": dependences}
-
-
-def _wald(candidate: Candidate) -> float:
-    """Chi-square of the effect's parameters against their start, by the fit's own covariance."""
-    k = len(BASE_WIDTH)
-    away = candidate.fit.p[k:] - candidate.fit.model.start()[k:]
-    return float(away @ np.linalg.solve(candidate.fit.p_covariance[k:, k:], away))
 
 
 def log_gain(total: float) -> float:
@@ -153,4 +131,7 @@ def probabilities(found: Mapping[str, Any], known: Mapping[str, Any] | None = No
         odds[name] = p / (1.0 - p)
     total = sum(odds.values())
     out = {"none": 1.0 - some, "unknown": some * (1.0 - catalogued)}
-    return out | {name: some * catalogued * o / total for name, o in odds.items()}
+    out |= {name: some * catalogued * o / total for name, o in odds.items()}
+    return {
+        name: (1.0 - LAPSE) * p + LAPSE * PRIOR.get(name, ONE_OF_THEM / len(odds)) for name, p in out.items()
+    }

@@ -27,6 +27,12 @@ PHASES = {
     "flight": "arises in flight",
     "rest": "shows where blocks come to rest",
 }
+HINTS = {  # by what a dependence acts through, see `discrepancy`
+    "law": "the soil's law seems to change",
+    "incident state": "what was measured before impacts seems shifted",
+    "outcome": "what comes out of impacts is shifted",
+    "flight": "blocks in flight are accelerated",
+}
 SURE_Z = 2.0  # of a place where the gap lies
 
 
@@ -107,7 +113,7 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     if verdict == "unknown":
         return "Unknown cause", (
             "There is a gap between film and simulation that could be predicted, but no effect of the catalogue "
-            "explains it: something acts that is not among them."
+            f"explains it: something acts that is not among them.{_hint(content)}"
         )
     cause = effects[verdict].summary if verdict in effects else "an effect outside the catalogue"
     beside = [c["effect"] for c in content.get("beside", [])]
@@ -116,6 +122,16 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     doubt = f" These data cannot tell it from {listed(rivals, 'or')}." if rivals else ""
     sentence = f"This explains the gap between film and simulation: {cause}.{together}{doubt}"
     return spoken(verdict).capitalize(), sentence
+
+
+def _hint(content: Mapping[str, Any]) -> str:
+    """What the strongest dependence that is left tells of an unknown cause."""
+    left = content.get("unexplained", [])
+    if not left:
+        return ""
+    lever, group = left[0]["dependence"].split(" of ", 1)
+    said = HINTS[lever] + (f" with the {group}" if group != "nothing" else ", alike everywhere")
+    return f" The strongest trace of it: {said}."
 
 
 def key_figures(

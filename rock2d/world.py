@@ -85,3 +85,8 @@ class World:
     view: View = View()
     order: Array = field(default_factory=lambda: np.zeros(1))
     slope_rad: Array = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def mean_size_m(self) -> float:
+        """Mean size of the blocks: what scales lengths from the laboratory to the slope."""
+        return float(np.mean([block.size_m for block in self.blocks.values()]))

@@ -34,7 +34,7 @@ class Model:
     @cached_property
     def parameters(self) -> list[list[Parameter]]:
         """Parameters of each effect, with their ranges at the scale of this bench."""
-        size = float(np.mean([block.size_m for block in self.bench.blocks.values()]))
+        size = self.bench.mean_size_m
         return [[p.at(size, self.bench.gravity_m_s2) for p in e.parameters] for e in self.effects]
 
     @property

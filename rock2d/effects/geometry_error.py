@@ -19,7 +19,7 @@ CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
 def apply(world: World, values: Sequence[float]) -> World:
     if not any(values):
         return world
-    size = float(np.mean([block.size_m for block in world.blocks.values()]))
+    size = world.mean_size_m
     return replace(world, terrain=as_built(world.terrain, float(values[0]), float(values[1]), size))
 
 

@@ -12,7 +12,7 @@ from rock2d.world import World
 
 def apply(world: World, values: Sequence[float]) -> World:
     """The same offset for all blocks, in units of their mean size, along the axes of each."""
-    size = sum(b.size_m for b in world.blocks.values()) / len(world.blocks)
+    size = world.mean_size_m
     offset = (values[0] * size, values[1] * size)
     return with_blocks(world, lambda block: replace(block, centre_of_mass_m=offset))
 

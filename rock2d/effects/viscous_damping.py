@@ -11,31 +11,45 @@ from rock2d.world import World
 
 
 @kernel
-def normal(c, depth, rate, peak, bottom, force_n):
-    """F = c dδ/dt in N while the ground presses, c in N s/m, from the first touch on; the whole force never pulls."""
-    return c * rate if depth >= bottom else 0.0
+def normal(c, h, depth, rate, peak, bottom, force_n):
+    """F = (c + h δ) dδ/dt in N while the ground presses, c in N s/m, h in N s/m², from the first touch on; the whole
+    force never pulls."""
+    return (c + h * depth) * rate if depth >= bottom else 0.0
 
 
-def damping(c):
-    """The dashpot itself is what limits the step."""
-    return c
+def damping(c, h):
+    """The dashpot itself limits the step; at the depth of a few millimetres that blocks of the laboratory reach."""
+    return c + 0.01 * h
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    return with_column(world, "viscous_Ns_m", values[0] * mean_mass_kg(world))
+    size = world.mean_size_m
+    mass = mean_mass_kg(world)
+    world = with_column(world, "viscous_Ns_m", values[0] * mass)
+    return with_column(world, "viscous_Ns_m2", values[1] * mass / size)
 
 
 EFFECT = Effect(
     name="viscous_damping",
     summary="rate-dependent dissipation across the ground while it presses",
-    source="linear dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies",
+    source="dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies; one that "
+    "grows with the depth: Hunt & Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact",
     phase="impact",
-    # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks and soil
+    # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks and soil, which give way by a tenth of their size
     parameters=(
         Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass", time=-1),
+        Parameter(
+            "deep_rate_1_s",
+            "1/s",
+            0.0,
+            0.0,
+            6000.0,
+            "what it grows by down to a depth of one block size, over the mean mass",
+            time=-1,
+        ),
     ),
     apply=apply,
-    columns=("viscous_Ns_m",),
+    columns=("viscous_Ns_m", "viscous_Ns_m2"),
     normal=normal,
     damping=damping,
 )

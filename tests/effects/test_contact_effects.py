@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from worlds import CATALOGUE, FLOOR, SPHERE, elastic, pymunk_release, replace, run, with_effect, world
 
 from rock2d.contact import ContactParameters
@@ -41,7 +42,7 @@ def dashpot_restitution(c, m, k):
 
 @pytest.mark.parametrize("rate", [20.0, 150.0, 600.0])
 def test_viscous_damping_of_an_elastic_ground_is_the_dashpot(rate):
-    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [rate])
+    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [rate, 0.0])
     expected = dashpot_restitution(rate * M, M, 1e4)
     found = rebound(w)
     assert found["pymunk"][1] / 2 == pytest.approx(expected, rel=2e-4)
@@ -51,7 +52,7 @@ def test_viscous_damping_of_an_elastic_ground_is_the_dashpot(rate):
 
 
 def test_viscous_restitution_depends_on_no_speed_and_never_pulls():
-    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [400.0])
+    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [400.0, 0.0])
     slow, fast = (rebound(w, vy=-v)["pymunk"][1] / v for v in (0.2, 5.0))
     assert slow == pytest.approx(fast, rel=1e-3)
     sim = pymunk_release(w, [0, R + 1e-4, 0, 0, -2, 0])
@@ -62,6 +63,22 @@ def test_viscous_restitution_depends_on_no_speed_and_never_pulls():
         if sim.time > 0.008:
             break
     assert (np.diff(speeds) > -1e-12).all()  # the ground pushes or lets go
+
+
+def test_damping_that_grows_with_the_depth_is_hunt_and_crossleys():
+    """m dv/dt = -δ (k + h v): G(v) = v / h - k / h² ln(1 + h v / k) has the same value before and after."""
+    w = with_effect(world(FLOOR, (SPHERE,), elastic(), gravity_m_s2=0.0), "viscous_damping", [0.0, 1500.0])
+    h, k = w.contact[0, 0, column("viscous_Ns_m2")], 1e4
+
+    def level(v):
+        return v / h - k / h**2 * np.log1p(h * v / k)
+
+    expected = brentq(lambda v: level(-v) - level(2.0), 1e-3, 2.0)
+    found = rebound(w)
+    assert found["pymunk"][1] == pytest.approx(expected, rel=2e-4)
+    assert found["batch"][1] == pytest.approx(expected, rel=2e-3)
+    slow = rebound(w, vy=-0.2)["pymunk"][1] / 0.2
+    assert slow > found["pymunk"][1] / 2.0  # unlike the plain dashpot's, its restitution falls with the speed
 
 
 def test_adhesion_takes_pull_times_way():
@@ -162,7 +179,7 @@ def test_out_of_plane_turns_the_horizontal_velocity():
 def test_an_effect_of_one_zone_stays_there():
     """A ball that lands in the ditch does not feel what acts on the face only."""
     base = world()
-    w = with_effect(base, "viscous_damping", [600.0])
+    w = with_effect(base, "viscous_damping", [600.0, 0.0])
     contact = w.contact.copy()
     contact[:, w.terrain.zone_names.index("ditch"), column("viscous_Ns_m")] = 0.0
     state = np.array([[0.05, 0.05, 0, 0.1, -1.5, 0]])

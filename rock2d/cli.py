@@ -178,6 +178,74 @@ def blind_train(cases, seed, work, out, workers, quiet) -> None:
 
 
 @cli.command()
+@click.argument("video", type=click.Path(path_type=Path))
+@click.option("--config", type=click.Path(path_type=Path), required=True,
+              help="bench.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
+@click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def track(video, config, out, frames, quiet) -> None:
+    """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics."""
+    from tracking.command import track
+
+    track(video, config, out, last=frames, progress=not quiet, tell=click.echo)
+
+
+@cli.command()
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Film to write (.avi).")
+@click.option("--size", nargs=2, type=click.IntRange(64, 8192), default=(1280, 800), show_default=True,
+              help="Width and height in px.")  # fmt: skip
+@click.option("--faults", type=click.Choice(["clean", "moderate", "severe"]), default="clean", show_default=True,
+              help="Noise, blur, dust, shadow, burial, lost frames, compression ...")  # fmt: skip
+@click.option("--releases", type=click.IntRange(1), help="Only the first ones.")
+@click.option(
+    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Of the faults."
+)
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def film(experiment, out, size, faults, releases, seed, quiet) -> None:
+    """Film EXPERIMENT synthetically, with its truth and a bench file beside it: what a tracker is tested on."""
+    from tracking.command import film
+
+    film(experiment, out, size_px=tuple(size), faults=faults, releases=releases, seed=seed, progress=not quiet,
+         tell=click.echo)  # fmt: skip
+
+
+@cli.command("import")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--kind", type=click.Choice(["tracker", "kinovea", "dltdv", "deeplabcut"]), required=True,
+              help="Program that wrote the files, one a film.")  # fmt: skip
+@click.option("--config", type=click.Path(path_type=Path), required=True,
+              help="bench.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
+@click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows.")
+@click.option("--block", help="Name of the block. Default: that of the bench's first release.")
+@click.option("--mark", "marks", multiple=True, help="Point on the block; two give its orientation.")
+@click.option("--centroid", multiple=True, help="Points whose mean is the centroid. Default: the first mark.")
+@click.option("--file-fps", type=float, help="Frames per unit of the files' time, if they number no frames.")
+@click.option("--min-confidence", type=float, help="Points below it were not seen (DeepLabCut).")
+@click.option("--gap-frames", type=click.IntRange(1), help="More lost frames than this separate releases.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
+def import_(
+    files, kind, config, y, block, marks, centroid, file_fps, min_confidence, gap_frames, out
+) -> None:
+    """Make an experiment of FILES that another program tracked (Tracker, Kinovea, DLTdv, DeepLabCut)."""
+    from tracking.command import import_files
+
+    import_files(files, kind, config, out, y=y, block=block, marks=marks, centroid=centroid, file_fps=file_fps,
+                 min_confidence=min_confidence, gap_frames=gap_frames, tell=click.echo)  # fmt: skip
+
+
+@cli.command()
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Text file to write.")
+def export(experiment, out) -> None:
+    """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics)."""
+    from tracking.command import export_tracker
+
+    export_tracker(experiment, out, tell=click.echo)
+
+
+@cli.command()
 def schema() -> None:
     """Print the JSON Schema of a scenario file, for editors."""
     import json

@@ -47,7 +47,7 @@ def write_video(
     part = path.with_name(f".{path.stem}.{os.getpid()}.part{suffix}")
     writer = None
     try:
-        writer = _opened(part, code, fps, size_px)
+        writer = opened(part, code, fps, size_px)
         if not writer.isOpened():
             raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
         for done, frame in enumerate(frames, 1):
@@ -65,7 +65,7 @@ def write_video(
     return path
 
 
-def _opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
+def opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
     """A writer, opened with stderr away: OpenCV prints a needless warning on the tag of VP9 in WebM, and on a
     missing codec a page of them; `isOpened` tells all there is to tell."""
     sys.stderr.flush()

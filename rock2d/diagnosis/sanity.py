@@ -45,11 +45,11 @@ def _check_count(releases: int, found: Sanity) -> None:
 def check_film(experiment: Experiment, film: Film) -> Sanity:
     """Checks of the recorded frames: numbers, time step, units, axes, ground."""
     found = Sanity()
-    _check_count(len(film.release_names), found)
     _check_time_step(experiment, film, found)
     _check_units(experiment, film, found)
     if not found.faults:
         _check_axes(experiment, film, found)
+    _check_count(len(film.release_names), found)
     return found
 
 

@@ -1,0 +1,99 @@
+"""Pixels and metres: there and back, with every convention said aloud."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.errors import InputError
+from tracking.bench import Bench
+from tracking.camera import PixelMap
+
+BENCH = """\
+name: bench
+gravity_m_s2: 9.81
+camera:
+  fps: 1000.0
+  scale: {scale}
+  up: up
+  origin_px: [100.0, 300.0]
+cross_section:
+  points_m: [[-0.2, 0.0], [0.5, 0.0]]
+  zones: [floor]
+blocks:
+  cube: {{shape: square, side_m: 0.02, mass_kg: 0.02}}
+releases: [cube]
+"""
+
+
+def bench(tmp_path, scale: str, **changes: str) -> Bench:
+    text = BENCH.format(scale=scale)
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    (tmp_path / "bench.yaml").write_text(text)
+    return Bench(tmp_path / "bench.yaml")
+
+
+@pytest.mark.parametrize("up", [-1, 1])
+@pytest.mark.parametrize("k", [0.0, -0.08, 0.05])
+def test_there_and_back(up, k):
+    camera = PixelMap(6e-4, (640.0, 700.0), (0.1, 0.05), up, 0.03, k, (640.0, 400.0), 755.0)
+    points = np.random.default_rng(0).uniform([-0.3, -0.1], [0.3, 0.3], (50, 2))
+    np.testing.assert_allclose(camera.to_world(camera.to_pixel(points)), points, atol=1e-9)
+    assert camera.angle_to_world(camera.angle_to_pixel(np.array(0.4))) == pytest.approx(0.4)
+
+
+def test_what_rises_in_the_world_falls_in_the_rows_of_the_image():
+    camera = PixelMap(1e-3, (10.0, 20.0))
+    np.testing.assert_allclose(camera.to_pixel(np.array([0.002, 0.003])), [12.0, 17.0])
+    assert camera.angle_to_pixel(np.array(0.3)) == pytest.approx(-0.3)
+
+
+def test_angles_turn_as_directions_do():
+    camera = PixelMap(1e-3, (0.0, 0.0), tilt_rad=0.1)
+    ahead = camera.to_pixel(np.array([np.cos(0.3), np.sin(0.3)])) - camera.to_pixel(np.zeros(2))
+    assert np.arctan2(ahead[1], ahead[0]) == pytest.approx(float(camera.angle_to_pixel(np.array(0.3))))
+
+
+def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
+    import cv2
+
+    assert bench(tmp_path, "{points_px: [[0, 0], [300, 400]], distance_m: 0.25}").metres_per_pixel == 5e-4
+    squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    board = cv2.copyMakeBorder(np.kron(squares, np.ones((24, 24), np.uint8)), 40, 40, 40, 40,
+                               cv2.BORDER_CONSTANT, value=255)  # fmt: skip
+    cv2.imwrite(str(tmp_path / "board.png"), board)
+    found = bench(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
+    assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
+
+
+def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
+    import cv2
+
+    squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    board = cv2.copyMakeBorder(np.kron(squares, np.ones((24, 24), np.uint8)), 40, 40, 40, 40,
+                               cv2.BORDER_CONSTANT, value=255)  # fmt: skip
+    height, width = board.shape
+    seen = np.float32([[0, 0], [width, 40], [width, height - 40], [0, height]])
+    slant = cv2.getPerspectiveTransform(np.float32([[0, 0], [width, 0], [width, height], [0, height]]), seen)
+    cv2.imwrite(
+        str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255)
+    )
+    with pytest.raises(InputError, match="slant"):
+        bench(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
+
+
+@pytest.mark.parametrize(
+    ("scale", "changes", "said"),
+    [
+        ("{metres_per_pixel: 1.0e-3, distance_m: 0.3}", {}, "exactly one of"),
+        ("{points_px: [[1, 2], [1, 2]], distance_m: 0.3}", {}, "the same"),
+        ("{metres_per_pixel: 1.0e-3}", {"fps: 1000.0": "speed: 1000.0"}, "speed"),
+        ("{metres_per_pixel: 1.0e-3}", {"  up: up\n": ""}, "up"),
+        ("{metres_per_pixel: 1.0e-3}", {"releases: [cube]": "releases: [cub]"}, "did you mean 'cube'"),
+    ],
+)
+def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
+    with pytest.raises(InputError, match=said) as error:
+        bench(tmp_path, scale, **changes)
+    assert "bench.yaml:" in str(error.value)

@@ -1,0 +1,150 @@
+"""`rock2d track`, `film`, `import`, `export`: the whole way, and what is said of input that cannot be used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from falls import CAMERA, SIZE_PX, falls
+
+from rock2d.cli import cli
+from rock2d.errors import InputError
+from rock2d.experiment import read_experiment, write_experiment
+from tracking.bench_file import write_bench
+from tracking.camera import PixelMap
+from tracking.faults import CLEAN
+from tracking.film import FilmFile
+from tracking.synthetic import film_frames, write_film
+
+
+def run(*arguments: object) -> str:
+    result = CliRunner().invoke(
+        cli, [str(a) for a in arguments], catch_exceptions=False, standalone_mode=False
+    )
+    return result.output
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory):
+    """A folder with film.avi (quality 90), its bench.yaml, and the experiment filmed."""
+    folder = tmp_path_factory.mktemp("film")
+    experiment = falls(140)
+    write_experiment(folder / "truth", experiment)
+    shots = film_frames(experiment, CAMERA, SIZE_PX, faults=CLEAN, seed=1, rest_frames=40)
+    write_film(folder / "film.avi", shots, SIZE_PX, 25, 90)
+    write_bench(folder / "bench.yaml", experiment, CAMERA, ["sphere", "cube", "slab"])
+    return folder
+
+
+def test_from_film_to_experiment(filmed, tmp_path):
+    said = run(
+        "track", filmed / "film.avi", "--config", filmed / "bench.yaml", "--out", tmp_path / "out", "--quiet"
+    )
+    assert "3 releases, 420 of 420 frames trusted" in said
+    found, truth = read_experiment(tmp_path / "out"), read_experiment(filmed / "truth")
+    off = found.trajectories[["x_m", "y_m"]].to_numpy() - truth.trajectories[["x_m", "y_m"]].to_numpy()
+    assert np.sqrt((off**2).mean()) < 0.1 * CAMERA.metres_per_pixel
+    for name in ("frames.csv", "flights.csv", "bounces.csv", "tracking.html", "overlay.webm"):
+        assert (tmp_path / "out" / name).stat().st_size > 0
+    page = (tmp_path / "out" / "tracking.html").read_text()
+    assert page.count("<img") == 4 and "http" not in page.replace("http-equiv", "")
+
+
+def test_film_writes_its_truth_and_a_bench_that_tracks_it(filmed, tmp_path):
+    run("film", filmed / "truth", "--out", tmp_path / "f.avi", "--size", 480, 320, "--releases", 1, "--quiet")
+    said = run(
+        "track", tmp_path / "f.avi", "--config", tmp_path / "f.yaml", "--out", tmp_path / "out", "--quiet"
+    )
+    assert "1 releases, 140 of 140 frames trusted" in said
+    assert (tmp_path / "f.csv").read_text().count("\n") == 1 + 60 + 140
+
+
+def test_export_and_import_give_the_same_motion(filmed, tmp_path):
+    run("export", filmed / "truth", "--out", tmp_path / "t.txt")
+    metres = PixelMap(1.0, (0.0, 0.0))  # the file's own unit, and its own origin
+    truth = read_experiment(filmed / "truth")
+    write_bench(tmp_path / "bench.yaml", truth, metres, ["cube"])
+    run("import", tmp_path / "t_1.txt", "--kind", "tracker", "--config", tmp_path / "bench.yaml", "--y", "up",
+        "--out", tmp_path / "out")  # fmt: skip
+    found = read_experiment(tmp_path / "out")
+    own = truth.trajectories[truth.trajectories["release"] == 1]
+    columns = ["t_s", "x_m", "y_m", "theta_rad"]
+    np.testing.assert_allclose(found.trajectories[columns], own[columns], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda data: b"", "empty"),
+        (lambda data: b"no video at all" * 100, "cannot be read"),
+        (lambda data: data[: len(data) // 2], "breaks off|cannot be read"),
+    ],
+)
+def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said):
+    (tmp_path / "bad.avi").write_bytes(spoil((filmed / "film.avi").read_bytes()))
+    with pytest.raises(InputError, match=said):
+        run(
+            "track",
+            tmp_path / "bad.avi",
+            "--config",
+            filmed / "bench.yaml",
+            "--out",
+            tmp_path / "out",
+            "--quiet",
+        )
+    assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
+
+
+def test_a_film_without_its_block_is_refused(filmed, tmp_path):
+    text = (filmed / "bench.yaml").read_text()
+    (tmp_path / "bench.yaml").write_text(text.replace("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001"))
+    with pytest.raises(InputError, match="no block was seen"):
+        run(
+            "track",
+            filmed / "film.avi",
+            "--config",
+            tmp_path / "bench.yaml",
+            "--out",
+            tmp_path / "out",
+            "--quiet",
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_wrong_frame_rate_is_told(filmed, tmp_path):
+    text = (filmed / "bench.yaml").read_text()
+    (tmp_path / "bench.yaml").write_text(text.replace("fps: 1000.0", "fps: 250.0"))
+    with pytest.raises(InputError, match="accelerate by"):
+        run(
+            "track",
+            filmed / "film.avi",
+            "--config",
+            tmp_path / "bench.yaml",
+            "--out",
+            tmp_path / "out",
+            "--quiet",
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_film_on_its_head_is_told(filmed, tmp_path):
+    text = (filmed / "bench.yaml").read_text()
+    (tmp_path / "bench.yaml").write_text(text.replace("up: up", "up: down"))
+    with pytest.raises(InputError, match=r"no block was seen .* `up`"):
+        run(
+            "track",
+            filmed / "film.avi",
+            "--config",
+            tmp_path / "bench.yaml",
+            "--out",
+            tmp_path / "out",
+            "--quiet",
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_frames_are_read_in_turn_and_as_many_as_asked_for(filmed):
+    assert sum(1 for _ in FilmFile(filmed / "film.avi").frames()) == 3 * (40 + 140)
+    assert sum(1 for _ in FilmFile(filmed / "film.avi").frames(10)) == 10
+    with pytest.raises(InputError, match="no such video"):
+        FilmFile(filmed / "nothing.avi")

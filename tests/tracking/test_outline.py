@@ -1,0 +1,106 @@
+"""The model of an edge, and the fit of an outline to a picture of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rock2d.blocks import Block, make_block
+from tracking.outline import cover, fit_pose, outline_of
+
+BLOCKS = {
+    "circle": make_block("a", "circle", 1.0, "uniform", diameter_m=0.024),
+    "square": make_block("b", "square", 1.0, "uniform", side_m=0.02),
+    "rectangle": make_block("c", "rectangle", 1.0, "uniform", length_m=0.034, height_m=0.014),
+    "ellipse": make_block("d", "ellipse", 1.0, "uniform", length_m=0.03, height_m=0.02),
+}
+PIXEL_M = 6e-4
+SIZE = 81
+
+
+def picture(block: Block, pose: np.ndarray, fine: int = 12) -> np.ndarray:
+    """Covered share of every pixel, by counting points within it, after a blur of 0.7 px."""
+    import cv2
+
+    outline = outline_of(block, PIXEL_M, -1)
+    within = (np.arange(fine) + 0.5) / fine - 0.5
+    v, u = np.mgrid[0:SIZE, 0:SIZE][:, :, :, None, None]
+    x, y = u + within[:, None] - pose[0], v + within[None, :] - pose[1]
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    qx, qy = c * x + s * y, -s * x + c * y
+    if block.smooth:
+        a, b = outline.semi_axes_px
+        inside = (qx / a) ** 2 + (qy / b) ** 2 <= 1.0
+    else:
+        inside = np.all([n[0] * qx + n[1] * qy <= n[2] for n in outline.edges], axis=0)
+    return cv2.GaussianBlur(inside.mean(axis=(-1, -2)), (0, 0), 0.7)
+
+
+@pytest.mark.parametrize("shape", BLOCKS)
+def test_slopes_of_the_covered_share_are_its_derivatives(shape):
+    outline = outline_of(BLOCKS[shape], PIXEL_M, -1)
+    a, b = outline.semi_axes_px
+    slope, none = np.zeros(3), np.zeros(3)
+    rng = np.random.default_rng(0)
+    for x, y in rng.uniform(-1.2, 1.2, (40, 2)) * outline.reach_px:
+        cover(x, y, outline.edges, a, b, 1.3, slope)
+        for k, (dx, dy, ds) in enumerate(1e-5 * np.eye(3)):
+            ahead = cover(x + dx, y + dy, outline.edges, a, b, 1.3 + ds, none)
+            behind = cover(x - dx, y - dy, outline.edges, a, b, 1.3 - ds, none)
+            # of an ellipse the distance is of first order, and so is its slope
+            assert slope[k] == pytest.approx(
+                (ahead - behind) / 2e-5, abs=0.05 if shape == "ellipse" else 1e-6
+            )
+
+
+@pytest.mark.parametrize(
+    ("shape", "turn"),
+    [("circle", 0.0), ("square", math.pi / 2), ("rectangle", math.pi), ("ellipse", math.pi)],
+)
+def test_symmetries(shape, turn):
+    assert outline_of(BLOCKS[shape], PIXEL_M, -1).symmetry_rad == pytest.approx(turn)
+
+
+@pytest.mark.parametrize("shape", ["circle", "square", "rectangle"])
+def test_a_noisy_picture_gives_the_pose_within_its_stated_errors(shape):
+    block = BLOCKS[shape]
+    outline = outline_of(block, PIXEL_M, -1)
+    rng = np.random.default_rng(1)
+    behind = np.full((SIZE, SIZE), 150.0, np.float32)
+    off, error = [], []
+    for _ in range(20):
+        pose = np.array([*rng.uniform(39, 41, 2), rng.uniform(-3, 3)])
+        image = behind - 90.0 * picture(block, pose) + rng.normal(0.0, 2.0, behind.shape)
+        start = np.array([*(pose + rng.uniform(-1, 1, 3) * [3.0, 3.0, 0.3]), 80.0, 1.0])
+        found, se, seen, misfit = fit_pose(
+            image.astype(np.float32), behind, np.ones(behind.shape, np.uint8), outline.edges,
+            outline.semi_axes_px, start, 2.0, 25,
+        )  # fmt: skip
+        assert seen > 0.95 and misfit < 0.05
+        off.append(found[:3] - pose)
+        error.append(se)
+    off, error = np.array(off), np.array(error)
+    known = 2 if shape == "circle" else 3
+    assert np.sqrt((off[:, :2] ** 2).mean()) < 0.01
+    assert np.sqrt(((off / error)[:, :known] ** 2).mean()) == pytest.approx(1.0, abs=0.35)
+    if known == 3:
+        assert np.rad2deg(np.sqrt((off[:, 2] ** 2).mean())) < 0.05
+
+
+def test_half_a_block_that_soil_hides_is_still_found_where_it_is():
+    block = BLOCKS["square"]
+    outline = outline_of(block, PIXEL_M, -1)
+    pose = np.array([40.3, 39.8, 0.35])
+    behind = np.full((SIZE, SIZE), 150.0, np.float32)
+    image = behind - 90.0 * picture(block, pose).astype(np.float32)
+    image[44:] = behind[44:] = 110.0  # soil in front of it
+    counts = np.ones(behind.shape, np.uint8)
+    start = np.array([41.5, 38.5, 0.3, 70.0, 1.0])
+    for mask in (counts, np.where(np.arange(SIZE)[:, None] < 44, 1, 0) * counts):  # unknown, surveyed
+        found, _, seen, _ = fit_pose(image, behind, mask.astype(np.uint8), outline.edges, outline.semi_axes_px,
+                                     start, 2.0, 25)  # fmt: skip
+        np.testing.assert_allclose(found[:2], pose[:2], atol=0.1)
+        assert found[2] == pytest.approx(pose[2], abs=0.01)
+        assert 0.5 < seen < 0.75

@@ -1,0 +1,1 @@
+"""From high-speed video to an experiment folder."""

@@ -1,0 +1,68 @@
+"""What the camera sees without a block: learned from the first frames, kept up to date where no block is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+Array = np.ndarray
+
+RATE = 0.02  # share of a frame that the background takes over
+EVERY = 4  # frames of which it takes one, with as much more
+SPAN = 25  # pictures that it starts from
+
+
+class Background:
+    """The still picture and the noise of its pixels.
+
+    Attributes
+    ----------
+    grey : (height, width) float32
+    noise : grey levels, 1 sigma of a pixel from frame to frame
+    """
+
+    def __init__(self, frames: Sequence[Array]) -> None:
+        """Median of the frames (height, width) uint8; what moves through them leaves no trace."""
+        chosen = np.linspace(0, len(frames) - 1, min(len(frames), SPAN)).round().astype(int)
+        stack = np.stack([frames[i] for i in np.unique(chosen)])
+        self.grey = np.median(stack, axis=0).astype(np.float32)
+        if len(stack) > 2:
+            steps = np.abs(np.diff(stack[:, ::4, ::4].astype(np.float32), axis=0))
+            self.noise = max(float(np.mean(steps)) * np.sqrt(np.pi) / 2.0, 0.5)
+        else:
+            self.noise = 2.0
+        self._count = 0
+        self._bytes: Array | None = None
+
+    def differs(self, frame: Array, threshold: float, coarse: int) -> Array:
+        """Mask of what stands out of the background by more than `threshold` grey levels, in pixels `coarse` times as
+        wide as the frame's."""
+        import cv2
+
+        size = (frame.shape[1] // coarse, frame.shape[0] // coarse)
+        now, still = (cv2.resize(a, size, interpolation=cv2.INTER_AREA) for a in (frame, self._byte()))
+        return cv2.threshold(cv2.absdiff(now, still), threshold, 255, cv2.THRESH_BINARY)[1]
+
+    def learn(self, frame: Array, block: tuple[int, int, int, int] | None) -> None:
+        """Take over a share of every fourth frame, but not within `block` (first and last u, first and last v)."""
+        import cv2
+
+        self._count += 1
+        if self._count % EVERY:
+            return
+        self._bytes = None
+        if block is None:
+            cv2.accumulateWeighted(frame, self.grey, EVERY * RATE)
+            return
+        u0, u1, v0, v1 = block
+        kept = self.grey[v0:v1, u0:u1].copy()
+        cv2.accumulateWeighted(frame, self.grey, EVERY * RATE)
+        self.grey[v0:v1, u0:u1] = kept
+
+    def _byte(self) -> Array:
+        import cv2
+
+        if self._bytes is None:
+            self._bytes = cv2.convertScaleAbs(self.grey)
+        return self._bytes

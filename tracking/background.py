@@ -10,6 +10,8 @@ Array = np.ndarray
 
 RATE = 0.02  # share of a frame that the background takes over
 EVERY = 4  # frames of which it takes one, with as much more
+STRANGE, LEAST_STRANGE = 5.0, 6.0  # noise, and grey levels, by which a pixel differs
+SLOW = 0.05  # of the usual share is learned of what differs
 SPAN = 25  # pictures that it starts from
 
 
@@ -45,20 +47,23 @@ class Background:
         return cv2.threshold(cv2.absdiff(now, still), threshold, 255, cv2.THRESH_BINARY)[1]
 
     def learn(self, frame: Array, block: tuple[int, int, int, int] | None) -> None:
-        """Take over a share of every fourth frame, but not within `block` (first and last u, first and last v)."""
+        """Take over a share of every fourth frame, but not within `block` (first and last u, first and last v), and
+        much less where it differs: that may be a block that has not been recognised yet."""
         import cv2
 
         self._count += 1
         if self._count % EVERY:
             return
+        alike = cv2.compare(
+            cv2.absdiff(frame, self._byte()), max(STRANGE * self.noise, LEAST_STRANGE), cv2.CMP_LT
+        )
+        other = cv2.bitwise_not(alike)
+        if block is not None:
+            u0, u1, v0, v1 = block
+            alike[v0:v1, u0:u1] = other[v0:v1, u0:u1] = 0
+        cv2.accumulateWeighted(frame, self.grey, EVERY * RATE, alike)
+        cv2.accumulateWeighted(frame, self.grey, SLOW * EVERY * RATE, other)
         self._bytes = None
-        if block is None:
-            cv2.accumulateWeighted(frame, self.grey, EVERY * RATE)
-            return
-        u0, u1, v0, v1 = block
-        kept = self.grey[v0:v1, u0:u1].copy()
-        cv2.accumulateWeighted(frame, self.grey, EVERY * RATE)
-        self.grey[v0:v1, u0:u1] = kept
 
     def _byte(self) -> Array:
         import cv2

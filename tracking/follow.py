@@ -303,8 +303,9 @@ class _Follower:
         image = frame[v0:v1, u0:u1].astype(np.float32)
         behind = self.background.grey[v0:v1, u0:u1]
         if grey is None:
-            a, b = int(start[1] - v0), int(start[0] - u0)
-            grey = float(np.median(image[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3]))
+            a, b, half = int(start[1] - v0), int(start[0] - u0), int(0.4 * outline.reach_px) + 1
+            # of a part large enough that marks do not make it
+            grey = float(np.median(image[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]))
         p = np.array([start[0] - u0, start[1] - v0, start[2], grey, max(self.blur, FLOOR_BLUR)])
         p, error, seen, misfit = fit_pose(
             image, behind, self.soil[v0:v1, u0:u1], outline.edges, outline.semi_axes_px, p,

@@ -95,52 +95,22 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
     assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
 
 
-def test_a_film_without_its_block_is_refused(filmed, tmp_path):
+@pytest.mark.parametrize(
+    ("true", "wrong", "said"),
+    [
+        ("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001", "no block was seen"),
+        ("fps: 1000.0", "fps: 250.0", "accelerate by"),
+        ("up: up", "up: down", r"no block was seen .* `up`"),
+    ],
+)
+def test_a_bench_that_is_not_the_films_is_told(filmed, tmp_path, true, wrong, said):
     text = (filmed / "bench.yaml").read_text()
-    (tmp_path / "bench.yaml").write_text(text.replace("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001"))
-    with pytest.raises(InputError, match="no block was seen"):
-        run(
-            "track",
-            filmed / "film.avi",
-            "--config",
-            tmp_path / "bench.yaml",
-            "--out",
-            tmp_path / "out",
-            "--quiet",
-        )
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_wrong_frame_rate_is_told(filmed, tmp_path):
-    text = (filmed / "bench.yaml").read_text()
-    (tmp_path / "bench.yaml").write_text(text.replace("fps: 1000.0", "fps: 250.0"))
-    with pytest.raises(InputError, match="accelerate by"):
-        run(
-            "track",
-            filmed / "film.avi",
-            "--config",
-            tmp_path / "bench.yaml",
-            "--out",
-            tmp_path / "out",
-            "--quiet",
-        )
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_film_on_its_head_is_told(filmed, tmp_path):
-    text = (filmed / "bench.yaml").read_text()
-    (tmp_path / "bench.yaml").write_text(text.replace("up: up", "up: down"))
-    with pytest.raises(InputError, match=r"no block was seen .* `up`"):
-        run(
-            "track",
-            filmed / "film.avi",
-            "--config",
-            tmp_path / "bench.yaml",
-            "--out",
-            tmp_path / "out",
-            "--quiet",
-        )
-    assert not (tmp_path / "out").exists()
+    assert true in text
+    bench, out = tmp_path / "bench.yaml", tmp_path / "out"
+    bench.write_text(text.replace(true, wrong))
+    with pytest.raises(InputError, match=said):
+        run("track", filmed / "film.avi", "--config", bench, "--out", out, "--quiet")
+    assert not out.exists()
 
 
 def test_frames_are_read_in_turn_and_as_many_as_asked_for(filmed):

@@ -34,8 +34,6 @@ PATIENCE = 0.25  # seconds at most that a block may be lost within a release
 AGREE = 3  # frames in a row that take up a block
 STILL_PX = 0.5  # way per frame below which a lost block stays where it was
 
-SEEN, LOST = "", "lost"
-
 
 @dataclass
 class Sight:
@@ -67,6 +65,10 @@ class Path:
     def seen(self) -> list[Sight]:
         """The frames that were not lost."""
         return [s for s in self.sights if not s.reason]
+
+    def last_seen(self, count: int) -> list[Sight]:
+        """The last of them, in order; without a look at the whole release, for it is asked in every frame."""
+        return list(islice((s for s in reversed(self.sights) if not s.reason), count))[::-1]
 
 
 def follow(
@@ -148,9 +150,8 @@ class _Follower:
         if self.path is None:
             self.background.learn(frame, None if not self._new else self._window(self._new[-1][0].pose, 1.5))
             return
-        seen = self.path.seen
-        if seen:
-            self.background.learn(frame, self._window(seen[-1].pose, 1.5))
+        for sight in self.path.last_seen(1):
+            self.background.learn(frame, self._window(sight.pose, 1.5))
 
     # --- a block that is known ---
 
@@ -173,7 +174,7 @@ class _Follower:
     def _expected(self, number: int) -> Array:
         """Pose in this frame, as the last frames went on."""
         assert self.path is not None
-        seen = self.path.seen[-4:]
+        seen = self.path.last_seen(4)
         last = seen[-1]
         if len(seen) < 2:
             return last.pose.copy()
@@ -187,7 +188,7 @@ class _Follower:
         return np.asarray(expected)
 
     def _jumped(self, pose: Array, expected: Array, outline: Outline) -> bool:
-        seen = self.path.seen if self.path is not None else []
+        seen = self.path.last_seen(2) if self.path is not None else []
         pace = np.hypot(*(seen[-1].pose - seen[-2].pose)[:2]) if len(seen) > 1 else outline.reach_px
         way = float(np.hypot(*(pose - expected)[:2]))
         return way > 0.5 * outline.reach_px + (1 + self._lost) * (1.5 * pace + 1.0)
@@ -206,7 +207,7 @@ class _Follower:
     def _has_left(self) -> bool:
         """Whether the block was last seen on its way out of the picture."""
         assert self.path is not None
-        seen = self.path.seen
+        seen = self.path.last_seen(1)
         if not seen:
             return True
         u, v = seen[-1].pose[:2]

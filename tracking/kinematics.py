@@ -15,6 +15,7 @@ from rock2d.diagnosis.flights import Film, clearances
 from rock2d.diagnosis.states import drift
 from rock2d.experiment import Experiment
 from rock2d.geometry import block_arrays, terrain_arrays
+from rock2d.world import World
 
 Array = np.ndarray
 
@@ -33,14 +34,16 @@ def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFram
     """
     bench = bench_world(experiment)
     data = film_data(experiment, film, bench, (1.0, 1.0, 1.0))
-    return _flights(experiment, data), _impacts(experiment, data), data
+    states = data.states(bench)
+    known = np.minimum(states.left.shape[2], data.basis.degrees)
+    # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise
+    misfit = np.sqrt((states.left**2).sum(axis=2) / known[:, None])
+    flights = _flights(experiment, data, states.middle, misfit)
+    return flights, _impacts(experiment, data, bench, states.middle, misfit), data
 
 
-def _flights(experiment: Experiment, data: FilmData) -> pd.DataFrame:
+def _flights(experiment: Experiment, data: FilmData, middle: Array, misfit: Array) -> pd.DataFrame:
     film, flights = data.film, data.cut.flights
-    world = bench_world(experiment)
-    states = data.states(world)
-    misfit = _misfit(experiment, data)
     error = _errors(data, np.arange(len(flights)), np.zeros(len(flights)), misfit)
     names = list(experiment.blocks)
     table = pd.DataFrame({
@@ -49,16 +52,9 @@ def _flights(experiment: Experiment, data: FilmData) -> pd.DataFrame:
         "frames": flights.last - flights.first, "t_s": data.basis.middle,
     })  # fmt: skip
     for k, name in enumerate(STATE):
-        table[name], table[f"{name}_se"] = states.middle[:, k], error[:, k]
+        table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
     return table
-
-
-def _misfit(experiment: Experiment, data: FilmData) -> Array:
-    """(flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise."""
-    left = data.states(bench_world(experiment)).left
-    known = np.minimum(left.shape[2], data.basis.degrees)
-    return np.sqrt((left**2).sum(axis=2) / known[:, None])
 
 
 def _errors(data: FilmData, which: Array, dt: Array, misfit: Array) -> Array:
@@ -68,15 +64,14 @@ def _errors(data: FilmData, which: Array, dt: Array, misfit: Array) -> Array:
     return error * np.tile(np.maximum(misfit[which], 1.0), 2)
 
 
-def _impacts(experiment: Experiment, data: FilmData) -> pd.DataFrame:
+def _impacts(
+    experiment: Experiment, data: FilmData, world: World, middle: Array, misfit: Array
+) -> pd.DataFrame:
     film, flights, impacts = data.film, data.cut.flights, data.impacts
-    world = bench_world(experiment)
-    middle = data.states(world).middle
     ends = film.t_s[flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     begins = film.t_s[flights.first[impacts.after]] - data.basis.middle[impacts.after]
     before = drift(world, impacts.block, middle[impacts.before], ends)
     after = drift(world, impacts.block, middle[impacts.after], begins)
-    misfit = _misfit(experiment, data)
     names, zones = list(experiment.blocks), experiment.terrain.zone_names
     t = 0.5 * (film.t_s[flights.last[impacts.before] - 1] + film.t_s[flights.first[impacts.after]])
     table = pd.DataFrame({

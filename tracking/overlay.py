@@ -17,6 +17,7 @@ WIDTH_PX = 560
 SEEN_BGR, LOST_BGR, TRAIL_BGR = (60, 200, 60), (40, 40, 230), (230, 160, 0)
 MOST = 500  # pictures: of a longer film every second, third ...
 FPS = 25.0
+TRAIL = 300  # frames of the way behind a block that are drawn
 POINTS = 48
 
 
@@ -45,8 +46,8 @@ class Overlay:
             cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR
         )
         if path is not None:
-            seen = path.seen
-            trail = np.array([s.pose[:2] for s in seen[-300:]])
+            seen = path.last_seen(TRAIL)
+            trail = np.array([s.pose[:2] for s in seen])
             self._line(picture, trail, TRAIL_BGR, False)
             last = path.sights[-1]
             shown = last if not last.reason else seen[-1]

@@ -24,6 +24,7 @@ from rock2d.diagnosis.fitting import (
 )
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.trial import FOLDS, folds
+from rock2d.diagnosis.weighing import standard_error
 
 Array = np.ndarray
 
@@ -49,7 +50,7 @@ class Discrepancy:
     @property
     def error(self) -> float:
         """Standard error of the total gain, over releases."""
-        return float(self.gain.std() * np.sqrt(len(self.gain)))
+        return standard_error(self.gain)
 
 
 def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.leftover import Leftover
 
 if TYPE_CHECKING:
     from rock2d.diagnosis.attribution import Candidate
+    from rock2d.diagnosis.discrepancy import Discrepancy
 
 Array = np.ndarray
 

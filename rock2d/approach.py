@@ -55,6 +55,8 @@ def facet_tree(points: np.ndarray) -> np.ndarray:
 @kernel(inline="always")
 def safe_time(distance, speed, gravity):
     """Time in which a point that starts at `speed` and gains at most gravity × time covers `distance`."""
+    if distance <= 0.0:
+        return 0.0
     if gravity <= 0.0:
         return distance / max(speed, 1e-300)
     return 2.0 * distance / (speed + np.sqrt(speed * speed + 2.0 * gravity * distance))

@@ -131,7 +131,7 @@ def run_of(
 ) -> Callable[[], None]:
     """`number` releases of an engine, chunk by chunk; compiled and prepared already."""
     block = scenario.make_blocks()[block_name]
-    shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
+    shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
     table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
     law = scenario.rebound_parameters(block_name)
     ensemble = Ensemble([block], [terrain], [table])

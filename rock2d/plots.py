@@ -77,7 +77,7 @@ def trajectories_figure(
     wide_in, axis_in, page_in = 7.5, 6.85, 9.6
     high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
     high_in = float(np.clip(high_in, 1.6, min(4.2, page_in / len(names))))
-    figure = _figure(wide_in, len(names) * (high_in + 0.32) + 0.65 + (0.3 if title else 0.0))
+    figure = blank_figure(wide_in, len(names) * (high_in + 0.32) + 0.65 + (0.3 if title else 0.0))
     axes = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
     view = drawing.fitted_view(limits, 1500, round(1500 * high_in / axis_in))
     colours = block_colours(blocks)
@@ -99,12 +99,12 @@ def trajectories_figure(
         if i == len(names) - 1:
             axis.set_xlabel(f"x ({_length_unit(limits)[0]})")
     handles = [
-        _handle(STOP_MARKERS[s][1], marker=STOP_MARKERS[s][0], ls="none", ms=4.5, mfc="#777777", mec="white")
+        handle(STOP_MARKERS[s][1], marker=STOP_MARKERS[s][0], ls="none", ms=4.5, mfc="#777777", mec="white")
         for s in STOP_MARKERS
         if s in stops
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=_SMALL_PT)
-    _title(figure, title)
+    finish(figure, title)
     return figure
 
 
@@ -139,7 +139,7 @@ def overlay_figure(
     high = max(max(f[3] - f[2] for f in frames), 0.45 * wide)
     wide = max(wide, high / 1.6)
     top_in = 1.95 * high / wide
-    figure = _figure(max(4.6, 2.45 * columns), top_in + 2 * 1.6 + (2.0 if title else 1.7))
+    figure = blank_figure(max(4.6, 2.45 * columns), top_in + 2 * 1.6 + (2.0 if title else 1.7))
     axes = figure.subplots(3, columns, squeeze=False, height_ratios=(top_in, 1.6, 1.6))
     for column, ((rows, track), (dots, way), frame, note) in enumerate(
         zip(shown, points, frames, notes, strict=True)
@@ -181,11 +181,11 @@ def overlay_figure(
             if column == 0:
                 axis.set_ylabel(label)
     handles = [
-        _handle("measured", marker=".", ls="none", color=MEASURED_COLOUR, ms=7),
-        _handle("simulated", color=SIMULATED_COLOUR, lw=1.5),
-        _handle("start", color=MEASURED_COLOUR, marker="s", mfc="#e8e8e8", ms=7, ls="none"),
-        _handle("measured end", color=MEASURED_COLOUR, ls=(0, (3, 1.5)), lw=1.1),
-        _handle("simulated end", color=SIMULATED_COLOUR, marker="s", ms=7, ls="none",
+        handle("measured", marker=".", ls="none", color=MEASURED_COLOUR, ms=7),
+        handle("simulated", color=SIMULATED_COLOUR, lw=1.5),
+        handle("start", color=MEASURED_COLOUR, marker="s", mfc="#e8e8e8", ms=7, ls="none"),
+        handle("measured end", color=MEASURED_COLOUR, ls=(0, (3, 1.5)), lw=1.1),
+        handle("simulated end", color=SIMULATED_COLOUR, marker="s", ms=7, ls="none",
                 mfc=mixed(SIMULATED_COLOUR, "#ffffff", 0.7)),
     ]  # fmt: skip
     figure.legend(
@@ -195,7 +195,7 @@ def overlay_figure(
         frameon=False,
         fontsize=_SMALL_PT + 0.5,
     )
-    _title(figure, title)
+    finish(figure, title)
     return figure
 
 
@@ -218,7 +218,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
     unit = "mm" if millimetres else "m"
     labels = {"dx_m": f"x ({unit})", "dy_m": f"y ({unit})", "dtheta_rad": "orientation (rad)"}
 
-    figure = _figure(8.4, 5.2)
+    figure = blank_figure(8.4, 5.2)
     axes = figure.subplots(2, 3)
     names = list(dict.fromkeys(rows["block"]))
     colours = block_colours(names)
@@ -247,16 +247,16 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
     axes[1, 0].set_ylabel("releases")
     grey = colours[names[0]] if len(names) == 1 else "#777777"
     handles = [
-        _handle(n.replace("_", " "), color=colours[n], ls=LINESTYLES[i % len(LINESTYLES)], lw=1.6)
+        handle(n.replace("_", " "), color=colours[n], ls=LINESTYLES[i % len(LINESTYLES)], lw=1.6)
         for i, n in enumerate(names)
         if len(names) > 1
     ]
-    handles += [_handle("median", color=grey, lw=1.5)] if len(names) == 1 else []
-    handles.append(_handle("10-90 % of releases", color=grey, alpha=0.3, lw=7))
+    handles += [handle("median", color=grey, lw=1.5)] if len(names) == 1 else []
+    handles.append(handle("10-90 % of releases", color=grey, alpha=0.3, lw=7))
     figure.legend(
         handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=_SMALL_PT + 0.5
     )
-    _title(figure, title)
+    finish(figure, title)
     return figure
 
 
@@ -267,7 +267,7 @@ def energy_figure(track: Track, block: Block, title: str = "") -> Figure:
     moving = 0.5 * block.mass_kg * (state[:, VX] ** 2 + state[:, VY] ** 2)
     spinning = 0.5 * block.inertia_kg_m2 * state[:, OMEGA] ** 2
     height = block.mass_kg * track.gravity_m_s2 * (state[:, Y] - state[:, Y].min())
-    figure = _figure(6.0, 3.4)
+    figure = blank_figure(6.0, 3.4)
     axis = figure.subplots()
     colours = block_colours(["translation", "rotation", "potential"])
     for (name, values), style in zip(
@@ -281,20 +281,22 @@ def energy_figure(track: Track, block: Block, title: str = "") -> Figure:
     axis.set_xlabel("time (s)")
     axis.set_ylabel("energy (J)")
     axis.legend(frameon=False, fontsize=_SMALL_PT + 0.5, ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
-    _title(figure, title)
+    finish(figure, title)
     return figure
 
 
 # --- parts --------------------------------------------------------------------------------------------
 
 
-def _figure(wide_in: float, high_in: float) -> Figure:
+def blank_figure(wide_in: float, high_in: float) -> Figure:
+    """An empty figure of this size in inches, outside any global state."""
     figure = Figure(figsize=(wide_in, high_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _title(figure: Figure, title: str) -> None:
+def finish(figure: Figure, title: str = "") -> None:
+    """The common look: title, sizes of the labels, no frame at the top and on the right."""
     if title:
         figure.suptitle(title, fontsize=_TEXT_PT + 2, fontweight="bold")
     for axis in figure.axes:
@@ -305,7 +307,8 @@ def _title(figure: Figure, title: str) -> None:
             axis.spines[side].set_visible(False)
 
 
-def _handle(label: str, **style: Any) -> Any:
+def handle(label: str, **style: Any) -> Any:
+    """An entry of a legend."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **style)

@@ -21,6 +21,8 @@ from rock2d.terrain import Terrain
 
 Array = np.ndarray
 
+FEW = 500  # releases take less time than waking other threads does, where these are busy
+
 
 @dataclass
 class PointMassBatch:
@@ -77,7 +79,12 @@ def run_point_mass_batch(
     impacts = np.full((n, impact_room, N_IMPACT), np.nan)
     crossings, ends = np.full((n, len(lines), 7), np.nan), np.empty((n, 2, 7))
     seeds = np.ascontiguousarray(given, np.uint64)
-    _ensemble(states, seeds, *inputs, lines, impacts, crossings, ends, count, stop)
+    threads = numba.get_num_threads()
+    numba.set_num_threads(threads if n > FEW else 1)
+    try:
+        _ensemble(states, seeds, *inputs, lines, impacts, crossings, ends, count, stop)
+    finally:
+        numba.set_num_threads(threads)
     return PointMassBatch(stop, ends[:, 1].copy(), count, crossings, impacts)
 
 

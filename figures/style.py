@@ -1,0 +1,33 @@
+"""How experiment and models are drawn: by colour, line and marker, so that grey print tells them apart, too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rock2d.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
+from rock2d.terrain import Terrain
+
+# name -> colour, line, marker
+STYLES: dict[str, tuple[str, Any, str]] = {
+    "experiment": (MEASURED_COLOUR, "-", "o"),
+    "deterministic": (SIMULATED_COLOUR, "-", "D"),
+    "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
+}
+SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
+TEXT_PT, SMALL_PT = 9.0, 7.5
+
+
+def spelled(name: str) -> str:
+    """A name as it is read."""
+    return name.replace("_", " ")
+
+
+def with_short_lines(terrain: Terrain) -> Terrain:
+    """The cross-section with its measure lines cut at SHOWN_LINE_M from their first end."""
+    lines = {}
+    for name, (foot, head) in terrain.measure_lines.items():
+        away = head - foot
+        lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_M / np.hypot(*away))])
+    return Terrain(terrain.points_m, terrain.zones, lines)

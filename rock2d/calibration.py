@@ -1,0 +1,153 @@
+"""Calibration as a posterior: tempered sequential Monte Carlo over unit-cube hypotheses.
+
+From hypotheses drawn from the prior, the likelihood is let in step by step; each step weights, resamples and moves them
+(Del Moral, Doucet & Jasra 2006, Sequential Monte Carlo samplers; steps chosen by effective sample size). It is global,
+needs no derivatives, and ends with hypotheses that all explain the data: their spread says what is identified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+SHARE_KEPT = 0.5  # effective sample size after a step, over the number of hypotheses
+STRIDES = (1.0, 0.3)  # of the optimal random walk 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997): far and near
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One unknown: its name with unit, the prior's range (uniform, or uniform in the logarithm), where that is from."""
+
+    name: str
+    low: float
+    high: float
+    log: bool = False
+    source: str = ""
+
+    def value(self, u: Array) -> Array:
+        """Values at `u` in [0, 1]."""
+        if self.log:
+            return self.low * (self.high / self.low) ** u
+        return self.low + (self.high - self.low) * u
+
+
+@dataclass(frozen=True)
+class Space:
+    """The unknowns, one a column of the hypotheses (n, d) in the unit cube."""
+
+    quantities: tuple[Quantity, ...]
+
+    def values(self, u: Array) -> dict[str, Array]:
+        """Name -> (n,) values."""
+        return {q.name: q.value(u[:, i]) for i, q in enumerate(self.quantities)}
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Columns of these names. Raises KeyError for an unknown one."""
+        index = {q.name: i for i, q in enumerate(self.quantities)}
+        return np.array([index[name] for name in names], int)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Equally weighted hypotheses (n, d) of the posterior, their log-likelihoods, and the log of the evidence."""
+
+    u: Array
+    log_likelihood: Array
+    log_evidence: float
+
+    @property
+    def best(self) -> int:
+        """Index of the likeliest hypothesis."""
+        return int(np.argmax(self.log_likelihood))
+
+
+def prior_draws(count: int, dimensions: int, rng: np.random.Generator) -> Array:
+    """(count, dimensions) scrambled Sobol points of the unit cube."""
+    from scipy.stats import qmc
+
+    power = int(np.ceil(np.log2(max(count, 1))))
+    return qmc.Sobol(dimensions, seed=rng).random_base2(power)[:count]
+
+
+def posterior(
+    log_likelihood: Callable[[Array], Array],
+    start: Array,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    free: Array | None = None,
+    redrawn: Array | None = None,
+    moves: int = 3,
+    told: Callable[[float], None] | None = None,
+) -> Sample:
+    """`count` hypotheses of the posterior of the likelihood, when `start` (m, d) are draws of the prior.
+
+    Parameters
+    ----------
+    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
+    free : columns that moves may change (all); others only survive or perish
+    redrawn : columns that every other move draws anew from the prior instead of walking: a choice among models
+    moves : Metropolis-Hastings moves of all hypotheses a step
+    told : called with the power of the likelihood reached so far, in (0, 1]
+
+    Raises ValueError if no draw of the prior is possible.
+    """
+    columns = np.arange(start.shape[1]) if free is None else np.asarray(free)
+    walking = columns if redrawn is None else np.setdiff1d(columns, redrawn)
+    u, ll = start.copy(), log_likelihood(start)
+    if not np.isfinite(ll).any():
+        raise ValueError("no draw of the prior is possible under the likelihood")
+    power, evidence = 0.0, 0.0
+    while power < 1.0:
+        step = _next_step(ll, 1.0 - power, SHARE_KEPT * count)
+        power = 1.0 if power + step >= 1.0 - 1e-9 else power + step
+        weight = np.exp(step * (ll - ll.max()))
+        evidence += step * float(ll.max()) + float(np.log(weight.mean()))
+        at = (rng.random() + np.arange(count)) / count
+        kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(u) - 1)
+        u, ll = u[kept], ll[kept]
+        for move in range(moves):
+            proposed = _walk(u, walking, rng)
+            if redrawn is not None and move % 2:
+                proposed = u.copy()
+                proposed[:, redrawn] = rng.random((count, len(redrawn)))
+            ahead = log_likelihood(proposed)
+            taken = np.log(rng.random(count)) < power * (ahead - ll)
+            u[taken], ll[taken] = proposed[taken], ahead[taken]
+        if told is not None:
+            told(power)
+    return Sample(u, ll, evidence)
+
+
+def _next_step(ll: Array, left: float, wanted: float) -> float:
+    """Power of the likelihood to add so that the effective sample size falls to `wanted`, at most `left`."""
+    from scipy.optimize import brentq
+
+    above = ll - ll.max()
+
+    def size(step: float) -> float:
+        weight = np.exp(step * above)
+        return float(weight.sum() ** 2 / (weight * weight).sum())
+
+    if size(left) >= wanted:
+        return left
+    tiny = 1e-9 * left
+    if size(tiny) <= wanted:  # most draws are impossible
+        return tiny
+    return float(brentq(lambda step: size(step) - wanted, tiny, left))
+
+
+def _walk(u: Array, columns: Array, rng: np.random.Generator) -> Array:
+    """Random walk along the covariance of the hypotheses, reflected at the walls of the cube (symmetric)."""
+    d = len(columns)
+    covariance = np.atleast_2d(np.cov(u[:, columns].T)) + 1e-6 * np.eye(d)
+    stride = 2.38 / np.sqrt(d) * rng.choice(STRIDES, len(u))
+    out = u.copy()
+    out[:, columns] += stride[:, None] * (rng.standard_normal((len(u), d)) @ np.linalg.cholesky(covariance).T)
+    folded = np.abs(out[:, columns]) % 2.0
+    out[:, columns] = np.where(folded > 1.0, 2.0 - folded, folded)
+    return out

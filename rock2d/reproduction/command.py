@@ -1,0 +1,125 @@
+"""`rock2d reproduce`: the paper's tables and figures from the scenario of its bench, in one command."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.calibration import Sample
+from rock2d.folders import atomic_folder, make_folder
+from rock2d.reproduction import published, stages
+from rock2d.reproduction.passing import Known
+from rock2d.reproduction.results import Results, judge
+from rock2d.reproduction.stages import Effort
+
+Array = np.ndarray
+Tell = Callable[[str], None]
+
+SCENARIO = "paper_bench.yaml"
+
+
+def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tell) -> Results:
+    """Calibrate both models, write every table and figure under `out`, and say how far each goal was reached.
+
+    Calibrations that an interrupted call with the same seed and effort has finished are taken from `out`/.stages.
+    """
+    from figures.reproduction import write_all
+    from rock2d.demo import scenario_file
+    from rock2d.scenario import load_scenario
+
+    begin = time.perf_counter()
+    scenario = load_scenario(scenario_file(SCENARIO))
+    known = known_bench(scenario)
+    make_folder(out)
+    work = Work(out / ".stages", {"seed": seed, **vars(effort)}, progress)
+    seeds = np.random.SeedSequence(seed).spawn(6)
+    calibrated = work.sample("sphere", partial(stages.calibrate, known, effort, seeds[0]))
+    rebound = work.sample("rebound", partial(stages.calibrate_rebound, known, calibrated.u, effort, seeds[1]))
+    reduction = work.arrays(
+        "slope_reduction", partial(stages.reduce_slopes, known, rebound.u, effort, seeds[2])
+    )
+    tried = {
+        block: work.sample(f"without_{block}", partial(stages.try_candidates, known, block, effort, own))
+        for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
+    }
+    results = judge(known, calibrated, rebound, reduction, tried, seeds[5], seed)
+    with atomic_folder(out / "paper") as folder:
+        write_all(results, folder, progress=progress)
+    work.clear()
+    for line in results.said:
+        tell(line)
+    tell(
+        f"written: {out / 'paper'} in {time.perf_counter() - begin:.0f} s; open {out / 'paper' / 'report.md'}"
+    )
+    return results
+
+
+def known_bench(scenario: Any) -> Known:
+    """Blocks, embankment and gravity of the scenario. Raises KeyError if a block of the paper is missing."""
+    ground = scenario.terrain()
+    rise = ground.embankment
+    blocks = scenario.make_blocks()
+    crest = ground.points_m[rise.crest : rise.crest_end + 1, 0]
+    return Known(
+        {name: blocks[name] for name in published.BLOCKS}, float(rise.height_m), float(np.ptp(crest)),
+        scenario.gravity_m_s2,
+    )  # fmt: skip
+
+
+class Work:
+    """Finished calibrations, kept until all is written, each with the key it was made for."""
+
+    def __init__(self, folder: Path, key: dict[str, Any], progress: bool) -> None:
+        from rock2d import __version__
+
+        self._folder, self._progress = folder, progress
+        self._key = json.dumps({**key, "rock2d": __version__}, sort_keys=True)
+        make_folder(folder)
+
+    def arrays(
+        self, name: str, make: Callable[[Callable[[float], None]], dict[str, Array]]
+    ) -> dict[str, Array]:
+        """What `make` returns, or what it returned before an interruption."""
+        path = self._folder / f"{name}.npz"
+        if path.is_file():
+            with np.load(path, allow_pickle=False) as kept:
+                if str(kept["key"]) == self._key:
+                    return {k: kept[k] for k in kept.files if k != "key"}
+        with _percent_bar(name.replace("_", " "), self._progress) as told:
+            found = make(told)
+        unfinished = path.with_suffix(".part.npz")
+        np.savez(unfinished, key=np.array(self._key), **found)  # type: ignore[arg-type]
+        unfinished.replace(path)
+        return found
+
+    def sample(self, name: str, make: Callable[[Callable[[float], None]], Sample]) -> Sample:
+        """As `arrays`, of a posterior."""
+        found = self.arrays(name, lambda told: vars(make(told)))
+        return Sample(found["u"], found["log_likelihood"], float(found["log_evidence"]))
+
+    def clear(self) -> None:
+        """Forget all: the results are written."""
+        import shutil
+
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+@contextmanager
+def _percent_bar(what: str, shown: bool) -> Iterator[Callable[[float], None]]:
+    """Give a callback (share done, 0 to 1) that drives a bar named `what`."""
+    from tqdm import tqdm
+
+    form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}"
+    with tqdm(desc=what, total=100, disable=not shown, bar_format=form) as bar:
+
+        def told(share: float) -> None:
+            bar.update(100 * share - bar.n)
+
+        yield told

@@ -1,0 +1,86 @@
+"""How likely the published counts and words are under simulated releases.
+
+Both are counts: of 50 filmed releases, and of the simulated ones. With Jeffreys' prior for the frequencies the
+probability of the filmed counts given the simulated ones is Dirichlet-multinomial, so that the noise of few simulated
+releases is accounted for and not taken for physics.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.reproduction import published
+from rock2d.reproduction.passing import DITCH, FACING, Outcome
+
+Array = np.ndarray
+
+
+def log_counts(simulated: Array, filmed: Array) -> Array:
+    """(k,) log-probability of `filmed` counts (c,) by category, given `simulated` counts (k, c) of each hypothesis.
+
+    Dirichlet-multinomial with 1/2 a category added to the simulated counts; 1 where categories were merged by `merged`.
+    """
+    return _log_dirichlet_multinomial(simulated + 0.5, filmed)
+
+
+def log_counts_without(line: int, simulated: Array, filmed: Array) -> Array:
+    """(k,) as `log_counts` when the passings of one line (0, 1, 2) are not known: those who passed the line before it
+    and no farther, and those who passed it and not the next, are counted together."""
+    return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
+
+
+def _merged(counts: Array, line: int) -> Array:
+    both = counts[..., line] + counts[..., line + 1]
+    return np.concatenate([counts[..., :line], both[..., None], counts[..., line + 2 :]], axis=-1)
+
+
+def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
+    from scipy.special import gammaln
+
+    total, a = counts.sum(axis=-1), alpha.sum(axis=-1)
+    one_each = gammaln(alpha + counts) - gammaln(alpha) - gammaln(counts + 1.0)
+    return gammaln(total + 1.0) + gammaln(a) - gammaln(a + total) + one_each.sum(axis=-1)
+
+
+def filmed(block: str) -> Array:
+    """(lines + 1,) filmed releases of a block by the last line they passed."""
+    passed = published.passed()[published.BLOCKS.index(block)]
+    return published.reached(np.concatenate([[published.RELEASES], passed]))
+
+
+def log_lines(outcome: Outcome, block: str) -> Array:
+    """(k,) log-likelihood of the block's cells of Table 2."""
+    return _possible(outcome, log_counts(outcome.levels, filmed(block)))
+
+
+def log_words(outcome: Outcome, block: str) -> Array:
+    """(k,) log-likelihood of what the text says of the block's first impacts."""
+    n = outcome.first.shape[1]
+    of = published.RELEASES
+    if block == "sphere":
+        likely = _log_between(outcome.first_in(DITCH), n, published.SPHERE_IN_DITCH, of)
+    elif block == "cube":
+        likely = _log_between(outcome.first_in(FACING), n, *published.CUBE_ON_FACING)
+    else:
+        likely = _log_between(outcome.first_in(FACING), n, published.PARALLELEPIPED_ON_FACING, of)
+        on_facing = outcome.first == FACING
+        angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(
+            on_facing.sum(axis=1), 1
+        )
+        beyond = np.maximum(angle - published.OFF_NORMAL_DEG, 0.0) / published.OFF_NORMAL_SD_DEG
+        likely = likely - 0.5 * beyond**2
+    return _possible(outcome, likely)
+
+
+def _log_between(simulated: Array, n: int, low: int, high: int) -> Array:
+    """Log-probability that of RELEASES filmed releases `low` to `high` do what `simulated` of n did."""
+    from scipy.special import logsumexp
+
+    pairs = np.column_stack([simulated, n - simulated])
+    counts = range(low, high + 1)
+    of = published.RELEASES
+    return logsumexp([log_counts(pairs, np.array([count, of - count])) for count in counts], axis=0)
+
+
+def _possible(outcome: Outcome, log_likelihood: Array) -> Array:
+    return np.where(outcome.possible, log_likelihood, -np.inf)

@@ -1,0 +1,46 @@
+"""What the paper publishes of its experiment and of its own two models: numbers and words, nothing of ours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+RELEASES = 50  # of each block
+BLOCKS = ("sphere", "cube", "parallelepiped")
+LINES = ("line_1", "line_2", "line_3")
+
+# Table 2: passing frequencies in %, a row a block, a column a line
+EXPERIMENT = np.array([[100, 86, 42], [86, 32, 0], [82, 6, 0]])
+PROBABILISTIC = np.array([[94, 90, 40], [100, 32, 0], [100, 10, 0]])
+DETERMINISTIC = np.array([[100, 98, 42], [100, 46, 2], [100, 18, 0]])
+
+# Table 3, beside the blocks' slope reductions: ditch, facing
+REBOUND = {
+    "ditch.friction_angle_deg": 0.0, "facing.friction_angle_deg": 11.0,
+    "ditch.momentum_half_kg_m_s": 0.025, "facing.momentum_half_kg_m_s": 0.04,
+    "ditch.tangential_restitution": 0.85, "facing.tangential_restitution": 0.89,
+}  # fmt: skip
+SLOPE_REDUCTION_DEG = {"sphere": 0.0, "cube": 6.0, "parallelepiped": 40.0}
+# Table 4
+CONTACT = {
+    "k_t_N_m": 2.5e3, "friction_angle_deg": 30.0, "k_l_N_m": 1.0e4, "k_r_Nm_rad": 0.025, "k_ul_N_m": 6.0e4,
+}  # fmt: skip
+
+# Words on first impacts, and what this project takes them to mean (assumed)
+DROP_M = 0.30
+SPHERE_IN_DITCH = RELEASES  # "always occurred in the ditch"
+CUBE_ON_FACING = (3, 20)  # "some direct impacts were located on the facing": from so many releases to so many
+PARALLELEPIPED_ON_FACING = 40  # "a vast majority": at least so many
+OFF_NORMAL_DEG = 20.0  # "mainly normal to the embankment facing": mean angle off its normal up to this, ...
+OFF_NORMAL_SD_DEG = 10.0  # ... beyond it less likely as a normal distribution's tail
+
+
+def passed() -> np.ndarray:
+    """(blocks, lines) releases that passed, out of RELEASES."""
+    return np.rint(EXPERIMENT * RELEASES / 100).astype(int)
+
+
+def reached(passed_lines: np.ndarray) -> np.ndarray:
+    """(..., lines + 1) releases by the last line they passed (none, 1, 2, 3), from the numbers (..., lines) that passed
+    each and their total in front: differences of (total, passed 1, 2, 3, 0)."""
+    padded = np.concatenate([passed_lines, np.zeros((*passed_lines.shape[:-1], 1), int)], axis=-1)
+    return padded[..., :-1] - padded[..., 1:]

@@ -1,0 +1,113 @@
+"""Hypotheses of the paper's bench: their starts, their cross-sections, and what both models make of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from rock2d.calibration import prior_draws
+from rock2d.demo import scenario_file
+from rock2d.incident import drawn_states
+from rock2d.reproduction import published
+from rock2d.reproduction.command import known_bench
+from rock2d.reproduction.hypotheses import FULL_SPACE, starts, terrain
+from rock2d.reproduction.passing import DITCH, FACING, bounce, fall, first_impacts
+from rock2d.reproduction.scenario_out import scenario_text
+from rock2d.reproduction.stages import (
+    CANDIDATE_SPACE,
+    CANDIDATES,
+    PROBABILISTIC_SPACE,
+    candidate_of,
+    fall_with_candidate,
+)
+from rock2d.scenario import load_scenario
+
+KNOWN = known_bench(load_scenario(scenario_file("paper_bench.yaml")))
+RNG = np.random.default_rng(5)
+HYPOTHESES = prior_draws(32, len(PROBABILISTIC_SPACE.quantities), RNG)
+VALUES = PROBABILISTIC_SPACE.values(HYPOTHESES)
+DRAWS = RNG.standard_normal((30, 6))
+
+
+def test_the_bench_has_what_the_paper_publishes():
+    assert (KNOWN.height_m, KNOWN.crest_m) == pytest.approx((0.083, 0.055))
+    for i in range(len(HYPOTHESES)):
+        rise = terrain(VALUES, i, KNOWN.height_m, KNOWN.crest_m).embankment
+        assert rise is not None and rise.height_m == pytest.approx(0.083)
+
+
+@pytest.mark.parametrize("name", published.BLOCKS)
+def test_no_release_starts_in_the_ground(name):
+    block = KNOWN.blocks[name]
+    states = starts(VALUES, block, KNOWN.gravity_m_s2).states(np.clip(DRAWS, -3, 3))
+    for i, own in enumerate(states):
+        ground = shapely.LineString(terrain(VALUES, i, KNOWN.height_m, KNOWN.crest_m).points_m)
+        for x, y, *_ in own:
+            assert shapely.Point(x, y).distance(ground) > block.radius_m
+
+
+def test_a_block_that_loses_nothing_on_the_slope_has_the_speed_of_its_drop():
+    values = {key: v[:1] for key, v in VALUES.items()}
+    values |= {"cube.speed_along": np.ones(1), "cube.speed_across": np.ones(1), "cube.roll": np.zeros(1)}
+    begin = starts(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
+    assert np.hypot(*begin.mean[0, 3:5]) == pytest.approx(np.sqrt(2 * 9.81 * 0.30))
+    values["cube.roll"] = np.ones(1)
+    assert begin.possible[0] and not starts(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2).possible[0]
+
+
+@pytest.mark.parametrize("model", [fall, bounce])
+def test_a_hypothesis_does_not_depend_on_those_beside_it(model):
+    whole = model(KNOWN, VALUES, "cube", DRAWS)
+    alone = model(KNOWN, {key: v[7:9] for key, v in VALUES.items()}, "cube", DRAWS)
+    assert (whole.crossed[7:9] == alone.crossed).all() and (whole.first[7:9] == alone.first).all()
+    assert whole.levels.sum(axis=1).tolist() == [len(DRAWS)] * len(HYPOTHESES)
+
+
+def test_a_block_s_first_impact_beyond_the_slope_and_its_angle():
+    """On a facing of 60°: one release bounces on the slope, then flies level into the facing, 30° off its normal; the
+    other meets nothing beyond the slope."""
+    zones = np.array([[0.0, FACING, DITCH], [0.0, np.nan, np.nan]])
+    before = np.zeros((2, 3, 7))
+    before[0, 1, 4:6] = [2.0, 0.0]
+    found = first_impacts(np.full((2, 3, 7), np.nan), zones, before, np.array([60.0]), 2)
+    assert found.first.tolist() == [[FACING, -1]]
+    assert found.off_normal_deg[0, 0] == pytest.approx(30.0) and np.isnan(found.off_normal_deg[0, 1])
+
+
+def test_none_is_half_of_the_prior_and_changes_nothing():
+    u = np.hstack([HYPOTHESES[:, : len(FULL_SPACE.quantities)], prior_draws(32, 4, RNG)])
+    which = candidate_of(CANDIDATE_SPACE.values(u))
+    assert (which == 0).sum() == 16 and set(which) <= set(range(len(CANDIDATES)))
+    none = which == 0
+    values = {key: v[none] for key, v in CANDIDATE_SPACE.values(u).items()}
+    with_candidate = fall_with_candidate(KNOWN, values, "cube", DRAWS)
+    assert (with_candidate.crossed == fall(KNOWN, values, "cube", DRAWS).crossed).all()
+
+
+def test_every_candidate_changes_something():
+    u = np.repeat(HYPOTHESES[:, : len(FULL_SPACE.quantities)], len(CANDIDATES), axis=0)
+    extra = np.full((len(u), 4), 0.9)
+    extra[:, 0] = np.tile(
+        [0.0, *(0.5 + 0.5 * (np.arange(len(CANDIDATES) - 1) + 0.5) / (len(CANDIDATES) - 1))], 32
+    )
+    values = CANDIDATE_SPACE.values(np.hstack([u, extra]))
+    assert (candidate_of(values) == np.tile(np.arange(len(CANDIDATES)), 32)).all()
+    found = fall_with_candidate(KNOWN, values, "cube", DRAWS).crossed.reshape(32, len(CANDIDATES), -1)
+    assert (found[:, 1:] != found[:, :1]).any(axis=(0, 2)).all()
+
+
+def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path):
+    path = tmp_path / "one.yaml"
+    text = scenario_text(KNOWN, VALUES, 3, {"cube": 6.0}, 2, "one", "A hypothesis.")
+    path.write_text(text, encoding="utf-8")
+    scenario = load_scenario(path)
+    ground = terrain(VALUES, 3, KNOWN.height_m, KNOWN.crest_m)
+    assert scenario.terrain().points_m == pytest.approx(ground.points_m)
+    law = scenario.contact_parameters()["default"]
+    assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(VALUES["restitution"][3] ** 2)
+    assert scenario.rebound_parameters("cube")["uphill_face"].slope_reduction_deg == 6.0
+    drawn = drawn_states(scenario.incident_of("cube"), 1, 1, 0, 4000)
+    begin = starts(VALUES, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
+    assert np.abs(drawn.mean(axis=0) - begin.mean[3]) == pytest.approx(0, abs=float(begin.sd[3].max()) / 12)
+    assert drawn.std(axis=0) == pytest.approx(begin.sd[3], rel=0.06)

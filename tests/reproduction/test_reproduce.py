@@ -1,0 +1,65 @@
+"""`rock2d reproduce`, small: everything is there, the same for the same seed; an interruption costs little."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.demo import scenario_file
+from rock2d.reproduction import command, stages
+from rock2d.reproduction.stages import Effort
+from rock2d.scenario import load_scenario
+
+SMALL = Effort(hypotheses=48, releases=10)
+FILES = {
+    "table_2.csv", "table_3.csv", "table_4.csv", "assumptions.csv", "candidates.csv", "cells.csv", "calibrated.yaml",
+    "figure_1.png", "figure_2.png", "figure_3.png", "passing.png", "identified.png", "report.md", "reproduction.json",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reproduce")
+    command.reproduce(out, seed=3, effort=SMALL, progress=False, tell=lambda line: None)
+    return out
+
+
+def test_every_table_and_figure_is_written(made):
+    assert {path.name for path in (made / "paper").iterdir()} >= FILES
+    assert not (made / ".stages").exists()
+    table = pd.read_csv(made / "paper" / "table_2.csv")
+    assert len(table) == 9
+    inside = table[["deterministic", "probabilistic"]].to_numpy()
+    assert (inside >= 0).all() and (inside <= 100).all()
+    assert (table["deterministic_low95"] <= table["deterministic_high95"]).all()
+    sphere = table[table["block"] == "sphere"]  # what it was calibrated on
+    assert (sphere["deterministic"] - sphere["experiment"]).abs().max() < 25
+    errors = json.loads((made / "paper" / "reproduction.json").read_text())["rmse_points"]
+    assert errors["paper_deterministic_validation"] == pytest.approx(12.0, abs=0.05)
+    assert (made / "paper" / "report.md").read_text().count("Assumptions") == 1
+
+
+def test_a_calibration_has_the_same_bits_for_the_same_seed(made):
+    kept = pd.read_csv(made / "paper" / "table_4.csv")
+    known = command.known_bench(load_scenario(scenario_file("paper_bench.yaml")))
+    seed = np.random.SeedSequence(3).spawn(6)[0]
+    again = stages.calibrate(known, SMALL, seed, lambda share: None)
+    values = stages.FULL_SPACE.values(again.u)["k_l_N_m"]
+    assert kept.set_index("quantity").loc["k_l_N_m", "median"] == pytest.approx(np.median(values), rel=1e-5)
+
+
+def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):
+    def pressed(told):
+        raise KeyboardInterrupt
+
+    work = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)
+    assert work.arrays("one", lambda told: {"a": np.arange(3)})["a"].tolist() == [0, 1, 2]
+    with pytest.raises(KeyboardInterrupt):
+        work.arrays("two", pressed)
+    again = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)
+    assert again.arrays("one", pressed)["a"].tolist() == [0, 1, 2]
+    with pytest.raises(KeyboardInterrupt):  # of another seed
+        command.Work(tmp_path / "kept", {"seed": 2}, progress=False).arrays("one", pressed)

@@ -18,7 +18,7 @@ from rock2d.folders import write_whole
 Array = np.ndarray
 
 FEATURES = {
-    ANY: ("any_z", "any_log", "scatter"),
+    ANY: ("gain_seen", "hidden_seen", "scatter"),
     KNOWN: ("left_hidden_over_gain", "left_hidden_z", "left_share", "flights_log", "scatter", "gain_z"),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
 }

@@ -42,7 +42,7 @@ from rock2d.world import World
 
 Array = np.ndarray
 
-UNTRIED = 0.5  # probability of "unknown" for a film whose fault an effect could have made
+UNTRIED = 0.5  # probability of "unknown" for a film of which nothing could be tried
 LOOKS_BASE, LOOKS_EFFECT = 400, 220  # at all impacts, that fits of the base and of an effect take on average
 
 
@@ -221,8 +221,8 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
     remarks = {"faults": result.sanity.faults, "remarks": result.sanity.remarks}
     if found is None:
-        suspects = result.sanity.suspects
-        probabilities = {"none": 0.0, "unknown": UNTRIED if suspects else 1.0, **dict.fromkeys(names, 0.0)}
+        suspects = result.sanity.suspects or ["none", *names]
+        probabilities = {"none": 0.0, "unknown": UNTRIED, **dict.fromkeys(names, 0.0)}
         for name in suspects:  # nothing was tried: none of them is likelier than another
             probabilities[name] += (1.0 - UNTRIED) / len(suspects)
         empty = {

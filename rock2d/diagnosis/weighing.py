@@ -30,6 +30,7 @@ LAPSE = 0.05  # probability that the statistics say nothing of a case: nothing i
 PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
 ONE_OF_THEM = 0.6
 MOST_Z = 30.0  # standard errors beyond which more tells nothing new
+FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # standard errors of the largest of many gains: chance gives the one, not the other
 
 
 def standard_error(per_release: Array) -> float:
@@ -88,8 +89,8 @@ def statistics(
     gain_z = winner.total / max(winner.error, 1.0)
     case = {
         "gain_z": float(np.clip(gain_z, 0.0, MOST_Z)),
-        "any_z": float(np.clip(max(gain_z, hidden.total / max(hidden.error, 1.0)), 0.0, MOST_Z)),
-        "any_log": log_gain(max(winner.total, hidden.total)),
+        "gain_seen": seen(gain_z),
+        "hidden_seen": seen(hidden.total / max(hidden.error, 1.0)),
         "left_hidden_z": float(np.clip(still.total / max(still.error, 1.0), 0.0, MOST_Z)),
         "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
         "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
@@ -101,6 +102,11 @@ def statistics(
         for when, found in (("base", base_hidden), ("best", best_hidden))
     }
     return {"case": case, "effects": effects, "dependences": dependences}
+
+
+def seen(z: float) -> float:
+    """Standard errors above what chance often gives, up to where there is no doubt left."""
+    return float(np.clip(z, FAINT_Z, DOUBTLESS_Z) - FAINT_Z)
 
 
 def log_gain(total: float) -> float:

@@ -181,7 +181,7 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
     for i, hand in enumerate(hands):
         outside = hand == ("late_angle",)
         case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.0)
-        case |= {"any_z": 8.0 if hand else rng.normal(), "left_share": 0.9 if outside else 0.0}
+        case |= {"gain_seen": 2.5 if hand else 0.5 * rng.random(), "left_share": 0.9 if outside else 0.0}
         effects = {
             name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in hand else 6.0}
             for name in ("air_drag", "adhesion", "magnus_lift")

@@ -79,7 +79,7 @@ def test_mirrored_axis_is_seen_and_named(plain, column):
 def test_too_little_to_diagnose_is_said(plain):
     few = plain.trajectories[plain.trajectories.release < 4]
     content = diagnosis_json(diagnose(replace(plain, trajectories=few)))
-    assert content["verdict"] == "unknown" and content["probabilities"]["unknown"] == 1.0
+    assert content["verdict"] == "unknown" and content["probabilities"]["unknown"] == 0.5
     assert "too few" in content["sanity"]["faults"][0]
     brief = plain.trajectories[plain.trajectories.t_s < 0.03]
     content = diagnosis_json(diagnose(replace(plain, trajectories=brief)))

@@ -88,7 +88,7 @@ def demo(out, quiet) -> None:
 
 @cli.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/reproduce"), show_default=True,
-              help="Folder under which the results get their own.")  # fmt: skip
+              help="Folder of the results.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True,
               help="Of every random draw.")  # fmt: skip
 @click.option("--hypotheses", type=click.IntRange(16), default=384, show_default=True,

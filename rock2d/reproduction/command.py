@@ -26,19 +26,29 @@ SCENARIO = "paper_bench.yaml"
 
 
 def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tell) -> Results:
-    """Calibrate both models, write every table and figure under `out`, and say how far each goal was reached.
+    """Calibrate both models, write every table and figure into the folder `out`, and say how far each goal was reached.
 
-    Calibrations that an interrupted call with the same seed and effort has finished are taken from `out`/.stages.
+    Calibrations that an interrupted call with the same seed and effort had finished are taken from a hidden folder
+    beside `out`.
     """
     from figures.reproduction import write_all
     from rock2d.demo import scenario_file
     from rock2d.scenario import load_scenario
 
     begin = time.perf_counter()
-    scenario = load_scenario(scenario_file(SCENARIO))
-    known = known_bench(scenario)
-    make_folder(out)
-    work = Work(out / ".stages", {"seed": seed, **vars(effort)}, progress)
+    known = known_bench(load_scenario(scenario_file(SCENARIO)))
+    with atomic_folder(out) as folder:
+        work = Work(out.with_name(f".{out.name}.stages"), {"seed": seed, **vars(effort)}, progress)
+        results = _calibrate(known, work, effort, seed)
+        write_all(results, folder, progress=progress)
+    work.clear()
+    for line in results.said:
+        tell(line)
+    tell(f"written: {out} in {time.perf_counter() - begin:.0f} s; open {out / 'report.md'}")
+    return results
+
+
+def _calibrate(known: Known, work: Work, effort: Effort, seed: int) -> Results:
     seeds = np.random.SeedSequence(seed).spawn(6)
     calibrated = work.sample("sphere", partial(stages.calibrate, known, effort, seeds[0]))
     rebound = work.sample("rebound", partial(stages.calibrate_rebound, known, calibrated.u, effort, seeds[1]))
@@ -49,16 +59,7 @@ def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tel
         block: work.sample(f"without_{block}", partial(stages.try_candidates, known, block, effort, own))
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
     }
-    results = judge(known, calibrated, rebound, reduction, tried, seeds[5], seed)
-    with atomic_folder(out / "paper") as folder:
-        write_all(results, folder, progress=progress)
-    work.clear()
-    for line in results.said:
-        tell(line)
-    tell(
-        f"written: {out / 'paper'} in {time.perf_counter() - begin:.0f} s; open {out / 'paper' / 'report.md'}"
-    )
-    return results
+    return judge(known, calibrated, rebound, reduction, tried, seeds[5], seed)
 
 
 def known_bench(scenario: Any) -> Known:

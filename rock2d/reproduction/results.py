@@ -125,6 +125,11 @@ def _rms(values: object) -> float:
 def _said(results: Results) -> list[str]:
     """The verdict in words."""
     e, table, tried = results.errors, results.passing, results.candidates
+    outside = [
+        f"{r['block']} {r['line']}"
+        for r in table.to_dict("records")
+        if not r["experiment_low95"] <= r["deterministic"] <= r["experiment_high95"]
+    ]
     misses = [f"{r['block']} {r['line']}" for r in table.to_dict("records") if r["deterministic_p"] < 0.05]
     lines = [
         f"Deterministic, calibrated on the sphere and the words on first impacts: RMSE "
@@ -138,9 +143,9 @@ def _said(results: Results) -> list[str]:
         f"{e['deterministic_one_block_left_out']:.1f}, told a block's other two cells "
         f"{e['deterministic_one_cell_left_out']:.1f}, the best hypothesis for all nine "
         f"{e['deterministic_told_all_nine']:.1f} (probabilistic {e['probabilistic_told_all_nine']:.1f}).",
-        "Cells that the deterministic model's predictions exclude (p < 0.05): "
-        + (", ".join(misses) or "none")
-        + ".",
+        f"Mean predictions of the deterministic model outside the experiment's 95 % interval: "
+        f"{', '.join(outside) or 'none'}; filmed numbers that its predictions exclude (p < 0.05): "
+        f"{', '.join(misses) or 'none'}.",
     ]
     for block, own in tried.groupby("left_out", sort=False):
         plain = own[own["candidate"] == NONE].iloc[0]

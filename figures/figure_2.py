@@ -32,14 +32,13 @@ def figure(results: Results) -> Figure:
     sphere = results.known.blocks["sphere"]
     drawn = blank_figure(7.2, 5.0)
     axes = drawn.subplots(2, 2, sharey=True).ravel()
-    for name, outcome in (
-        ("deterministic", results.deterministic[0]),
-        ("probabilistic", results.probabilistic[0]),
-    ):
+    for name, (outcome, *_) in results.outcomes.items():
         colour, line, _ = STYLES[name]
         values = quantities(outcome, sphere.mass_kg, sphere.inertia_kg_m2)
         for axis, letter, (label, own) in zip(axes, "abcd", values.items(), strict=True):
             enough = own[np.isfinite(own).sum(axis=1) >= LEAST]
+            if not len(enough):
+                continue
             levels = np.nanquantile(enough, SHARES, axis=1)
             low, middle, high = np.quantile(levels, [0.05, 0.5, 0.95], axis=1)
             axis.fill_betweenx(100 * SHARES, low, high, color=colour, alpha=0.18, lw=0)
@@ -49,10 +48,7 @@ def figure(results: Results) -> Figure:
             axis.grid(color="#e4e4e4", lw=0.6)
     for axis in axes[::2]:
         axis.set_ylabel("releases that passed (%)")
-    handles = [
-        handle(name, color=STYLES[name][0], ls=STYLES[name][1], lw=1.6)
-        for name in ("deterministic", "probabilistic")
-    ]
+    handles = [handle(name, color=STYLES[name][0], ls=STYLES[name][1], lw=1.6) for name in results.outcomes]
     handles.append(handle("90 % of the hypotheses", color="#777777", alpha=0.3, lw=7))
     drawn.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=SMALL_PT + 0.5)
     finish(drawn)

@@ -1,4 +1,4 @@
-"""What the sphere and the words identify: the posterior of every unknown within its prior range."""
+"""What is identified: the posteriors of bench and laws within their prior ranges."""
 
 from __future__ import annotations
 
@@ -9,20 +9,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from figures.style import SMALL_PT, STYLES
-from rock2d.plots import blank_figure, finish
-from rock2d.reproduction import published
-
-PAPERS = {
-    **published.CONTACT,
-    **published.REBOUND,
-    "restitution": float(np.sqrt(published.CONTACT["k_l_N_m"] / published.CONTACT["k_ul_N_m"])),
-}
+from rock2d.plots import blank_figure, finish, handle
 
 
 def figure(table: pd.DataFrame) -> Figure:
-    """`table` as `summary.identified_table` gives it, with the column `model`; bars: 95 %, dots: medians, crosses: the
-    paper's values, all as shares of the prior's range (logarithmic where the prior is)."""
-    drawn = blank_figure(7.2, 0.19 * len(table) + 0.9)
+    """`table` as `summary.identified_table` gives it, with the columns `model` and `paper`; all as shares of the
+    prior's range (logarithmic where the prior is)."""
+    drawn = blank_figure(7.2, 0.19 * len(table) + 1.2)
     axis = drawn.subplots()
     for y, row in enumerate(table.to_dict("records")):
         low, middle, high = (_share(row[key], row) for key in ("low95", "median", "high95"))
@@ -30,14 +23,20 @@ def figure(table: pd.DataFrame) -> Figure:
         axis.plot([0, 1], [y, y], color="#dddddd", lw=4, solid_capstyle="butt", zorder=1)
         axis.plot([low, high], [y, y], color=colour, lw=2, solid_capstyle="butt", zorder=2)
         axis.plot(middle, y, "o", color=colour, ms=4, zorder=3)
-        if row["quantity"] in PAPERS:
-            axis.plot(_share(PAPERS[row["quantity"]], row), y, "x", color="black", ms=5, mew=1.3, zorder=4)
+        if np.isfinite(row["paper"]):
+            axis.plot(_share(row["paper"], row), y, "x", color="black", ms=5, mew=1.3, zorder=4)
         axis.text(1.02, y, f"{row['sd_over_prior_sd']:.2f}", va="center", fontsize=SMALL_PT)
     axis.set_yticks(range(len(table)), list(table["quantity"]), fontsize=SMALL_PT)
     axis.set_ylim(len(table) - 0.4, -0.6)
     axis.set_xlim(-0.02, 1.1)
     axis.set_xticks([0, 0.5, 1], ["lower bound", "prior range", "upper bound"])
     axis.set_title("sd / prior sd", fontsize=SMALL_PT, loc="right")
+    handles = [
+        handle(f"{name}: median, 95 %", color=STYLES[name][0], marker="o", ms=4, lw=2)
+        for name in dict.fromkeys(table["model"])
+    ]
+    handles.append(handle("paper", color="black", marker="x", ls="none", ms=5, mew=1.3))
+    drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=SMALL_PT + 0.5)
     finish(drawn)
     return drawn
 

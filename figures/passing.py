@@ -24,11 +24,11 @@ def figure(table: pd.DataFrame) -> Figure:
         x = np.arange(len(own))
         for name, shift in BESIDE.items():
             colour, _, marker = STYLES[name]
-            middle = own[name].to_numpy(float)
-            spread = np.abs(np.stack([own[f"{name}_low95"], own[f"{name}_high95"]]) - middle)
-            axis.errorbar(
-                x + shift, middle, spread, fmt=marker, color=colour, ms=5, lw=1.1, capsize=2.5, zorder=3
-            )
+            bounds = [own[f"{name}_{end}95"].to_numpy(float) for end in ("low", "high")]
+            axis.vlines(x + shift, *bounds, color=colour, lw=1.1, zorder=3)
+            for bound in bounds:
+                axis.plot(x + shift, bound, "_", color=colour, ms=5, mew=1.1, zorder=3)
+            axis.plot(x + shift, own[name], marker, color=colour, ms=5, zorder=4)
         for name, shift in PAPER.items():
             colour, _, marker = STYLES[name]
             axis.plot(

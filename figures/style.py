@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.drawing import View, fitted_view
 from rock2d.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.terrain import Terrain
 
@@ -15,13 +16,23 @@ STYLES: dict[str, tuple[str, Any, str]] = {
     "deterministic": (SIMULATED_COLOUR, "-", "D"),
     "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
 }
+BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the bench that is drawn round ditch and embankment
 SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
-TEXT_PT, SMALL_PT = 9.0, 7.5
+TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.plots`
 
 
 def spelled(name: str) -> str:
     """A name as it is read."""
     return name.replace("_", " ")
+
+
+def bench_view(terrain: Terrain, width_px: int) -> tuple[View, float]:
+    """The part of a bench that figures show, and its height over its width."""
+    rise = terrain.embankment
+    assert rise is not None
+    limits = (-BEFORE_M, float(terrain.points_m[rise.crest_end, 0]) + BEYOND_M, -BELOW_M, 2.4 * rise.height_m)
+    shape = (limits[3] - limits[2]) / (limits[1] - limits[0])
+    return fitted_view(limits, width_px, round(width_px * shape)), shape
 
 
 def with_short_lines(terrain: Terrain) -> Terrain:

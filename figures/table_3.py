@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import REBOUND
+from rock2d.reproduction.hypotheses import PROBABILISTIC_SPACE, REBOUND
 from rock2d.reproduction.results import Results
-from rock2d.reproduction.stages import PROBABILISTIC_SPACE, REDUCTIONS_DEG
+from rock2d.reproduction.stages import REDUCTIONS_DEG
 
 
 def table(results: Results) -> pd.DataFrame:
     """Paper's value, posterior and what was learnt, one row a parameter; slope reductions last."""
-    found = summary.identified_table(PROBABILISTIC_SPACE, results.rebound.u, REBOUND)
+    found = summary.identified_table(PROBABILISTIC_SPACE, results.samples["probabilistic"].u, REBOUND)
     found.insert(1, "paper", [published.REBOUND[name] for name in found["quantity"]])
     rows = []
     for block, alpha in results.reduction_deg.items():

@@ -6,20 +6,19 @@ import numpy as np
 import pandas as pd
 
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import CONTACT
+from rock2d.reproduction.hypotheses import CONTACT, DETERMINISTIC_SPACE
 from rock2d.reproduction.results import Results
-from rock2d.reproduction.stages import FULL_SPACE
 
 
 def table(results: Results) -> pd.DataFrame:
     """Paper's value, posterior and what was learnt, one row a parameter; k_ul follows from k_l and the restitution."""
-    found = summary.identified_table(FULL_SPACE, results.calibrated.u, CONTACT)
+    found = summary.identified_table(DETERMINISTIC_SPACE, results.samples["deterministic"].u, CONTACT)
     theirs = {
         **published.CONTACT,
         "restitution": float(np.sqrt(published.CONTACT["k_l_N_m"] / published.CONTACT["k_ul_N_m"])),
     }
     found.insert(1, "paper", [theirs[name] for name in found["quantity"]])
-    values = FULL_SPACE.values(results.calibrated.u)
+    values = results.values("deterministic")
     low, middle, high = np.percentile(values["k_l_N_m"] / values["restitution"] ** 2, [2.5, 50.0, 97.5])
     row = {
         "quantity": "k_ul_N_m", "paper": theirs["k_ul_N_m"], "low95": low, "median": middle, "high95": high,

@@ -91,7 +91,7 @@ def posterior(
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
     free : columns that moves may change (all); others only survive or perish
     redrawn : columns that every other move draws anew from the prior instead of walking: a choice among models
-    moves : Metropolis-Hastings moves of all hypotheses a step
+    moves : Metropolis-Hastings moves of all hypotheses a step, at least 2 if there are `redrawn` columns
     told : called with the power of the likelihood reached so far, in (0, 1]
 
     Raises ValueError if no draw of the prior is possible.
@@ -111,10 +111,11 @@ def posterior(
         kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(u) - 1)
         u, ll = u[kept], ll[kept]
         for move in range(moves):
-            proposed = _walk(u, walking, rng)
             if redrawn is not None and move % 2:
                 proposed = u.copy()
                 proposed[:, redrawn] = rng.random((count, len(redrawn)))
+            else:
+                proposed = _walk(u, walking, rng)
             ahead = log_likelihood(proposed)
             taken = np.log(rng.random(count)) < power * (ahead - ll)
             u[taken], ll[taken] = proposed[taken], ahead[taken]

@@ -97,10 +97,12 @@ def demo(out, quiet) -> None:
               help="Releases of each block that a hypothesis is judged by.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def reproduce(out, seed, hypotheses, releases, quiet) -> None:
-    """Make the paper's Tables 2 to 4 and Figures 1 to 3, and say where this project agrees better or worse with them.
+    """Make the paper's Tables 2 to 4 and Figures 1 to 3, and say where this project agrees better or worse with the
+    experiment than the paper's models.
 
-    Both models are calibrated on the sphere alone; what the paper did not publish is marginalised over. An interrupted
-    reproduction goes on with the calibrations that it had finished.
+    Both models are calibrated on the sphere and on what the text says of first impacts, slope reductions on their own
+    block; what the paper did not publish is marginalised over. An interrupted reproduction goes on with the
+    calibrations that it had finished.
     """
     from rock2d.reproduction.command import reproduce as run_reproduction
     from rock2d.reproduction.stages import Effort

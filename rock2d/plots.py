@@ -69,7 +69,7 @@ def trajectories_figure(
     names = [n for n in blocks if any(t.block == n for t in tracks)]
     if not names:
         raise InputError("a figure of trajectories needs at least one track of a known block")
-    ways = {n: [_way(t) for t in tracks if t.block == n] for n in names}
+    ways = {n: [positions_of(t) for t in tracks if t.block == n] for n in names}
     every = np.vstack([w for ws in ways.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
     limits = drawing.motion_limits(terrain, every[:, 0], every[:, 1], radius)
@@ -127,7 +127,7 @@ def overlay_figure(
     pairs = _pairs(measured, simulated)
     shown, notes = _chosen(pairs, releases)
     columns = len(shown)
-    points = [(p[0][["x_m", "y_m"]].to_numpy(float), _way(p[1], p[0]["t_s"].max())) for p in shown]
+    points = [(p[0][["x_m", "y_m"]].to_numpy(float), positions_of(p[1], p[0]["t_s"].max())) for p in shown]
     unit, factor = ("mm", 1e3) if max(np.ptp(a, axis=0).max() for a, _ in points) < 1.0 else ("m", 1.0)
     frames = []
     for both, (_, track) in zip(points, shown, strict=True):
@@ -314,7 +314,7 @@ def handle(label: str, **style: Any) -> Any:
     return Line2D([], [], label=label, **style)
 
 
-def _way(track: Track, until_s: float | None = None) -> Array:
+def positions_of(track: Track, until_s: float | None = None) -> Array:
     """Positions (n, 2) along a track, fine enough for print."""
     end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, T]))
     t = np.union1d(np.linspace(track.knots[0, T], end, 600), track.knots[track.knots[:, T] <= end, T])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -38,7 +39,8 @@ def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tel
     begin = time.perf_counter()
     known = known_bench(load_scenario(scenario_file(SCENARIO)))
     with atomic_folder(out) as folder:
-        work = Work(out.with_name(f".{out.name}.stages"), {"seed": seed, **vars(effort)}, progress)
+        whole = out.absolute()
+        work = Work(whole.with_name(f".{whole.name}.stages"), {"seed": seed, **vars(effort)}, progress)
         results = _calibrate(known, work, effort, seed)
         write_all(results, folder, progress=progress)
     work.clear()
@@ -50,16 +52,23 @@ def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tel
 
 def _calibrate(known: Known, work: Work, effort: Effort, seed: int) -> Results:
     seeds = np.random.SeedSequence(seed).spawn(6)
-    calibrated = work.sample("sphere", partial(stages.calibrate, known, effort, seeds[0]))
-    rebound = work.sample("rebound", partial(stages.calibrate_rebound, known, calibrated.u, effort, seeds[1]))
+    samples = {
+        "deterministic": work.sample(
+            "deterministic", partial(stages.calibrate_deterministic, known, effort, seeds[0])
+        ),
+        "probabilistic": work.sample(
+            "probabilistic", partial(stages.calibrate_probabilistic, known, effort, seeds[1])
+        ),
+    }
+    rebound = samples["probabilistic"].u
     reduction = work.arrays(
-        "slope_reduction", partial(stages.reduce_slopes, known, rebound.u, effort, seeds[2])
+        "slope_reduction", partial(stages.reduce_slopes, known, rebound, effort, seeds[2])
     )
     tried = {
         block: work.sample(f"without_{block}", partial(stages.try_candidates, known, block, effort, own))
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
     }
-    return judge(known, calibrated, rebound, reduction, tried, seeds[5], seed)
+    return judge(known, samples, reduction, tried, seeds[5], seed)
 
 
 def known_bench(scenario: Any) -> Known:
@@ -78,10 +87,10 @@ class Work:
     """Finished calibrations, kept until all is written, each with the key it was made for."""
 
     def __init__(self, folder: Path, key: dict[str, Any], progress: bool) -> None:
-        from rock2d import __version__
+        from rock2d.diagnosis.checkpoint import fingerprint
 
         self._folder, self._progress = folder, progress
-        self._key = json.dumps({**key, "rock2d": __version__}, sort_keys=True)
+        self._key = json.dumps({**key, "code": fingerprint()}, sort_keys=True)
         make_folder(folder)
 
     def arrays(
@@ -89,10 +98,12 @@ class Work:
     ) -> dict[str, Array]:
         """What `make` returns, or what it returned before an interruption."""
         path = self._folder / f"{name}.npz"
-        if path.is_file():
+        try:
             with np.load(path, allow_pickle=False) as kept:
                 if str(kept["key"]) == self._key:
                     return {k: kept[k] for k in kept.files if k != "key"}
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            pass  # nothing there that can be read
         with _percent_bar(name.replace("_", " "), self._progress) as told:
             found = make(told)
         unfinished = path.with_suffix(".part.npz")

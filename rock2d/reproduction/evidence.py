@@ -18,14 +18,14 @@ Array = np.ndarray
 def log_counts(simulated: Array, filmed: Array) -> Array:
     """(k,) log-probability of `filmed` counts (c,) by category, given `simulated` counts (k, c) of each hypothesis.
 
-    Dirichlet-multinomial with 1/2 a category added to the simulated counts; 1 where categories were merged by `merged`.
+    Dirichlet-multinomial with 1/2 a category added to the simulated counts.
     """
     return _log_dirichlet_multinomial(simulated + 0.5, filmed)
 
 
 def log_counts_without(line: int, simulated: Array, filmed: Array) -> Array:
     """(k,) as `log_counts` when the passings of one line (0, 1, 2) are not known: those who passed the line before it
-    and no farther, and those who passed it and not the next, are counted together."""
+    and no farther, and those who passed it and not the next, are counted together (with 1 added to them)."""
     return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
 
 

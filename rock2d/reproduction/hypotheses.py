@@ -2,7 +2,7 @@
 
 Known are the blocks, the embankment's height and crest, the drop; all else is an unknown of a hypothesis. A release
 starts as it leaves the slope after the drop: with what the slope left of its speed, 0 to 1 of it along and across the
-slope, and a spin between none and rolling; never with more energy than the drop gave.
+slope, and a spin between none and rolling; on average with no more energy than the drop gave.
 """
 
 from __future__ import annotations
@@ -14,15 +14,18 @@ import numpy as np
 
 from rock2d.blocks import Block
 from rock2d.calibration import Quantity, Space
-from rock2d.reproduction.published import DROP_M, LINES
+from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
 from rock2d.terrain import Terrain
 
 Array = np.ndarray
 Values = Mapping[str, Array]
 
 ZONES = ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out")
-RANGE, TEXT = "range of the design notes", "physical bounds"
-DOWNHILL_DEG, SLOPE_M, RUN_OUT_M, LINE_M = 34.0, 1.3, 0.6, 0.6  # nothing depends on them
+RANGE, BOUNDS = "the plausible range", "physical bounds"
+DOWNHILL_DEG, SLOPE_M, RUN_OUT_M = 34.0, 1.3, 0.6  # nothing depends on them
+LINE_M = (
+    0.6  # of a measure line, or less: none reaches over the slope, where blocks bounce before they arrive
+)
 
 BENCH = (
     Quantity("slope_deg", 30.0, 45.0, source=RANGE),
@@ -32,7 +35,7 @@ BENCH = (
     Quantity("line_2_height", 0.61, 0.72, source="about 2/3 of the embankment's height"),
     Quantity("line_tilt_deg", 0.0, 45.0, source="from upright toward the facing's normal"),
     Quantity("drop_up_slope_m", 0.05, 0.80, source="where the drop meets the slope, from its toe"),
-    Quantity("drop_spread_m", 1e-3, 2e-2, log=True, source="of where it meets the slope, 1 sd"),
+    Quantity("drop_spread_m", 1e-3, 1e-2, log=True, source="of where it meets the slope, 1 sd"),
 )
 CONTACT = (
     Quantity("k_l_N_m", 2e3, 5e4, log=True, source="Table 4 times 1/5 to 5"),
@@ -55,8 +58,8 @@ REBOUND = tuple(
 def arrival(block: str) -> tuple[Quantity, ...]:
     """The unknowns of how a block leaves the slope."""
     speeds = (
-        Quantity(f"{block}.speed_across", 0.0, 1.0, source=TEXT),  # over the drop's speed across the slope
-        Quantity(f"{block}.speed_along", 0.0, 1.0, source=TEXT),
+        Quantity(f"{block}.speed_across", 0.0, 1.0, source=BOUNDS),  # over the drop's speed across the slope
+        Quantity(f"{block}.speed_along", 0.0, 1.0, source=BOUNDS),
         Quantity(f"{block}.roll", 0.0, 1.0, source="spin from none to rolling"),
         Quantity(f"{block}.speed_spread", 0.01, 0.2, log=True, source="1 sd over the speed"),
         Quantity(f"{block}.spin_spread_rad_s", 2.0, 40.0, log=True, source="1 sd"),
@@ -70,13 +73,9 @@ def arrival(block: str) -> tuple[Quantity, ...]:
     )
 
 
-SPHERE_SPACE = Space((*BENCH, *CONTACT, *arrival("sphere")))
-FULL_SPACE = Space((*SPHERE_SPACE.quantities, *arrival("cube"), *arrival("parallelepiped")))
-
-
-def names(quantities: tuple[Quantity, ...]) -> list[str]:
-    """Their names."""
-    return [q.name for q in quantities]
+ARRIVALS = tuple(q for block in BLOCKS for q in arrival(block))
+DETERMINISTIC_SPACE = Space((*BENCH, *CONTACT, *ARRIVALS))
+PROBABILISTIC_SPACE = Space((*BENCH, *REBOUND, *ARRIVALS))
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def starts(values: Values, block: Block, gravity_m_s2: float) -> Starts:
     along, across = own["speed_along"] * speed * s, own["speed_across"] * speed * c
     omega = -own["roll"] * along / (0.5 * block.size_m)
     spread = values["drop_spread_m"]
-    clear = 1.02 * block.radius_m + 3.0 * spread * s  # so that none starts in the slope
+    clear = 1.02 * block.radius_m + 3.0 * spread * s  # so that hardly any starts in the slope
     mean, sd = np.zeros((len(slope), 6)), np.zeros((len(slope), 6))
     mean[:, 0] = -values["drop_up_slope_m"] * c + clear * s
     mean[:, 1] = values["drop_up_slope_m"] * s + clear * c
@@ -135,7 +134,8 @@ def terrain(values: Values, i: int, height_m: float, crest_m: float) -> Terrain:
     lines = {}
     for line, share in zip(LINES, (values["line_1_height"][i], values["line_2_height"][i], 1.0), strict=True):
         x, y = foot + share * run, share * height_m
-        lines[line] = [[x, y], [x - LINE_M * np.sin(tilt), y + LINE_M * np.cos(tilt)]]
+        length = min(LINE_M, x / max(np.sin(tilt), 1e-9))
+        lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
     return Terrain(points, ZONES, lines)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,11 +12,14 @@ from rock2d.blocks import Block
 from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, starts, terrain
 from rock2d.world import World
 
+if TYPE_CHECKING:
+    from rock2d.engines.batch import BatchResult
+
 Array = np.ndarray
 
 CHUNK = 40_000  # releases in one call
 TIME_LIMIT_S = 3.0
-IMPACT_ROOM = 6  # impacts on the slope before the first one beyond it, at most
+FEW_IMPACTS, MANY_IMPACTS = 6, 40  # recorded at first, and of releases that had not left the slope by then
 FACING = ZONES.index("uphill_face")
 DITCH = ZONES.index("ditch")
 
@@ -78,36 +82,43 @@ def fall(
 
     `change` gives the world a candidate effect; the effects of the catalogue do.
     """
-    from rock2d.engines.batch import Ensemble, run_batch
-
     block, n = known.blocks[block_name], len(draws)
     begin = starts(values, block, known.gravity_m_s2)
     tables = contact_table(values)
     parts = []
     for chosen in _chunks(len(begin.mean), n):
-        worlds = [
-            World({block_name: block}, terrain(values, i, known.height_m, known.crest_m), tables[i : i + 1],
-                  known.gravity_m_s2)
-            for i in chosen
-        ]  # fmt: skip
-        if change is not None:
-            # scaled by the mean of all blocks, as a whole bench is
-            whole = [replace(world, blocks=known.blocks) for world in worlds]
-            worlds = [change(world, i) for world, i in zip(whole, chosen, strict=True)]
+        worlds = []
+        for i in chosen:
+            ground = terrain(values, i, known.height_m, known.crest_m)
+            world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
+            worlds.append(world if change is None else change(world, i))
         ids = np.repeat(np.arange(len(chosen)), n)
-        result = run_batch(
-            Ensemble(
-                [world.blocks[block_name] for world in worlds],
-                [world.terrain for world in worlds],
-                [world.contact[0] for world in worlds],
-            ),
-            begin.states(draws)[chosen].reshape(-1, 6),
-            block_ids=ids, terrain_ids=ids, table_ids=ids, gravity_m_s2=known.gravity_m_s2,
-            time_limit_s=TIME_LIMIT_S, impact_room=IMPACT_ROOM, stop_when_spent=True,
-        )  # fmt: skip
+        states = begin.states(draws)[chosen].reshape(-1, 6)
+        result = _run(worlds, block_name, ids, states, FEW_IMPACTS, stop_when_spent=True)
         zones, before = result.impacts[..., 0], result.impacts[..., 1:8]
+        late = np.flatnonzero(~(zones > 0).any(axis=1))
+        if late.size:  # spent before, or still on the slope: once more, until they have arrived
+            again = _run(worlds, block_name, ids[late], states[late], MANY_IMPACTS, impact_limit=MANY_IMPACTS)
+            zones, before = _first_beyond(zones, before)
+            zones[late], before[late] = _first_beyond(again.impacts[..., 0], again.impacts[..., 1:8])
         parts.append(first_impacts(result.crossings, zones, before, values["facing_deg"][chosen], n))
     return _together(parts, begin.possible)
+
+
+def _run(
+    worlds: list[World], block: str, ids: Array, states: Array, room: int, **options: Any
+) -> BatchResult:
+    """Releases `states` (m, 6) of one block in the worlds `ids` (m,)."""
+    from rock2d.engines.batch import Ensemble, run_batch
+
+    blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
+    of_world = {id(b): i for i, b in enumerate(blocks)}
+    block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
+    ensemble = Ensemble(blocks, [world.terrain for world in worlds], [world.contact[0] for world in worlds])
+    return run_batch(
+        ensemble, states, block_ids=block_ids[ids], terrain_ids=ids, table_ids=ids,
+        gravity_m_s2=worlds[0].gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=room, **options,
+    )  # fmt: skip
 
 
 def bounce(
@@ -138,7 +149,7 @@ def bounce(
         )
         result = run_point_mass_batch(
             block, ground, {"default": ditch, "uphill_face": facing}, states, seeds,
-            gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=IMPACT_ROOM,
+            gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=MANY_IMPACTS,
         )  # fmt: skip
         facet = result.impacts[..., 10]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
@@ -155,21 +166,27 @@ def _chunks(hypotheses: int, releases: int) -> list[Array]:
     return [np.arange(a, min(a + step, hypotheses)) for a in range(0, hypotheses, step)]
 
 
+def _first_beyond(zones: Array, before: Array) -> tuple[Array, Array]:
+    """Zone (m, 1) and state (m, 1, 7) of the first impact beyond the slope, NaN if there was none, of all impacts'."""
+    beyond = zones > 0  # NaN where there was no impact
+    rows, at = np.arange(len(zones)), beyond.argmax(axis=1)
+    any_beyond: Array = np.asarray(beyond.any(axis=1))
+    zone = np.where(any_beyond, zones[rows, at], np.nan)
+    return zone[:, None], np.where(any_beyond[:, None], before[rows, at], np.nan)[:, None]
+
+
 def first_impacts(crossings: Array, zones: Array, before: Array, facing_deg: Array, n: int) -> Outcome:
     """The outcome of n releases of each of k hypotheses, from crossings (k n, lines, 7), the zones of their impacts
     (k n, room; NaN if none) and the states before them (k n, room, 7)."""
     k = len(facing_deg)
-    beyond = zones > 0  # NaN where there was no impact
-    any_beyond: Array = np.asarray(beyond.any(axis=1))
-    at = beyond.argmax(axis=1)
-    rows = np.arange(len(zones))
-    first = np.where(any_beyond, np.nan_to_num(zones[rows, at], nan=-1.0), -1).astype(int)
-    velocity = np.where(any_beyond[:, None], before[rows, at, 4:6], np.nan).reshape(k, n, 2)
+    zone, state = (found[:, 0] for found in _first_beyond(zones, before))
+    velocity = state[:, 4:6].reshape(k, n, 2)
     facing = np.radians(facing_deg)
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])
     return Outcome(
-        np.isfinite(crossings[..., 0]).reshape(k, n, -1), first.reshape(k, n),
+        np.isfinite(crossings[..., 0]).reshape(k, n, -1),
+        np.where(np.isfinite(zone), zone, -1).astype(int).reshape(k, n),
         np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, 1].reshape(k, n, 7), np.ones(k, bool),
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""What the paper publishes of its experiment and of its own two models: numbers and words, nothing of ours."""
+"""What the paper publishes of its experiment and of its own two models, and what its words are taken to mean."""
 
 from __future__ import annotations
 
@@ -25,13 +25,21 @@ CONTACT = {
     "k_t_N_m": 2.5e3, "friction_angle_deg": 30.0, "k_l_N_m": 1.0e4, "k_r_Nm_rad": 0.025, "k_ul_N_m": 6.0e4,
 }  # fmt: skip
 
-# Words on first impacts, and what this project takes them to mean (assumed)
 DROP_M = 0.30
+
+# Words on first impacts, and what this project takes them to mean (assumed, `MEANINGS`)
 SPHERE_IN_DITCH = RELEASES  # "always occurred in the ditch"
 CUBE_ON_FACING = (3, 20)  # "some direct impacts were located on the facing": from so many releases to so many
 PARALLELEPIPED_ON_FACING = 40  # "a vast majority": at least so many
 OFF_NORMAL_DEG = 20.0  # "mainly normal to the embankment facing": mean angle off its normal up to this, ...
 OFF_NORMAL_SD_DEG = 10.0  # ... beyond it less likely as a normal distribution's tail
+MEANINGS = (
+    f"The sphere's first impact 'always occurred in the ditch': {SPHERE_IN_DITCH} of {RELEASES}.",
+    f"'Some direct impacts' of the cube on the facing: {CUBE_ON_FACING[0]} to {CUBE_ON_FACING[1]} of {RELEASES}.",
+    f"'A vast majority' of the parallelepiped's first impacts on the facing: at least {PARALLELEPIPED_ON_FACING}.",
+    f"'Mainly normal to the embankment facing': within {OFF_NORMAL_DEG:.0f}° of its normal on average; beyond, less "
+    f"likely as a normal distribution of {OFF_NORMAL_SD_DEG:.0f}°.",
+)
 
 
 def passed() -> np.ndarray:

@@ -13,7 +13,7 @@ from rock2d.reproduction import published
 from rock2d.reproduction.evidence import filmed, log_counts_without, log_lines
 from rock2d.reproduction.hypotheses import Values
 from rock2d.reproduction.passing import Outcome
-from rock2d.reproduction.stages import CANDIDATES, NONE, candidate_of
+from rock2d.reproduction.stages import CANDIDATES, NONE, candidate_of, prior_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +22,7 @@ Array = np.ndarray
 
 VALIDATION = np.s_[1:]  # rows of Table 2 that the deterministic calibration does not see
 FLOOR_DRAWS = 20_000
+CHANCE_SD = 3.5  # standard deviations that the largest of some tens of chance correlations reaches
 
 
 def rmse(simulated: Array, cells: slice = np.s_[:]) -> float:
@@ -58,22 +59,21 @@ def same_frequency(passed: int, simulated_percent: float) -> float:
     return float(fisher_exact([[passed, n - passed], [other, n - other]])[1])
 
 
-def predictive_p(passed: int, frequencies: Array) -> float:
-    """Two-sided p of `passed` of RELEASES when the frequency is one of `frequencies` (k,): mean of exact binomials."""
-    from scipy.stats import binom
+def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
+    """Two-sided p of `passed` of RELEASES under an outcome's hypotheses: beta-binomials of their simulated numbers
+    (Jeffreys' prior), averaged."""
+    from scipy.stats import betabinom
 
-    p = np.clip(frequencies, 0.0, 1.0)
-    low = binom.cdf(passed, published.RELEASES, p).mean()
-    high = binom.sf(passed - 1, published.RELEASES, p).mean()
+    n = outcome.crossed.shape[1]
+    simulated = outcome.crossed[:, :, line].sum(axis=1)
+    predicted = betabinom(published.RELEASES, simulated + 0.5, n - simulated + 0.5)
+    low, high = predicted.cdf(passed).mean(), predicted.sf(passed - 1).mean()
     return float(min(1.0, 2.0 * min(low, high)))
 
 
-def passing_table(deterministic: list[Array], probabilistic: list[Array]) -> pd.DataFrame:
-    """Table 2: the experiment, the paper's two models and ours, one row a block and line.
-
-    `deterministic`, `probabilistic`: per block (hypotheses, lines) passing frequencies in [0, 1] of this project's
-    models; mean and 95 % interval over the hypotheses.
-    """
+def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) -> pd.DataFrame:
+    """Table 2: the experiment, the paper's two models and this project's, one row a block and line; of the latter the
+    mean and the 95 % interval over the hypotheses."""
     import pandas as pd
 
     rows = []
@@ -92,9 +92,10 @@ def passing_table(deterministic: list[Array], probabilistic: list[Array]) -> pd.
                 row[name] = float(theirs[b, i])
                 row[f"{name}_p"] = same_frequency(passed, theirs[b, i])
             for name, ours in (("probabilistic", probabilistic[b]), ("deterministic", deterministic[b])):
-                row[name] = 100 * float(ours[:, i].mean())
-                row[f"{name}_low95"], row[f"{name}_high95"] = 100 * np.percentile(ours[:, i], [2.5, 97.5])
-                row[f"{name}_p"] = predictive_p(passed, ours[:, i])
+                own = 100 * ours.frequencies[:, i]
+                row[name] = float(own.mean())
+                row[f"{name}_low95"], row[f"{name}_high95"] = np.percentile(own, [2.5, 97.5])
+                row[f"{name}_p"] = predictive_p(passed, ours, i)
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -105,14 +106,21 @@ def mean_percent(outcomes: list[Outcome]) -> Array:
 
 
 def best_rmse(outcomes: list[Outcome]) -> float:
-    """RMSE over all nine cells of the hypothesis for which it is least: what the model can do at all."""
-    every = 100 * np.stack([o.frequencies for o in outcomes], axis=1)
-    return min((rmse(one) for one in every), default=float("nan"))
+    """RMSE over all nine cells of the hypothesis for which it is least, chosen by one half of the releases and judged
+    by the other: what the model can do at all. NaN without hypotheses."""
+    half = outcomes[0].crossed.shape[1] // 2
+    first, second = (
+        100 * np.stack([o.crossed[:, part].mean(axis=1) for o in outcomes], axis=1)
+        for part in (np.s_[:half], np.s_[half:])
+    )
+    if not len(first):
+        return float("nan")
+    return rmse(second[int(np.argmin([rmse(one) for one in first]))])
 
 
 def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -> pd.DataFrame:
-    """Prior range and posterior of each quantity, its posterior over its prior standard deviation (1: nothing learnt),
-    and the quantity it is most correlated with."""
+    """Prior range and posterior of each quantity, its posterior over its prior standard deviation (1: as wide as
+    before), and the quantity it is most correlated with, if more than by chance."""
     import pandas as pd
 
     correlation = np.corrcoef(u.T)
@@ -122,12 +130,14 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
         i = space.columns([q.name])[0]
         low, middle, high = np.percentile(q.value(u[:, i]), [2.5, 50.0, 97.5])
         partner = int(np.argmax(np.abs(correlation[i])))
+        told = abs(correlation[i, partner]) > CHANCE_SD / np.sqrt(len(u))
         rows.append(
             {
                 "quantity": q.name, "prior_low": q.low, "prior_high": q.high, "prior_log": q.log,
                 "low95": low, "median": middle, "high95": high,
                 "sd_over_prior_sd": float(u[:, i].std() * np.sqrt(12.0)),
-                "correlated_with": space.quantities[partner].name, "correlation": float(correlation[i, partner]),
+                "correlated_with": space.quantities[partner].name if told else "",
+                "correlation": float(correlation[i, partner]) if told else np.nan,
                 "prior": q.source,
             }
         )  # fmt: skip
@@ -168,17 +178,21 @@ def candidates_table(runs: list[LeftOut]) -> pd.DataFrame:
     """What each candidate effect brings to a block that was left out: one row a candidate and block.
 
     share: of the run's hypotheses, that is the candidate's posterior probability from the other blocks and the words
-    (prior: none 1/2). Then the passing frequencies predicted in %, their RMSE, the log-probability of the filmed
-    numbers, and the posterior probability once they are told, too.
+    (prior: `prior_of`). Then the passing frequencies predicted in %, their RMSE, the log-probability of the filmed
+    numbers; and, once they are told, too: the posterior probability and its odds against none over the prior's. Both
+    runs estimate the last two of the same data: their difference is the error of either.
     """
     import pandas as pd
 
     rows = []
     for run in runs:
         which, likelihood = run.candidate, np.exp(run.log_score)
+        plain = likelihood[which == CANDIDATES.index(NONE)].sum()
         for c, name in enumerate(CANDIDATES):
             own = which == c
-            row: dict[str, object] = {"left_out": run.block, "candidate": name, "share": float(own.mean())}
+            row: dict[str, object] = {
+                "left_out": run.block, "candidate": name, "prior": prior_of(name), "share": float(own.mean()),
+            }  # fmt: skip
             if own.any():
                 predicted = 100 * run.outcome.frequencies[own].mean(axis=0)
                 row |= dict(zip(published.LINES, predicted.tolist(), strict=True))
@@ -186,6 +200,8 @@ def candidates_table(runs: list[LeftOut]) -> pd.DataFrame:
                 row["rmse"] = float(np.sqrt(np.mean((predicted - truth) ** 2)))
                 row["log_score"] = float(np.log(likelihood[own].mean()))
             row["share_told_all"] = float(likelihood[own].sum() / likelihood.sum())
+            odds = likelihood[own].sum() / plain if plain > 0 else np.nan
+            row["bayes_factor"] = float(odds * prior_of(NONE) / prior_of(name))
             rows.append(row)
     return pd.DataFrame(rows)
 

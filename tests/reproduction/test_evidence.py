@@ -82,16 +82,49 @@ def test_words_are_fulfilled_or_not():
     assert log_words(outcome(ditch, possible=False), "sphere") == -np.inf
 
 
-def test_the_sampling_floor_of_frequencies_one_half():
-    """For a true frequency p the error is √(p (1-p) / n); here of the paper's own cells, so below 1/2 √(1/50)."""
+def test_the_sampling_floor_is_the_binomial_error():
+    """For a true frequency p the error is √(p (1-p) / n), at most 1/2 √(1/50)."""
     mean, bound = summary.sampling_floor(np.s_[:], np.random.default_rng(0))
     p = published.EXPERIMENT / 100
     rough = 100 * np.sqrt((p * (1 - p)).mean() / published.RELEASES)
     assert mean == pytest.approx(rough, rel=0.1) and mean < bound < 7.1
 
 
+def crossing(shares, releases=20_000):
+    """Hypotheses of which these shares of the releases pass every line."""
+    passed = np.arange(releases)[None, :] < releases * np.array(shares)[:, None]
+    k = len(shares)
+    nothing = np.full((k, releases, 7), np.nan)
+    return Outcome(np.repeat(passed[..., None], 3, axis=2), np.zeros((k, releases), int), passed * 0.0, nothing,
+                   np.ones(k, bool))  # fmt: skip
+
+
 def test_a_predictive_p_of_one_frequency_is_the_binomial_s():
     from scipy.stats import binom
 
-    assert summary.predictive_p(3, np.array([0.2])) == pytest.approx(2 * binom.cdf(3, 50, 0.2))
-    assert summary.predictive_p(10, np.array([0.2])) > 0.9
+    assert summary.predictive_p(3, crossing([0.2]), 0) == pytest.approx(2 * binom.cdf(3, 50, 0.2), rel=0.02)
+    assert summary.predictive_p(10, crossing([0.2]), 0) > 0.9
+    # two hypotheses, of which one excludes the number: half of the other's
+    assert summary.predictive_p(3, crossing([0.2, 0.99]), 0) == pytest.approx(binom.cdf(3, 50, 0.2), rel=0.02)
+
+
+def test_few_simulated_releases_exclude_little():
+    assert (
+        summary.predictive_p(43, crossing([1.0], 10), 0) > 0.05 > summary.predictive_p(43, crossing([1.0]), 0)
+    )
+
+
+def test_the_likelier_candidate_gets_the_odds_of_its_likelihood():
+    """Two hypotheses without a candidate and two with one; the latter pass line 1 as often as was filmed."""
+    draw = {"none": 0.1, "adhesion": 0.5}
+    values = {"candidate": np.array([draw["none"]] * 2 + [draw["adhesion"]] * 2)}
+    cube = crossing([0.2, 0.2, 0.3, 0.3])
+    run = summary.LeftOut(values, [cube, cube, cube], "cube")
+    table = summary.candidates_table([run]).set_index("candidate")
+    ll = run.log_score
+    assert table.loc["adhesion", "share"] == 0.5 and table["share_told_all"].sum() == pytest.approx(1.0)
+    odds = np.exp(ll[2] - ll[0]) * table.loc["none", "prior"] / table.loc["adhesion", "prior"]
+    assert table.loc["adhesion", "bayes_factor"] == pytest.approx(odds)
+    cells = summary.cells_table([run])
+    assert cells["predicted"].tolist() == pytest.approx([20.0] * 3)  # of the hypotheses without a candidate
+    assert cells["effective"].tolist() == pytest.approx([2.0] * 3)

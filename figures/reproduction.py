@@ -33,9 +33,9 @@ def write_all(results: Results, folder: Path, *, progress: bool) -> None:
         "table_3": table_3.table(results),
         "table_4": table_4.table(results),
         "assumptions": pd.concat(assumed, ignore_index=True),
-        "candidates": results.candidates,
-        "cells": results.cells,
     }
+    if results.left_out:
+        tables |= {"candidates": results.candidates, "cells": results.cells}
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
     runs = {model: _run(results, model, folder, progress) for model in SPACES}
@@ -95,17 +95,7 @@ def _report(results: Results, tables: dict[str, pd.DataFrame]) -> str:
         "|---|---|",
         *(f"| {name} | {value:.1f} |" for name, value in results.errors.items()),
         "",
-        "One cell left out, as predicted by hypotheses without a candidate effect that were told the others:",
-        "",
-        _markdown(results.cells),
-        "",
-        "## Candidate physics",
-        "",
-        "Effects of the catalogue that change an impact, each against none, on hypotheses that were not told one",
-        "block's cells. *share*: posterior probability; *share told all*, *bayes factor*: once they are told, too.",
-        "",
-        _markdown(results.candidates),
-        "",
+        *(_candidates(results) if results.left_out else ()),
         "## What is identified",
         "",
         "Grey bars: prior ranges; right: the posterior's standard deviation over the prior's.",
@@ -127,6 +117,22 @@ def _report(results: Results, tables: dict[str, pd.DataFrame]) -> str:
         "Figure 3. Trajectories from deterministic.yaml and probabilistic.yaml, which `rock2d run` takes, too.", "",
     ]  # fmt: skip
     return "\n".join(parts)
+
+
+def _candidates(results: Results) -> list[str]:
+    return [
+        "One cell left out, as predicted by hypotheses without a candidate effect that were told the others:",
+        "",
+        _markdown(results.cells),
+        "",
+        "## Candidate physics",
+        "",
+        "Effects of the catalogue that change an impact, each against none, on hypotheses that were not told one",
+        "block's cells. *share*: posterior probability; *share told all*, *bayes factor*: once they are told, too.",
+        "",
+        _markdown(results.candidates),
+        "",
+    ]
 
 
 def _markdown(table: pd.DataFrame) -> str:

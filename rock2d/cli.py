@@ -91,12 +91,14 @@ def demo(out, quiet) -> None:
               help="Folder of the results.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True,
               help="Of every random draw.")  # fmt: skip
-@click.option("--hypotheses", type=click.IntRange(16), default=384, show_default=True,
+@click.option("--candidates", is_flag=True,
+              help="Also try what physics the deterministic model may lack (some ten minutes more).")  # fmt: skip
+@click.option("--hypotheses", type=click.IntRange(16), default=448, show_default=True,
               help="Hypotheses of each calibration.")  # fmt: skip
 @click.option("--releases", type=click.IntRange(8), default=40, show_default=True,
               help="Releases of each block that a hypothesis is judged by.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def reproduce(out, seed, hypotheses, releases, quiet) -> None:
+def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     """Make the paper's Tables 2 to 4 and Figures 1 to 3, and say where this project agrees better or worse with the
     experiment than the paper's models.
 
@@ -108,7 +110,9 @@ def reproduce(out, seed, hypotheses, releases, quiet) -> None:
     from rock2d.reproduction.stages import Effort
 
     effort = Effort(hypotheses, releases)
-    run_reproduction(out, seed=seed, effort=effort, progress=not quiet, tell=click.echo)
+    run_reproduction(
+        out, seed=seed, effort=effort, candidates=candidates, progress=not quiet, tell=click.echo
+    )
 
 
 @cli.command()

@@ -26,8 +26,12 @@ Tell = Callable[[str], None]
 SCENARIO = "paper_bench.yaml"
 
 
-def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tell) -> Results:
-    """Calibrate both models, write every table and figure into the folder `out`, and say how far each goal was reached.
+def reproduce(
+    out: Path, *, seed: int, effort: Effort, candidates: bool = False, progress: bool, tell: Tell
+) -> Results:
+    """Calibrate both models, write every table and figure into the folder `out`, and say how well they agree.
+
+    With `candidates` also try what physics the deterministic model may lack, on blocks that are left out.
 
     Calibrations that an interrupted call with the same seed and effort had finished are taken from a hidden folder
     beside `out`.
@@ -41,7 +45,7 @@ def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tel
     with atomic_folder(out) as folder:
         whole = out.absolute()
         work = Work(whole.with_name(f".{whole.name}.stages"), {"seed": seed, **vars(effort)}, progress)
-        results = _calibrate(known, work, effort, seed)
+        results = _calibrate(known, work, effort, seed, candidates)
         write_all(results, folder, progress=progress)
     work.clear()
     for line in results.said:
@@ -50,7 +54,7 @@ def reproduce(out: Path, *, seed: int, effort: Effort, progress: bool, tell: Tel
     return results
 
 
-def _calibrate(known: Known, work: Work, effort: Effort, seed: int) -> Results:
+def _calibrate(known: Known, work: Work, effort: Effort, seed: int, candidates: bool) -> Results:
     seeds = np.random.SeedSequence(seed).spawn(6)
     samples = {
         "deterministic": work.sample(
@@ -67,6 +71,7 @@ def _calibrate(known: Known, work: Work, effort: Effort, seed: int) -> Results:
     tried = {
         block: work.sample(f"without_{block}", partial(stages.try_candidates, known, block, effort, own))
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
+        if candidates
     }
     return judge(known, samples, reduction, tried, seeds[5], seed)
 

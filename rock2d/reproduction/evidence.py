@@ -59,10 +59,12 @@ def log_words(outcome: Outcome, block: str) -> Array:
     of = published.RELEASES
     if block == "sphere":
         likely = _log_between(outcome.first_in(DITCH), n, published.SPHERE_IN_DITCH, of)
-    elif block == "cube":
-        likely = _log_between(outcome.first_in(FACING), n, *published.CUBE_ON_FACING)
     else:
-        likely = _log_between(outcome.first_in(FACING), n, published.PARALLELEPIPED_ON_FACING, of)
+        arrived = _log_between(outcome.first_in(DITCH) + outcome.first_in(FACING), n, of, of)
+    if block == "cube":
+        likely = arrived + _log_between(outcome.first_in(FACING), n, *published.CUBE_ON_FACING)
+    elif block == "parallelepiped":
+        likely = arrived + _log_between(outcome.first_in(FACING), n, published.PARALLELEPIPED_ON_FACING, of)
         on_facing = outcome.first == FACING
         angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(
             on_facing.sum(axis=1), 1

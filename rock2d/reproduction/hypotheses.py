@@ -1,8 +1,8 @@
 """What may be true of the paper's bench: the unknowns with their ranges, and the worlds and starts they make.
 
 Known are the blocks, the embankment's height and crest, the drop; all else is an unknown of a hypothesis. A release
-starts as it leaves the slope after the drop: with what the slope left of its speed, 0 to 1 of it along and across the
-slope, and a spin between none and rolling; on average with no more energy than the drop gave.
+starts as it leaves the slope for the last time: with what the slope left of the drop's speed, 0 to 1 of it along and
+across the slope, and a spin between none and rolling; on average with no more energy than the drop gave.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ BENCH = (
     Quantity("line_1_height", 0.28, 0.39, source="about 1/3 of the embankment's height"),
     Quantity("line_2_height", 0.61, 0.72, source="about 2/3 of the embankment's height"),
     Quantity("line_tilt_deg", 0.0, 45.0, source="from upright toward the facing's normal"),
-    Quantity("drop_up_slope_m", 0.05, 0.80, source="where the drop meets the slope, from its toe"),
-    Quantity("drop_spread_m", 1e-3, 1e-2, log=True, source="of where it meets the slope, 1 sd"),
+    Quantity("drop_up_slope_m", 0.05, 0.80, source="where blocks leave the slope, from its toe"),
+    Quantity("drop_spread_m", 1e-3, 1e-2, log=True, source="of that place, 1 sd"),
 )
 CONTACT = (
     Quantity("k_l_N_m", 2e3, 5e4, log=True, source="Table 4 times 1/5 to 5"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from rock2d.blocks import Block
 from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, starts, terrain
+from rock2d.reproduction.published import LINES
 from rock2d.world import World
 
 if TYPE_CHECKING:
@@ -19,7 +20,8 @@ Array = np.ndarray
 
 CHUNK = 40_000  # releases in one call
 TIME_LIMIT_S = 3.0
-FEW_IMPACTS, MANY_IMPACTS = 6, 40  # recorded at first, and of releases that had not left the slope by then
+AWAY = 0.5  # share of a hypothesis' releases that must not meet the slope again, from which their starts are
+SLOPE = ZONES.index("slope")
 FACING = ZONES.index("uphill_face")
 DITCH = ZONES.index("ditch")
 
@@ -43,10 +45,11 @@ class Outcome:
     Attributes
     ----------
     crossed : (k, n, lines) whether a release passed each line
-    first : (k, n) zone id of the first impact beyond the slope, -1 if there was none
+    first : (k, n) zone id of the first impact, -1 if there was none
     off_normal_deg : (k, n) angle between the velocity before that impact and the facing's normal, NaN if none
     at_line_2 : (k, n, 7) time and state at the first crossing of line 2, NaN if it was not passed
-    possible : (k,) whether the drop's energy allows the hypothesis' starts
+    possible : (k,) whether the drop's energy allows the hypothesis' starts, and most of them have left the slope for
+        good; lines are not looked at otherwise
     """
 
     crossed: Array
@@ -66,7 +69,7 @@ class Outcome:
         """(k, lines) passing frequencies."""
         return self.crossed.mean(axis=1)
 
-    def of(self, chosen: Array) -> Outcome:
+    def of(self, chosen: Array | slice) -> Outcome:
         """The outcome of some of the hypotheses."""
         return Outcome(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
@@ -82,6 +85,19 @@ def fall(
 
     `change` gives the world a candidate effect; the effects of the catalogue do.
     """
+    return _fall(known, values, block_name, draws, change, lines=True)
+
+
+def land(
+    known: Known, values: Values, block_name: str, draws: Array, change: Change | None = None
+) -> Outcome:
+    """As `fall`, but only until the first impact: no line counts as passed."""
+    return _fall(known, values, block_name, draws, change, lines=False)
+
+
+def _fall(
+    known: Known, values: Values, block_name: str, draws: Array, change: Change | None, lines: bool
+) -> Outcome:
     block, n = known.blocks[block_name], len(draws)
     begin = starts(values, block, known.gravity_m_s2)
     tables = contact_table(values)
@@ -92,32 +108,31 @@ def fall(
             ground = terrain(values, i, known.height_m, known.crest_m)
             world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
             worlds.append(world if change is None else change(world, i))
-        ids = np.repeat(np.arange(len(chosen)), n)
-        states = begin.states(draws)[chosen].reshape(-1, 6)
-        result = _run(worlds, block_name, ids, states, FEW_IMPACTS, stop_when_spent=True)
-        zones, before = result.impacts[..., 0], result.impacts[..., 1:8]
-        late = np.flatnonzero(~(zones > 0).any(axis=1))
-        if late.size:  # spent before, or still on the slope: once more, until they have arrived
-            again = _run(worlds, block_name, ids[late], states[late], MANY_IMPACTS, impact_limit=MANY_IMPACTS)
-            zones, before = _first_beyond(zones, before)
-            zones[late], before[late] = _first_beyond(again.impacts[..., 0], again.impacts[..., 1:8])
-        parts.append(first_impacts(result.crossings, zones, before, values["facing_deg"][chosen], n))
-    return _together(parts, begin.possible)
+        states = begin.states(draws)[chosen]
+        result = _run(worlds, block_name, states, impact_limit=1, impact_room=1)
+        zones, before = result.impacts[:, 0, 0], result.impacts[:, 0, 1:8]
+        possible = begin.possible[chosen] & _left_slope(zones, n)
+        crossings = np.full((len(chosen), n, len(LINES), 7), np.nan)
+        if lines and possible.any():
+            remaining = [world for world, told in zip(worlds, possible, strict=True) if told]
+            result = _run(remaining, block_name, states[possible], stop_when_spent=True)
+            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), 7)
+        parts.append(_outcome(crossings, zones, before, values["facing_deg"][chosen], possible))
+    return _together(parts)
 
 
-def _run(
-    worlds: list[World], block: str, ids: Array, states: Array, room: int, **options: Any
-) -> BatchResult:
-    """Releases `states` (m, 6) of one block in the worlds `ids` (m,)."""
+def _run(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
+    """Releases `states` (k, n, 6) of one block, n in each of k worlds."""
     from rock2d.engines.batch import Ensemble, run_batch
 
     blocks = list({id(world.blocks[block]): world.blocks[block] for world in worlds}.values())
     of_world = {id(b): i for i, b in enumerate(blocks)}
     block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
+    ids = np.repeat(np.arange(len(worlds)), states.shape[1])
     ensemble = Ensemble(blocks, [world.terrain for world in worlds], [world.contact[0] for world in worlds])
     return run_batch(
-        ensemble, states, block_ids=block_ids[ids], terrain_ids=ids, table_ids=ids,
-        gravity_m_s2=worlds[0].gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=room, **options,
+        ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], terrain_ids=ids, table_ids=ids,
+        gravity_m_s2=worlds[0].gravity_m_s2, time_limit_s=TIME_LIMIT_S, **options,
     )  # fmt: skip
 
 
@@ -149,16 +164,14 @@ def bounce(
         )
         result = run_point_mass_batch(
             block, ground, {"default": ditch, "uphill_face": facing}, states, seeds,
-            gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=MANY_IMPACTS,
+            gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=1,
         )  # fmt: skip
-        facet = result.impacts[..., 10]
+        facet = result.impacts[:, 0, 10]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
-        parts.append(
-            first_impacts(
-                result.crossings, zones, result.impacts[..., :7], values["facing_deg"][i : i + 1], n
-            )
-        )
-    return _together(parts, begin.possible)
+        possible = begin.possible[i : i + 1] & _left_slope(zones, n)
+        before, angle = result.impacts[:, 0, :7], values["facing_deg"][i : i + 1]
+        parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
+    return _together(parts)
 
 
 def _chunks(hypotheses: int, releases: int) -> list[Array]:
@@ -166,31 +179,23 @@ def _chunks(hypotheses: int, releases: int) -> list[Array]:
     return [np.arange(a, min(a + step, hypotheses)) for a in range(0, hypotheses, step)]
 
 
-def _first_beyond(zones: Array, before: Array) -> tuple[Array, Array]:
-    """Zone (m, 1) and state (m, 1, 7) of the first impact beyond the slope, NaN if there was none, of all impacts'."""
-    beyond = zones > 0  # NaN where there was no impact
-    rows, at = np.arange(len(zones)), beyond.argmax(axis=1)
-    any_beyond: Array = np.asarray(beyond.any(axis=1))
-    zone = np.where(any_beyond, zones[rows, at], np.nan)
-    return zone[:, None], np.where(any_beyond[:, None], before[rows, at], np.nan)[:, None]
+def _left_slope(zones: Array, n: int) -> Array:
+    """(k,) whether enough of each hypothesis' n releases first meet another zone than the slope."""
+    return np.asarray((zones.reshape(-1, n) == SLOPE).mean(axis=1) <= 1.0 - AWAY)
 
 
-def first_impacts(crossings: Array, zones: Array, before: Array, facing_deg: Array, n: int) -> Outcome:
-    """The outcome of n releases of each of k hypotheses, from crossings (k n, lines, 7), the zones of their impacts
-    (k n, room; NaN if none) and the states before them (k n, room, 7)."""
-    k = len(facing_deg)
-    zone, state = (found[:, 0] for found in _first_beyond(zones, before))
-    velocity = state[:, 4:6].reshape(k, n, 2)
+def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:
+    """From crossings (k, n, lines, 7), zones of first impacts (k n, NaN if none) and states before them (k n, 7)."""
+    k, n = crossings.shape[:2]
+    velocity = before[:, 4:6].reshape(k, n, 2)
     facing = np.radians(facing_deg)
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])
     return Outcome(
-        np.isfinite(crossings[..., 0]).reshape(k, n, -1),
-        np.where(np.isfinite(zone), zone, -1).astype(int).reshape(k, n),
-        np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, 1].reshape(k, n, 7), np.ones(k, bool),
+        np.isfinite(crossings[..., 0]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
+        np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, :, 1], possible,
     )  # fmt: skip
 
 
-def _together(parts: list[Outcome], possible: Array) -> Outcome:
-    whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Outcome)}
-    return Outcome(**whole | {"possible": possible})
+def _together(parts: list[Outcome]) -> Outcome:
+    return Outcome(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Outcome)))

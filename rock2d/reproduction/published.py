@@ -34,6 +34,7 @@ PARALLELEPIPED_ON_FACING = 40  # "a vast majority": at least so many
 OFF_NORMAL_DEG = 20.0  # "mainly normal to the embankment facing": mean angle off its normal up to this, ...
 OFF_NORMAL_SD_DEG = 10.0  # ... beyond it less likely as a normal distribution's tail
 MEANINGS = (
+    f"'The first impact in the ditch or on the mountain-side facing': all {RELEASES} of each block in one of the two.",
     f"The sphere's first impact 'always occurred in the ditch': {SPHERE_IN_DITCH} of {RELEASES}.",
     f"'Some direct impacts' of the cube on the facing: {CUBE_ON_FACING[0]} to {CUBE_ON_FACING[1]} of {RELEASES}.",
     f"'A vast majority' of the parallelepiped's first impacts on the facing: at least {PARALLELEPIPED_ON_FACING}.",

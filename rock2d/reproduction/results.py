@@ -32,7 +32,7 @@ class Results:
     ----------
     samples, outcomes : model -> its posterior, and what it predicts of the three blocks' releases that no fit saw
     reduction_deg : block -> α of each hypothesis of the probabilistic model
-    left_out : for the cube and the parallelepiped, what is predicted without its cells
+    left_out : for the cube and the parallelepiped, what is predicted without its cells; empty without candidates
     passing, candidates, cells : tables
     errors : RMSE in points, by what was known
     said : the verdict in words
@@ -104,17 +104,21 @@ def _errors(
         "deterministic: validation cells": summary.rmse(sphere_only, validation),
         "deterministic: all nine": summary.rmse(sphere_only),
         "probabilistic: all nine": summary.rmse(summary.mean_percent(outcomes["probabilistic"])),
-        "deterministic, told the sphere and the other angular block: validation cells": _rms(
-            [summary.plain_rmse(run) for run in left_out]
-        ),
-        "deterministic, told all cells but the one predicted: validation cells": _rms(
-            cells["predicted"] - cells["experiment"]
-        ),
-        "deterministic, the best hypothesis: all nine": float(
-            np.nanmin([summary.best_rmse(run.plain) for run in left_out])
-        ),
+        "deterministic, the best hypothesis: all nine": summary.best_rmse(outcomes["deterministic"]),
         "probabilistic, the best hypothesis: all nine": summary.best_rmse(outcomes["probabilistic"]),
     }
+    if left_out:
+        found |= {
+            "deterministic, told the sphere and the other angular block: validation cells": _rms(
+                [summary.plain_rmse(run) for run in left_out]
+            ),
+            "deterministic, told all cells but the one predicted: validation cells": _rms(
+                cells["predicted"] - cells["experiment"]
+            ),
+            "deterministic, told all nine, the best hypothesis: all nine": float(
+                np.nanmin([summary.best_rmse(run.plain) for run in left_out])
+            ),
+        }
     for name, chosen in (("validation cells", validation), ("all nine", np.s_[:])):
         mean, bound = summary.sampling_floor(chosen, rng)
         found |= {f"a perfect model: {name}": mean, f"a perfect model, 95th percentile: {name}": bound}
@@ -142,6 +146,12 @@ def _said(results: Results) -> list[str]:
         f"Mean predictions of the deterministic model outside the experiment's 95 % interval: {_cells(outside)}; "
         f"filmed numbers that its predictions exclude (p < 0.05): {_cells(misses)}.",
     ]
+    for model, own in results.outcomes.items():
+        lines.append(
+            f"Monte Carlo error of the {model} model's mean predictions: {summary.halves_differ(own):.1f} points."
+        )
+    if not results.left_out:
+        return lines
     shares = results.candidates.pivot(index="candidate", columns="left_out", values="share_told_all")
     mean = shares.mean(axis=1).sort_values(ascending=False)
     first, spread = str(mean.index[0]), shares.max(axis=1) - shares.min(axis=1)

@@ -41,7 +41,7 @@ def scenario_text(
         "about": f"The paper's bench as the likeliest hypothesis of the {model} model has it.",
         "assumed": [
             "One hypothesis of many that explain the sphere and the words on first impacts; see assumptions.csv.",
-            "Releases start as they leave the slope after the drop.",
+            "Releases start as they leave the slope for the last time.",
             *published.MEANINGS,
         ],
         "gravity_m_s2": float(known.gravity_m_s2),

@@ -17,7 +17,7 @@ from rock2d.calibration import Quantity, Sample, Space, posterior, prior_draws
 from rock2d.reproduction import published
 from rock2d.reproduction.evidence import log_lines, log_words
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
-from rock2d.reproduction.passing import Change, Known, Outcome, bounce, fall
+from rock2d.reproduction.passing import Change, Known, Outcome, bounce, fall, land
 from rock2d.world import World
 
 Array = np.ndarray
@@ -47,24 +47,53 @@ REDUCTIONS_DEG = np.linspace(0.0, 60.0, 11)
 
 @dataclass(frozen=True)
 class Effort:
-    """Hypotheses of each posterior, and releases of each block that a hypothesis is judged by."""
+    """Hypotheses of each posterior (half of each of two independent runs), releases of each block that a hypothesis is
+    judged by, and moves of all hypotheses at each step of the sampler."""
 
-    hypotheses: int = 384
+    hypotheses: int = 448
     releases: int = 40
+    moves: int = 12
 
 
 def calibrate(
     known: Known,
     simulated: Simulated,
+    landed: Simulated,
     space: Space,
     cells_of: Sequence[str],
     effort: Effort,
     seed: np.random.SeedSequence,
     told: Told,
 ) -> Sample:
-    """A model on the words of all blocks and on the cells of the blocks `cells_of`: hypotheses of `space`."""
-    draw_seed, run_seed = seed.spawn(2)
-    draws = _draws_of(effort, draw_seed)
+    """A model on the words of all blocks and on the cells of the blocks `cells_of`: hypotheses of `space`, half of them
+    of one run of the sampler and half of another, with other releases, too.
+
+    `simulated` and `landed`: the model, and for the other blocks the model up to their first impact.
+    """
+    width, half = len(space.quantities), effort.hypotheses // 2
+    chosen = np.arange(len(DETERMINISTIC_SPACE.quantities), width) if space is CANDIDATE_SPACE else None
+    runs: list[Sample] = []
+    for own in seed.spawn(2):
+        likelihood = _likelihood(simulated, landed, known, space, cells_of, effort, own)
+        rng = np.random.default_rng(own.spawn(1)[0])
+
+        def halfway(power: float) -> None:
+            told((len(runs) + power) / 2)
+
+        start = prior_draws(PRIOR_SHARE * half, width, rng)
+        runs.append(posterior(likelihood, start, half, rng, redrawn=chosen, moves=effort.moves, told=halfway))
+    return Sample(
+        np.concatenate([run.u for run in runs]),
+        np.concatenate([run.log_likelihood for run in runs]),
+        float(np.mean([run.log_evidence for run in runs])),
+    )
+
+
+def _likelihood(
+    simulated: Simulated, landed: Simulated, known: Known, space: Space, cells_of: Sequence[str], effort: Effort,
+    seed: np.random.SeedSequence,
+) -> Callable[[Array], Array]:  # fmt: skip
+    draws = _draws_of(effort, seed)
 
     def likelihood(u: Array) -> Array:
         values, total = space.values(u), np.zeros(len(u))
@@ -72,27 +101,24 @@ def calibrate(
             asked = np.isfinite(total)
             if asked.any():
                 own = {key: v[asked] for key, v in values.items()}
-                outcome = simulated(known, own, block, draws[block])
+                model = simulated if block in cells_of else landed
+                outcome = model(known, own, block, draws[block])
                 total[asked] += log_words(outcome, block)
                 if block in cells_of:
                     total[asked] += log_lines(outcome, block)
         return total
 
-    rng = np.random.default_rng(run_seed)
-    width = len(space.quantities)
-    start = prior_draws(PRIOR_SHARE * effort.hypotheses, width, rng)
-    chosen = np.arange(len(DETERMINISTIC_SPACE.quantities), width) if space is CANDIDATE_SPACE else None
-    return posterior(likelihood, start, effort.hypotheses, rng, redrawn=chosen, told=told)
+    return likelihood
 
 
 def calibrate_deterministic(known: Known, effort: Effort, seed: np.random.SeedSequence, told: Told) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    return calibrate(known, fall, DETERMINISTIC_SPACE, ("sphere",), effort, seed, told)
+    return calibrate(known, fall, land, DETERMINISTIC_SPACE, ("sphere",), effort, seed, told)
 
 
 def calibrate_probabilistic(known: Known, effort: Effort, seed: np.random.SeedSequence, told: Told) -> Sample:
     """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
-    return calibrate(known, bounce, PROBABILISTIC_SPACE, ("sphere",), effort, seed, told)
+    return calibrate(known, bounce, bounce, PROBABILISTIC_SPACE, ("sphere",), effort, seed, told)
 
 
 def try_candidates(
@@ -100,7 +126,8 @@ def try_candidates(
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != left_out]
-    return calibrate(known, fall_with_candidate, CANDIDATE_SPACE, others, effort, seed, told)
+    models = fall_with_candidate, land_with_candidate
+    return calibrate(known, *models, CANDIDATE_SPACE, others, effort, seed, told)
 
 
 def reduce_slopes(
@@ -138,6 +165,11 @@ def prior_of(candidate: str) -> float:
 def fall_with_candidate(known: Known, values: Values, block: str, draws: Array) -> Outcome:
     """`passing.fall` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
     return fall(known, values, block, draws, _with_candidate(values))
+
+
+def land_with_candidate(known: Known, values: Values, block: str, draws: Array) -> Outcome:
+    """`passing.land` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return land(known, values, block, draws, _with_candidate(values))
 
 
 def _with_candidate(values: Values) -> Change:

@@ -105,6 +105,14 @@ def mean_percent(outcomes: list[Outcome]) -> Array:
     return np.array([100 * o.frequencies.mean(axis=0) for o in outcomes])
 
 
+def halves_differ(outcomes: list[Outcome]) -> float:
+    """Root mean square difference in points between the mean predictions of the two independent halves of the
+    hypotheses, over 2: the Monte Carlo error of the mean of both."""
+    half = len(outcomes[0].crossed) // 2
+    first, second = (mean_percent([o.of(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:]))
+    return 0.5 * float(np.sqrt(np.mean((first - second) ** 2)))
+
+
 def best_rmse(outcomes: list[Outcome]) -> float:
     """RMSE over all nine cells of the hypothesis for which it is least, chosen by one half of the releases and judged
     by the other: what the model can do at all. NaN without hypotheses."""

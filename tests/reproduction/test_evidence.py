@@ -72,8 +72,8 @@ def test_words_are_fulfilled_or_not():
     ditch, facing = [DITCH] * 40, [FACING] * 40
     some = [FACING] * 8 + [DITCH] * 32
     assert np.exp(log_words(outcome(ditch), "sphere")) > 0.5 > np.exp(log_words(outcome(some), "sphere"))
-    assert np.exp(log_words(outcome(some), "cube")) > 0.9 > np.exp(log_words(outcome(ditch), "cube"))
-    assert np.exp(log_words(outcome(facing), "parallelepiped")) > 0.9
+    assert np.exp(log_words(outcome(some), "cube")) > 0.5 > np.exp(log_words(outcome(ditch), "cube"))
+    assert np.exp(log_words(outcome(facing), "parallelepiped")) > 0.5
     assert np.exp(log_words(outcome(some), "parallelepiped")) < 1e-3
     assert (
         log_words(outcome(facing, 60.0), "parallelepiped")

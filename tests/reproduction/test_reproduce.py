@@ -13,7 +13,7 @@ from rock2d.reproduction import command, published, stages
 from rock2d.reproduction.stages import Effort
 from rock2d.scenario import load_scenario
 
-SMALL = Effort(hypotheses=48, releases=10)
+SMALL = Effort(hypotheses=96, releases=10, moves=3)
 FILES = {
     "table_2.csv", "table_3.csv", "table_4.csv", "assumptions.csv", "candidates.csv", "cells.csv",
     "deterministic.yaml", "probabilistic.yaml",
@@ -24,7 +24,7 @@ FILES = {
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("reproduce") / "out"
-    command.reproduce(out, seed=3, effort=SMALL, progress=False, tell=lambda line: None)
+    command.reproduce(out, seed=3, effort=SMALL, candidates=True, progress=False, tell=lambda line: None)
     return out
 
 

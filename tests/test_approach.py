@@ -65,7 +65,9 @@ def test_a_ball_above_a_plane_is_timed_exactly():
 def test_a_block_let_go_at_rest_finds_the_ground(block):
     """Without any speed, and inside the boxes of the tree: 0 / 0 once hid the ground, and the block fell through."""
     terrain = rough_slope(3)
-    bounds = [bound(block, terrain, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0])) for x in (4.0, 9.0, 14.0)]
+    bounds = [
+        bound(block, terrain, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0])) for x in (4.0, 9.0, 14.0)
+    ]
     falls = np.sqrt(2 * (1.5 + 0.3) / G)  # a little more than from the block's centre to the ground
     assert all(0 < tau < falls for tau in bounds)
 

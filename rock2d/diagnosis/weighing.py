@@ -30,7 +30,7 @@ LAPSE = 0.05  # probability that the statistics say nothing of a case: nothing i
 PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
 ONE_OF_THEM = 0.6
 MOST_Z = 30.0  # standard errors beyond which more tells nothing new
-FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # standard errors of the largest of many gains: chance gives the one, not the other
+FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
 
 
 def standard_error(per_release: Array) -> float:

@@ -12,7 +12,7 @@ from rock2d.calibration import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
 from rock2d.reproduction.passing import Known, Outcome, bounce, fall
-from rock2d.reproduction.stages import CANDIDATE_SPACE, NONE, fall_with_candidate, prior_of
+from rock2d.reproduction.stages import CANDIDATE_SPACE, fall_with_candidate, prior_of
 from rock2d.reproduction.summary import LeftOut
 
 if TYPE_CHECKING:
@@ -153,13 +153,12 @@ def _said(results: Results) -> list[str]:
     if not results.left_out:
         return lines
     shares = results.candidates.pivot(index="candidate", columns="left_out", values="share_told_all")
-    mean = shares.mean(axis=1).sort_values(ascending=False)
-    first, spread = str(mean.index[0]), shares.max(axis=1) - shares.min(axis=1)
-    return [
-        *lines,
-        f"Candidate physics, once all cells are told: {first} {mean[first]:.2f} ± {spread[first] / 2:.2f} (prior "
-        f"{prior_of(first):.2f}), none {mean[NONE]:.2f} ± {spread[NONE] / 2:.2f} (prior {prior_of(NONE):.2f}).",
+    mean, apart = shares.mean(axis=1).sort_values(ascending=False), shares.max(axis=1) - shares.min(axis=1)
+    likeliest = [
+        f"{name} {mean[name]:.2f} ± {apart[name] / 2:.2f} (prior {prior_of(str(name)):.2f})"
+        for name in mean.index[:3]
     ]
+    return [*lines, f"Candidate physics, once all cells are told: {', '.join(likeliest)}."]
 
 
 def _cells(rows: list[dict[Hashable, Any]]) -> str:

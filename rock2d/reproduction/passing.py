@@ -100,7 +100,7 @@ def _fall(
 ) -> Outcome:
     block, n = known.blocks[block_name], len(draws)
     begin = starts(values, block, known.gravity_m_s2)
-    tables = contact_table(values)
+    every, tables = begin.states(draws), contact_table(values)
     parts = []
     for chosen in _chunks(len(begin.mean), n):
         worlds = []
@@ -108,7 +108,7 @@ def _fall(
             ground = terrain(values, i, known.height_m, known.crest_m)
             world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
             worlds.append(world if change is None else change(world, i))
-        states = begin.states(draws)[chosen]
+        states = every[chosen]
         result = _run(worlds, block_name, states, impact_limit=1, impact_room=1)
         zones, before = result.impacts[:, 0, 0], result.impacts[:, 0, 1:8]
         possible = begin.possible[chosen] & _left_slope(zones, n)

@@ -12,7 +12,7 @@ from rock2d.calibration import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
 from rock2d.reproduction.passing import Known, Outcome, bounce, fall
-from rock2d.reproduction.stages import CANDIDATE_SPACE, fall_with_candidate, prior_of
+from rock2d.reproduction.stages import CANDIDATE_SPACE, draws_of, fall_with_candidate, prior_of
 from rock2d.reproduction.summary import LeftOut
 
 if TYPE_CHECKING:
@@ -61,10 +61,7 @@ def judge(
 ) -> Results:  # fmt: skip
     """Predictions of all calibrations, and what they amount to. `tried`: block left out -> its posterior."""
     draw_seed, floor_seed = stream.spawn(2)
-    draws = {
-        block: np.random.default_rng(child).standard_normal((FRESH, 6))
-        for block, child in zip(published.BLOCKS, draw_seed.spawn(len(published.BLOCKS)), strict=True)
-    }
+    draws = draws_of(FRESH, draw_seed)
     values = {model: SPACES[model].values(sample.u) for model, sample in samples.items()}
     outcomes = {
         "deterministic": [

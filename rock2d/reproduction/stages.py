@@ -93,7 +93,7 @@ def _likelihood(
     simulated: Simulated, landed: Simulated, known: Known, space: Space, cells_of: Sequence[str], effort: Effort,
     seed: np.random.SeedSequence,
 ) -> Callable[[Array], Array]:  # fmt: skip
-    draws = _draws_of(effort, seed)
+    draws = draws_of(effort.releases, seed)
 
     def likelihood(u: Array) -> Array:
         values, total = space.values(u), np.zeros(len(u))
@@ -136,7 +136,7 @@ def reduce_slopes(
     """block -> (k,) α in degrees for each hypothesis of PROBABILISTIC_SPACE, drawn from its posterior given the block's
     own cells, hypothesis by hypothesis: bench, starts and the sphere's parameters learn nothing from them."""
     draw_seed, run_seed = seed.spawn(2)
-    draws, rng = _draws_of(effort, draw_seed), np.random.default_rng(run_seed)
+    draws, rng = draws_of(effort.releases, draw_seed), np.random.default_rng(run_seed)
     values = PROBABILISTIC_SPACE.values(sample)
     found = {"sphere": np.zeros(len(sample))}
     for b, block in enumerate(published.BLOCKS[1:]):
@@ -193,9 +193,9 @@ def _with_candidate(values: Values) -> Change:
     return change
 
 
-def _draws_of(effort: Effort, seed: np.random.SeedSequence) -> dict[str, Array]:
+def draws_of(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
     """block -> (releases, 6) standard normal draws, the same for every hypothesis: the likelihood is a function."""
     return {
-        name: np.random.default_rng(child).standard_normal((effort.releases, 6))
+        name: np.random.default_rng(child).standard_normal((releases, 6))
         for name, child in zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
     }

@@ -30,6 +30,11 @@ def rmse(simulated: Array, cells: slice = np.s_[:]) -> float:
     return float(np.sqrt(np.mean((simulated - published.EXPERIMENT)[cells] ** 2)))
 
 
+def block_rmse(simulated: Array, block: str) -> float:
+    """As `rmse`, of one block's (lines,) frequencies in %."""
+    return float(np.sqrt(np.mean((simulated - published.EXPERIMENT[published.BLOCKS.index(block)]) ** 2)))
+
+
 def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float]:
     """Mean and 95 % bound of the RMSE of a perfect model against 50 filmed releases a block, in points.
 
@@ -204,8 +209,7 @@ def candidates_table(runs: list[LeftOut]) -> pd.DataFrame:
             if own.any():
                 predicted = 100 * run.outcome.frequencies[own].mean(axis=0)
                 row |= dict(zip(published.LINES, predicted.tolist(), strict=True))
-                truth = published.EXPERIMENT[published.BLOCKS.index(run.block)]
-                row["rmse"] = float(np.sqrt(np.mean((predicted - truth) ** 2)))
+                row["rmse"] = block_rmse(predicted, run.block)
                 row["log_score"] = float(np.log(likelihood[own].mean()))
             row["share_told_all"] = float(likelihood[own].sum() / likelihood.sum())
             odds = likelihood[own].sum() / plain if plain > 0 else np.nan
@@ -216,10 +220,8 @@ def candidates_table(runs: list[LeftOut]) -> pd.DataFrame:
 
 def plain_rmse(run: LeftOut) -> float:
     """RMSE in points of the mean prediction of the block left out, without candidate effects."""
-    b = published.BLOCKS.index(run.block)
-    frequencies = run.plain[b].frequencies
-    predicted = 100 * frequencies.sum(axis=0) / (len(frequencies) or np.nan)
-    return float(np.sqrt(np.mean((predicted - published.EXPERIMENT[b]) ** 2)))
+    frequencies = run.plain[published.BLOCKS.index(run.block)].frequencies
+    return block_rmse(100 * frequencies.sum(axis=0) / (len(frequencies) or np.nan), run.block)
 
 
 def cells_table(runs: list[LeftOut]) -> pd.DataFrame:

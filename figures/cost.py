@@ -22,7 +22,6 @@ from typing import Any, TypeVar
 import click
 import numba
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rock2d import __version__
@@ -31,7 +30,7 @@ from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.incident import starts
 from rock2d.palette import block_colours
-from rock2d.plots import save_figure
+from rock2d.plots import blank_figure, save_figure
 from rock2d.scenario import Scenario, load_scenario
 from rock2d.terrain import Terrain
 
@@ -187,8 +186,7 @@ def machine() -> dict[str, Any]:
 
 def figure_of(numbers: Mapping[str, Any]) -> Figure:
     """Time against the number of releases; time of one release against the number of facets."""
-    figure = Figure(figsize=(7.5, 3.3), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(7.5, 3.3)
     left, right = figure.subplots(1, 2)
     colours = block_colours(ENGINES)
     for engine, marker in zip(ENGINES, "os", strict=True):

@@ -8,13 +8,12 @@ from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rock2d import drawing
 from rock2d.blocks import Block
 from rock2d.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
-from rock2d.plots import draw_cross_section
+from rock2d.plots import blank_figure, draw_cross_section
 from rock2d.terrain import Terrain
 
 Array = np.ndarray
@@ -63,7 +62,7 @@ def section_figure(
     limits = drawing.motion_limits(terrain, ways[:, 0], ways[:, 1], radius)
     wide_in, axis_in = 6.6, 6.0
     high_in = float(np.clip(axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 2.0, 4.6))
-    figure = _figure(wide_in, high_in + 0.95)
+    figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
     view = drawing.fitted_view(limits, 1400, round(1400 * high_in / axis_in))
     said = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
@@ -143,7 +142,7 @@ class Segment:
 
 def segment_figure(terrain: Terrain, segment: Segment) -> Figure:
     """x-y with the block at the end, above the angle over time."""
-    figure = _figure(3.35, 3.9)
+    figure = blank_figure(3.35, 3.9)
     way, angle = figure.subplots(2, 1, height_ratios=(1.55, 1.0))
     every = np.vstack([segment.measured, *segment.models.values()])
     small = max(np.ptp(every[:, 1]), np.ptp(every[:, 2])) < 1.0
@@ -192,12 +191,6 @@ def _outline(
     axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=line, lw=1.1, zorder=2)
     # a spoke, so that a round block shows its angle
     axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)
-
-
-def _figure(wide_in: float, high_in: float) -> Figure:
-    figure = Figure(figsize=(wide_in, high_in), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _trim(figure: Figure) -> None:

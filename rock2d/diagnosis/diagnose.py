@@ -32,7 +32,7 @@ from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.rests import find_rests, rest_squares, rest_variance
-from rock2d.diagnosis.sanity import FEWEST_IMPACTS, MIRRORS, Sanity, check_film, check_table
+from rock2d.diagnosis.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
 from rock2d.diagnosis.table_data import TableData, table_data
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -91,7 +91,7 @@ def diagnose(
         result = Diagnosis(experiment, check_film(experiment, film), bench)
         if result.sanity.faults:
             return result
-        data = film_data(experiment, film, bench, MIRRORS[result.sanity.mirror])
+        data = film_data(experiment, film, bench, result.sanity.view)
         keys = [film.t_s, film.pose, film.release]
     else:
         data = table_data(experiment)

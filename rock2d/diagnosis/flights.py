@@ -20,6 +20,7 @@ from rock2d.geometry import (
     polygon_depth,
     terrain_arrays,
 )
+from rock2d.world import View
 
 Array = np.ndarray
 
@@ -28,6 +29,7 @@ WINDOW = 12  # frames over which the noise is first looked at
 CLEAR = 0.1  # block radii that a flight must rise above the ground to be one
 JUMP = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
 TRIM = 2  # frames left out next to a contact
+PERFECT = View()
 LAGS = 6  # frames over which noise is taken to be correlated
 
 
@@ -126,10 +128,10 @@ def _first_noise(film: Film) -> Array:
     return np.maximum(np.sqrt(np.median(variance, axis=0)), 1e-9)
 
 
-def cut_film(experiment: Experiment, film: Film, mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Cut:
+def cut_film(experiment: Experiment, film: Film, view: View = PERFECT) -> Cut:
     """Cut every release into flights, contacts and rests, and estimate the noise from the flights.
 
-    `mirror`: signs that the recorded axes need to be those of the bench.
+    `view`: the camera that recorded it, as far as the cut must know.
     """
     blocks = list(experiment.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
@@ -140,7 +142,7 @@ def cut_film(experiment: Experiment, film: Film, mirror: tuple[float, float, flo
     starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
         block = int(film.release_block[r])
-        size, t, pose = blocks[block].radius_m, film.t_s[a:b], film.pose[a:b] * mirror
+        size, t, pose = blocks[block].radius_m, film.t_s[a:b], view.true(film.pose[a:b])
         curvature = np.array([0.0, -0.5 * g, 0.0]) / film.noise
         loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / film.noise
         kind, number = partition(t - t[0], (pose - pose[0]) / film.noise, curvature, loose, SHORTEST)

@@ -15,7 +15,7 @@ from rock2d.diagnosis.bounces import tracked
 from rock2d.diagnosis.film_data import FilmData, film_data
 from rock2d.diagnosis.flights import Film, load_film
 from rock2d.diagnosis.model import BASE_NAMES
-from rock2d.diagnosis.sanity import MIRRORS, check_film
+from rock2d.diagnosis.sanity import check_film
 from rock2d.diagnosis.states import drift
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
@@ -93,7 +93,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
     if fatal:
         raise InputError(fatal[0], experiment.folder)
-    data = film_data(experiment, film, bench, MIRRORS[sanity.mirror])
+    data = film_data(experiment, film, bench, sanity.view)
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])

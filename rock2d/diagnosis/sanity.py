@@ -1,8 +1,8 @@
 """What must be true of a film before anything is concluded from it: units, time step, axes, ground, numbers.
 
 Every check looks at the recorded frames alone, without a model of contact. A *fault* makes a diagnosis meaningless and
-stops it; a *remark* is printed and goes into the report. A mirrored axis has a name in the catalogue: it is undone
-before the diagnosis, which then knows it.
+stops it; a *remark* is printed and goes into the report. A camera so far off that the blocks seem to fall into the
+ground would spoil the cut into flights: what gravity tells of it is undone for the cut.
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rock2d.diagnosis.flights import Film
+from rock2d.diagnosis.flights import Film, clearances
 from rock2d.diagnosis.table_data import TableData
+from rock2d.effects.changes import image
 from rock2d.experiment import Experiment
+from rock2d.geometry import block_arrays, terrain_arrays
+from rock2d.world import View
 
 Array = np.ndarray
 
@@ -22,16 +25,19 @@ WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of a parabola that g
 FEWEST_RELEASES = 6
 FEWEST_IMPACTS = 20
 MIRRORS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
+AXES = 21  # places of the camera's axis that are tried along x and y each
+SUNK, CLEAR = 0.2, 0.05  # shares of the frames with the centre in the ground: cannot be, may be
 
 
 @dataclass
 class Sanity:
-    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none; `suspects` the effects
-    that could have made the faults."""
+    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none; `view` is the camera
+    that the film is cut with; `suspects` the effects that could have made the faults."""
 
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     mirror: str = ""
+    view: View = field(default_factory=View)
     suspects: list[str] = field(default_factory=list)
 
 
@@ -90,12 +96,12 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"all positions lie within {np.ptp(film.pose[:, :2], axis=0).max():.3g} m of each other on a bench of "
             f"{bench:.3g} m: wrong unit, or a block that never moved"
         )
-    g = _gravity(experiment, film)
-    if g is not None and not found.faults:
-        ratio = abs(g) / max(experiment.gravity_m_s2, 1e-9)
+    fall = _fall(experiment, film)
+    if fall is not None and not found.faults:
+        ratio = abs(fall[1]) / max(experiment.gravity_m_s2, 1e-9)
         if not 0.6 < ratio < 1.6:
             found.faults.append(
-                f"blocks in flight accelerate by {abs(g):.3g} m/s², gravity is {experiment.gravity_m_s2:g}: "
+                f"blocks in flight accelerate by {abs(fall[1]):.3g} m/s², gravity is {experiment.gravity_m_s2:g}: "
                 f"lengths would be wrong by a factor {ratio:.3g}, or the frame rate by {ratio**-0.5:.3g}"
             )
             found.suspects += ["scale_error", "frame_rate_error"]
@@ -110,8 +116,8 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
             )
 
 
-def _gravity(experiment: Experiment, film: Film) -> float | None:
-    """Vertical acceleration in m/s² of the frames that lie on a curved parabola; None if too few do.
+def _fall(experiment: Experiment, film: Film) -> Array | None:
+    """(2,) acceleration in m/s² of the frames that lie on a curved parabola; None if too few do.
 
     Short windows may be the smooth turn of a bounce, long ones a slide: what counts is where windows of a length crowd,
     and of the lengths that which comes nearest to gravity. If none does, lengths or times are wrong.
@@ -119,24 +125,27 @@ def _gravity(experiment: Experiment, film: Film) -> float | None:
     found = []
     for window in WINDOWS:
         a, error = _curvatures(film, window)
-        use = (np.abs(a) > 8 * error) & (experiment.gravity_m_s2 > 8 * error)
+        use = (np.abs(a[:, 1]) > 8 * error) & (experiment.gravity_m_s2 > 8 * error)
         if use.sum() >= 20:
             found.append(_mode(a[use]))
     return (
-        min(found, key=lambda a: abs(np.log(abs(a) / max(experiment.gravity_m_s2, 1e-9)))) if found else None
+        min(found, key=lambda a: abs(np.log(abs(a[1]) / max(experiment.gravity_m_s2, 1e-9))))
+        if found
+        else None
     )
 
 
-def _mode(values: Array) -> float:
-    """Where values crowd most: the median of the closest quarter of them, or of ten."""
-    values = np.sort(values)
-    k = max(len(values) // 4, min(len(values), 10))
-    first = int(np.argmin(values[k - 1 :] - values[: len(values) - k + 1]))
-    return float(np.median(values[first : first + k]))
+def _mode(a: Array) -> Array:
+    """Where vectors (n, 2) crowd most along y: the median of the closest quarter of them, or of ten."""
+    a = a[np.argsort(a[:, 1])]
+    k = max(len(a) // 4, min(len(a), 10))
+    first = int(np.argmin(a[k - 1 :, 1] - a[: len(a) - k + 1, 1]))
+    return np.asarray(np.median(a[first : first + k], axis=0))
 
 
 def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
-    """Vertical accelerations of the windows of frames in which a block moves smoothly, and their standard errors."""
+    """Accelerations (n, 2) of the windows of frames in which a block moves smoothly, standard errors (n,) of those
+    along y."""
     start = np.arange(0, len(film.t_s) - window, max(window // 2, 1))
     start = start[film.release[start] == film.release[start + window - 1]]
     frames = start[:, None] + np.arange(window)
@@ -151,23 +160,32 @@ def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
     error = 2 * film.noise[1] / np.sqrt((square**2).sum(axis=1))
     rough = np.sqrt(((pose - fitted) ** 2).mean(axis=1)) / film.noise
     smooth = rough[:, :2].max(axis=1) < 1.4
-    return a[smooth, 1], error[smooth]
+    return a[smooth, :2], error[smooth]
 
 
 def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
-    g = _gravity(experiment, film)
-    below = {axis: _below_ground(experiment, film, mirror) for axis, mirror in MIRRORS.items()}
-    if g is not None and g > 0 and below["y"] < 0.05:
+    fall = _fall(experiment, film)
+    upwards = fall is not None and fall[1] > 0
+    below = {axis: _below_ground(experiment, film, View(mirror=mirror)) for axis, mirror in MIRRORS.items()}
+    turned = _on_ground(experiment, film, fall) if fall is not None and below[""] > SUNK else View()
+    if upwards and below["y"] < CLEAR:
         found.mirror = "y"
-    elif below[""] > 0.2 and below["x"] < 0.05:
+    elif below[""] > SUNK and below["x"] < CLEAR:
         found.mirror = "x"
-    elif below[""] > 0.2:
+    elif below[""] > SUNK and _below_ground(experiment, film, turned) < CLEAR:
+        found.view = turned
+        found.remarks.append(
+            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground; "
+            f"flights say that the image is turned by {np.degrees(turned.tilt_rad):.1f}° and {turned.scale:.3f} times "
+            "as large as it should be, which would explain it"
+        )
+    elif below[""] > SUNK:
         found.faults.append(
             f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground: "
             "the cross-section and the film do not belong together (origin, scale or axes)"
         )
         found.suspects += ["scale_error", "camera_tilt", "geometry_error"]
-    elif g is not None and g > 0:
+    elif upwards:
         found.faults.append(
             "blocks in flight accelerate upwards: is y measured downwards, from the top of the image?"
         )
@@ -176,10 +194,37 @@ def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
         found.remarks.append(
             f"in {100 * below['']:.1f} % of the frames the block's centre lies inside the ground"
         )
+    if found.mirror:
+        found.view = View(mirror=MIRRORS[found.mirror])
 
 
-def _below_ground(experiment: Experiment, film: Film, mirror: tuple[float, float, float]) -> float:
-    """Share of frames with the centroid inside the ground."""
+def _on_ground(experiment: Experiment, film: Film, fall: Array) -> View:
+    """The camera, turned and scaled as gravity was recorded, about the axis for which most releases come down to the
+    ground and no farther."""
+    (x, y), width = image(experiment.terrain)
+    blocks = list(experiment.blocks.values())
+    ground = terrain_arrays(experiment.terrain, 10 * max(b.radius_m for b in blocks))
+    scale = float(np.hypot(*fall)) / max(experiment.gravity_m_s2, 1e-9)
+    tilt = float(np.arctan2(fall[0], -fall[1]))
+    step = max(1, len(film.t_s) // 5000)
+    pose, release = film.pose[::step], film.release[::step]
+
+    def miss(view: View) -> float:
+        """Median over releases of the distance in block radii of the lowest point from the ground."""
+        gaps = []
+        for k, block in enumerate(blocks):
+            for r in np.flatnonzero(film.release_block == k):
+                own = clearances(block_arrays(block), ground, view.true(pose[release == r]))
+                gaps.append(abs(own.min()) / block.radius_m)
+        return float(np.median(gaps))
+
+    grid = width * np.linspace(-1.0, 1.0, AXES)
+    views = [View(tilt, scale, centre_m=(x + right, y + up)) for right in grid for up in grid]
+    return min(views, key=miss)
+
+
+def _below_ground(experiment: Experiment, film: Film, view: View) -> float:
+    """Share of frames with the centroid inside the ground, seen by this camera."""
     import shapely
 
     points = experiment.terrain.points_m
@@ -187,7 +232,7 @@ def _below_ground(experiment: Experiment, film: Film, mirror: tuple[float, float
     ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
     shapely.prepare(ground)
     step = max(1, len(film.t_s) // 20000)
-    pose = film.pose[::step] * mirror
+    pose = view.true(film.pose[::step])
     return float(shapely.contains_xy(ground, pose[:, 0], pose[:, 1]).mean())
 
 

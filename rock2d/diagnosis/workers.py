@@ -32,13 +32,22 @@ _job: Job | None = None
 
 
 def one_thread() -> None:
-    """Keep this process to one thread: where several work, threads of their own only get in each other's way."""
+    """Keep this process to one thread: where several work, threads of their own only get in each other's way.
+
+    It ends with the process that started it, however that ends.
+    """
+    import multiprocessing
+    import os
+    import threading
+
     import numba
     import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
     from threadpoolctl import threadpool_limits
 
     numba.set_num_threads(1)
     threadpool_limits(1)
+    if (parent := multiprocessing.parent_process()) is not None:
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
 def _set_job(job: Job) -> None:

@@ -76,6 +76,16 @@ def test_mirrored_axis_is_seen_and_named(plain, column):
     assert content["gap"]["closure"] > 0.9
 
 
+def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain):
+    t, factor, axis = plain.trajectories, 1.08, np.array([0.3, 0.3])
+    x, y = axis[0] + factor * (t.x_m - axis[0]), axis[1] + factor * (t.y_m - axis[1])
+    found = check_film(scaled := changed(plain, x_m=x, y_m=y), load_film(scaled))
+    assert not found.faults and "inside the ground" in found.remarks[0]
+    assert found.view.scale == pytest.approx(factor, rel=0.04)
+    back = found.view.true(np.column_stack([x, y, t.theta_rad]))
+    assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
+
+
 def test_too_little_to_diagnose_is_said(plain):
     few = plain.trajectories[plain.trajectories.release < 4]
     content = diagnosis_json(diagnose(replace(plain, trajectories=few)))

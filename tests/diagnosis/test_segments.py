@@ -14,8 +14,6 @@ from rock2d.diagnosis.film_data import film_data
 from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.states import drift
 
-PLAIN = (1.0, 1.0, 1.0)
-
 
 def test_partition_finds_flight_contact_and_rest():
     rng = np.random.default_rng(1)
@@ -44,7 +42,7 @@ def test_noise_is_read_from_the_flights():
     experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
     experiment.position_noise_m = 1e-3  # what the file says is not believed
     read = load_film(experiment)
-    film_data(experiment, read, bench_world(experiment), PLAIN)
+    film_data(experiment, read, bench_world(experiment))
     assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
 
@@ -54,7 +52,7 @@ def test_states_are_unbiased_and_as_sure_as_they_say():
     clean = film(world(), 12, seed=3, noise_m=0.0, noise_rad=0.0)
     read = load_film(experiment)
     bench = bench_world(experiment)
-    data = film_data(experiment, read, bench, PLAIN)
+    data = film_data(experiment, read, bench)
     exact = load_film(clean)
     exact.noise = read.noise
     truth = replace(data, cut=replace(data.cut, film=exact)).states(bench).middle
@@ -78,7 +76,7 @@ def test_flight_of_the_parabola_is_reversible():
 def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
-    data = film_data(experiment, load_film(experiment), bench_world(experiment), PLAIN)
+    data = film_data(experiment, load_film(experiment), bench_world(experiment))
     left = data.left(true)
     assert len(data.impacts) > 30
     assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)

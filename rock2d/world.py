@@ -63,6 +63,17 @@ class View:
         theta = theta - self.tilt_rad - self.theta_offset_rad
         return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
 
+    def true_per_recorded(self, pose: Array, direction: Array) -> Array:
+        """(n,) standard deviation along true unit vectors `direction` (n, 2), at true poses (n, 2 or more), of what is
+        1 recorded in every direction: the true length of a recorded one."""
+        scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.centre_m)
+        # the record's Jacobian, but for turns and `scale`, is a I + b r rᵀ: the inverse is symmetric, too
+        swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
+        b = 2.0 * self.lens_per_m2
+        along = (scaled * direction).sum(axis=1, keepdims=True)
+        out = direction - b * along / (swell + b * (scaled**2).sum(axis=1, keepdims=True)) * scaled
+        return np.asarray(np.linalg.norm(out / swell, axis=1) / self.scale)
+
 
 @dataclass(frozen=True)
 class World:

@@ -80,9 +80,10 @@ class FilmData:
         """What a world leaves unexplained, in the camera's units."""
         states = self.states(world)
         difference = outcomes(world, self.impacts, states, shift)
-        view = world.view
-        pace = view.scale * view.time_scale
-        difference *= np.array([view.scale, view.scale, 1.0, pace, pace, view.time_scale])
+        at, along = states.middle[self.impacts.after], self.impacts.tangent
+        for c, direction in enumerate((along, np.column_stack([-along[:, 1], along[:, 0]]))):
+            difference[:, [c, 3 + c]] /= world.view.true_per_recorded(at, direction)[:, None]
+        difference[:, 3:] *= world.view.time_scale
         inflation = (self.film.long_noise / self.film.noise)[:, None]
         return Residuals(difference, states.left / inflation)
 

@@ -100,7 +100,11 @@ def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> Stat
     air = np.array([b.air for b in blocks], float).reshape(len(blocks), -1)[flights.block]
     mass = np.array([[b.mass_kg, b.inertia_kg_m2] for b in blocks])[flights.block]
     t = (film.t_s[basis.frames] - np.repeat(basis.middle, np.diff(basis.start))) * world.view.time_scale
-    noise = film.noise / np.array([world.view.scale, world.view.scale, 1.0])
+    rows = 0.5 * (basis.start[:-1] + basis.start[1:])
+    at = pose[rows.astype(int)]
+    noise = np.tile(film.noise, (len(at), 1))
+    for c, axis in enumerate(np.eye(2)):
+        noise[:, c] *= world.view.true_per_recorded(at, np.tile(axis, (len(at), 1)))
     middle, left = _fit(
         t, pose, basis.start, basis.values, basis.slope / world.view.time_scale, basis.level, world.gravity_m_s2,
         air, mass, noise,
@@ -159,5 +163,5 @@ def _fit(t, pose, start, basis, slope, level, gravity, air, mass, noise):
                 middle[i, 3 + c] += coefficient[c, 1] * slope[i]
         for c in range(3):
             for k in range(degrees):
-                left[i, c, k] = coefficient[c, 2 + k] / noise[c]
+                left[i, c, k] = coefficient[c, 2 + k] / noise[i, c]
     return middle, left

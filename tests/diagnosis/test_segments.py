@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from synthetic import film, world
 
-from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis.bench import base_start, bench_world
 from rock2d.diagnosis.cutting import CONTACT, FLIGHT, REST, partition
 from rock2d.diagnosis.film_data import film_data
+from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.flights import load_film
+from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.states import drift
+from rock2d.diagnosis.trial import hold_out
+from rock2d.effects import catalogue
 
 
 def test_partition_finds_flight_contact_and_rest():
@@ -88,3 +92,28 @@ def test_true_world_leaves_only_noise():
     slope = slopes(model, np.zeros(5), data, left, np.full(5, 0.05))
     chi2 = chi_square(left.impacts, spread(slope, np.full(5, 1e-4))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
+
+
+@pytest.mark.parametrize("edge", [0.05, -0.05])
+def test_no_lens_makes_the_noise_look_smaller(edge):
+    """Taken back through a lens noise shrinks as lengths do: degrees 4 to 6 of flights are noise in any lens."""
+    experiment = film(world(), 12, seed=5, fps=2000.0)
+    read = load_film(experiment)
+    bench = bench_world(experiment)
+    data = film_data(experiment, read, bench)
+    seen = catalogue()["lens_distortion"].apply(bench, [edge, 1.0, 0.0])
+    plain, through = (data.left(w).flights[:, :2, 2:] for w in (bench, seen))
+    told = plain != 0.0  # a short flight has fewer degrees
+    assert told.sum() > 50
+    assert (through[told] ** 2).mean() == pytest.approx((plain[told] ** 2).mean(), rel=0.07)
+
+
+def test_a_step_that_leaps_is_shortened():
+    """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
+    experiment = film(world(), 12, seed=5)
+    bench = bench_world(experiment)
+    data = film_data(experiment, load_film(experiment), bench)
+    found = fit(Model(bench, base_start(experiment)), data)
+    flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
+    lost = hold_out(found, data).score.sum() - hold_out(flat, data).score.sum()
+    assert abs(lost) < 30.0  # 138 if it is taken whole

@@ -32,6 +32,18 @@ def test_a_camera_effect_leaves_the_motion_alone(name):
     assert changed.view != world().view
 
 
+@pytest.mark.parametrize("name", [name for name in CAMERA if name != "mirrored_axis"])
+def test_a_recorded_length_is_worth_what_the_records_derivatives_say(name):
+    """Noise that is 1 in every recorded direction has the covariance (J Jᵀ)⁻¹ for the record's Jacobian J."""
+    view = with_effect(with_effect(world(), "camera_tilt", [0.1, 0.2, 0.1]), name, values(name, -1.0)).view
+    ahead, behind = (view.record(POSES[:, None] + h * np.eye(3)[:2]) for h in (1e-5, -1e-5))
+    inverse = np.linalg.inv((ahead - behind)[..., :2].transpose(0, 2, 1) / 2e-5)
+    direction = np.array([np.cos(0.7), np.sin(0.7)])
+    expected = np.linalg.norm(np.einsum("i,nij->nj", direction, inverse), axis=1)
+    found = view.true_per_recorded(POSES, np.tile(direction, (len(POSES), 1)))
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
 def test_every_axis_can_be_mirrored():
     for axis in (1, 2, 3):
         recorded = with_effect(world(), "mirrored_axis", [axis]).view.record(POSES)

@@ -33,7 +33,7 @@ def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFram
     "deep low").
     """
     bench = bench_world(experiment)
-    data = film_data(experiment, film, bench)
+    data = film_data(film, bench)
     states = data.states(bench)
     known = np.minimum(states.left.shape[2], data.basis.degrees)
     # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise

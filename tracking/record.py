@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from rock2d.diagnosis.bench import bench_world
 from rock2d.diagnosis.flights import SHORTEST, Film, cut_film, load_film
 from rock2d.experiment import Experiment
 from tracking.bench import Bench
@@ -188,7 +189,7 @@ def film_of(experiment: Experiment, bench: Bench) -> Film:
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
     """The experiment with the noise that its own flights show, if it has any; else as it is."""
-    cut = cut_film(experiment, film)
+    cut = cut_film(bench_world(experiment), film)
     if not len(cut.flights):
         return experiment
     x, y, theta = cut.film.noise

@@ -96,9 +96,12 @@ class Attribution:
         return max(self.probabilities, key=lambda name: self.probabilities[name])
 
 
-def fit_base(bench: World, base: Array, data: Data) -> Fit:
+def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -> Fit:
     """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`; some
     releases show the way, from where it leads all of them are fitted.
+
+    Where the film had to be cut in another world, `seen`, than the stated one, the law is fitted there and left alone
+    on the stated bench: nothing could be learnt of it from blocks that fall into the ground.
 
     Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept,
     in the bench of the fit's model.
@@ -108,7 +111,7 @@ def fit_base(bench: World, base: Array, data: Data) -> Fit:
     for reading in (0.0, 1.0):
         rows = bench.contact.copy()
         rows[..., CRATER] = reading
-        model = Model(replace(bench, contact=rows), base)
+        model = Model(replace(seen or bench, contact=rows), base)
         corners = [
             np.array([stiffness, restitution, stiffness, friction, 0.0])
             for stiffness in (0.0, -2.0, 2.0, 4.0)
@@ -121,7 +124,10 @@ def fit_base(bench: World, base: Array, data: Data) -> Fit:
         promise = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=HOPELESS)).sum() for r in left]
         found += [fit(model, some, corners[i], rounds=SHORT) for i in np.argsort(promise)[:STARTS]]
     best = max(found, key=Fit.total)
-    return fit(best.model, data, best.p)
+    best = fit(best.model, data, best.p)
+    if seen is None:
+        return best
+    return fit(Model(replace(bench, contact=best.model.bench.contact), base), data, best.p, enough=np.inf)
 
 
 def attribute(

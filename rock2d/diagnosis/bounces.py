@@ -14,7 +14,6 @@ import numpy as np
 from rock2d.diagnosis.flights import Cut, clearances
 from rock2d.diagnosis.states import Basis, States, drift
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.experiment import Experiment
 from rock2d.geometry import block_arrays, terrain_arrays
 from rock2d.terrain import Terrain
 from rock2d.world import World
@@ -57,12 +56,12 @@ class Impacts:
         return len(self.before)
 
 
-def start_instants(experiment: Experiment, world: World, cut: Cut, basis: Basis, states: States) -> Array:
+def start_instants(world: World, cut: Cut, basis: Basis, states: States) -> Array:
     """(flights,) recorded instant, from the middle of each flight, at which a simulation from it starts: the last one
     at which the block is well above the ground. NaN where it never is above it."""
     film, flights = cut.film, cut.flights
-    blocks = list(experiment.blocks.values())
-    ground = terrain_arrays(experiment.terrain, 10 * max(b.radius_m for b in blocks))
+    blocks = list(world.blocks.values())
+    ground = terrain_arrays(world.terrain, 10 * max(b.radius_m for b in blocks))
     start = np.full(len(flights), np.nan)
     for i in range(len(flights)):
         block = blocks[flights.block[i]]
@@ -78,26 +77,24 @@ def start_instants(experiment: Experiment, world: World, cut: Cut, basis: Basis,
     return start
 
 
-def find_impacts(
-    experiment: Experiment, world: World, cut: Cut, basis: Basis, states: States, start: Array
-) -> Impacts:
+def find_impacts(world: World, cut: Cut, basis: Basis, states: States, start: Array) -> Impacts:
     """Impacts of a film between two flights, with the `start_instants` of the flights."""
     film, flights = cut.film, cut.flights
     after = np.flatnonzero((flights.follows >= 0) & np.isfinite(start[flights.follows]))
     before = flights.follows[after]
-    blocks = list(experiment.blocks.values())
+    blocks = list(world.blocks.values())
     ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
     begin = film.t_s[flights.first[after]] - basis.middle[after]
     leaves = drift(world, flights.block[before], states.middle[before], ends)
     arrives = drift(world, flights.block[after], states.middle[after], begin)
-    facet = nearest_facet(0.5 * (leaves + arrives)[:, :2], experiment.terrain)
+    facet = nearest_facet(0.5 * (leaves + arrives)[:, :2], world.terrain)
     wait = film.t_s[flights.first[after]] - (basis.middle[before] + start[before])
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]
     size = np.array([b.radius_m for b in blocks])[flights.block[after]]
-    window = np.minimum(length, WINDOW * np.sqrt(size / max(experiment.gravity_m_s2, 1e-3)))
+    window = np.minimum(length, WINDOW * np.sqrt(size / max(world.gravity_m_s2, 1e-3)))
     return Impacts(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
-        experiment.terrain.zone_ids[facet], experiment.terrain.tangents[facet],
+        world.terrain.zone_ids[facet], world.terrain.tangents[facet],
         release_order(film.release_block)[flights.release[after]].astype(float),
     )  # fmt: skip
 

@@ -91,7 +91,7 @@ def diagnose(
         result = Diagnosis(experiment, check_film(experiment, film), bench)
         if result.sanity.faults:
             return result
-        data = film_data(experiment, film, bench, result.sanity.view)
+        data = film_data(film, result.sanity.seen or bench)
         keys = [film.t_s, film.pose, film.release]
     else:
         data = table_data(experiment)
@@ -112,7 +112,7 @@ def diagnose(
     ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
         tried = effects or catalogue()
         forecast(_cost_s(bench, base_start(experiment), data, len(tried), workers))
-        base = fit_base(bench, base_start(experiment), data)
+        base = fit_base(bench, base_start(experiment), data, result.sanity.seen)
         step("base")
         found = attribute(base, data, tried, workers=workers, folder=folder, told=step)
     result.data, result.found = data, found

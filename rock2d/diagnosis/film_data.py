@@ -9,10 +9,9 @@ import numpy as np
 from rock2d.diagnosis.bounces import Impacts, find_impacts, outcomes, release_order, start_instants
 from rock2d.diagnosis.discrepancy import NOTHING, standard
 from rock2d.diagnosis.fitting import Residuals
-from rock2d.diagnosis.flights import PERFECT, Cut, Film, cut_film
+from rock2d.diagnosis.flights import Cut, Film, cut_film
 from rock2d.diagnosis.states import Basis, States, drift, fit_states, flight_basis
-from rock2d.experiment import Experiment
-from rock2d.world import View, World
+from rock2d.world import World
 
 Array = np.ndarray
 
@@ -232,12 +231,11 @@ def history_groups(release: Array, order: Array, began: Array) -> dict[str, Arra
     return {k: standard(v) for k, v in groups.items()}
 
 
-def film_data(experiment: Experiment, film: Film, bench: World, view: View = PERFECT) -> FilmData:
-    """Cut a film into segments, seen by the camera `view`."""
-    cut = cut_film(experiment, film, view)
+def film_data(film: Film, seen: World) -> FilmData:
+    """Cut a film into segments, in the world that `sanity` sees in it or that it states."""
+    cut = cut_film(seen, film)
     basis = flight_basis(film, cut.flights)
-    seen = replace(bench, view=view)
     states = fit_states(seen, film, cut.flights, basis)
-    start = start_instants(experiment, seen, cut, basis, states)
-    impacts = find_impacts(experiment, seen, cut, basis, states, start)
+    start = start_instants(seen, cut, basis, states)
+    impacts = find_impacts(seen, cut, basis, states, start)
     return FilmData(cut, basis, impacts, start, release_order(film.release_block).astype(float))

@@ -20,7 +20,7 @@ from rock2d.geometry import (
     polygon_depth,
     terrain_arrays,
 )
-from rock2d.world import View
+from rock2d.world import World
 
 Array = np.ndarray
 
@@ -29,7 +29,6 @@ WINDOW = 12  # frames over which the noise is first looked at
 CLEAR = 0.1  # block radii that a flight must rise above the ground to be one
 JUMP = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
 TRIM = 2  # frames left out next to a contact
-PERFECT = View()
 LAGS = 6  # frames over which noise is taken to be correlated
 
 
@@ -128,21 +127,18 @@ def _first_noise(film: Film) -> Array:
     return np.maximum(np.sqrt(np.median(variance, axis=0)), 1e-9)
 
 
-def cut_film(experiment: Experiment, film: Film, view: View = PERFECT) -> Cut:
-    """Cut every release into flights, contacts and rests, and estimate the noise from the flights.
-
-    `view`: the camera that recorded it, as far as the cut must know.
-    """
-    blocks = list(experiment.blocks.values())
+def cut_film(world: World, film: Film) -> Cut:
+    """Cut every release into flights, contacts and rests in a world, and estimate the noise from the flights."""
+    blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
-    ground = terrain_arrays(experiment.terrain, 10 * max(b.radius_m for b in blocks))
-    g = max(experiment.gravity_m_s2, 1e-3)
+    ground = terrain_arrays(world.terrain, 10 * max(b.radius_m for b in blocks))
+    g = max(world.gravity_m_s2, 1e-3)
     kinds = np.zeros(len(film.t_s), np.int64)
     found: list[tuple[int, int, int, int, int]] = []
     starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
         block = int(film.release_block[r])
-        size, t, pose = blocks[block].radius_m, film.t_s[a:b], view.true(film.pose[a:b])
+        size, t, pose = blocks[block].radius_m, film.t_s[a:b], world.view.true(film.pose[a:b])
         curvature = np.array([0.0, -0.5 * g, 0.0]) / film.noise
         loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / film.noise
         kind, number = partition(t - t[0], (pose - pose[0]) / film.noise, curvature, loose, SHORTEST)
@@ -170,8 +166,9 @@ def cut_film(experiment: Experiment, film: Film, view: View = PERFECT) -> Cut:
 def _true_flights(
     kind: Array, number: Array, t: Array, pose: Array, gap: Array, size: float, g: float, noise: Array
 ) -> list[tuple[int, int]]:
-    """Stretches (first, last) of frames that are flights: mended where one was cut in mid-air, and only those
-    that rise above the ground: a hop within the crater is still contact."""
+    """Stretches (first, last) of frames that are flights: mended where one was cut in mid-air, and only those that rise
+    above the ground: a hop within the crater is still contact. Where the ground lies lower than stated, blocks do not
+    come down to it: then it is their lower end that flights rise above."""
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
         frames = np.flatnonzero(number == k)
@@ -186,7 +183,13 @@ def _true_flights(
                 continue
         mended.append((i, j))
     rises = max(CLEAR * size, 5.0 * noise[1])
-    return [(i, j) for i, j in mended if np.quantile(gap[i:j], 0.75) > rises]
+    whole = (0, len(gap))
+    ground = [0.0 if ends == whole else max(min(gap[ends[0]], gap[ends[1] - 1]), 0.0) for ends in mended]
+    return [
+        (i, j)
+        for (i, j), low in zip(mended, ground, strict=True)
+        if np.quantile(gap[i:j], 0.75) > low + rises
+    ]
 
 
 def _jump(t: Array, pose: Array, before: tuple[int, int], after: tuple[int, int]) -> float:

@@ -17,6 +17,9 @@ Array = np.ndarray
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
 # plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
+RIGID = 3.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
+STIFFNESSES = [0, 2]  # of the base parameters: k_l and, with it, k_ul; k_t
+HEADROOM = 2.0  # logarithmic, of these
 LEAST_RATIO = 1.02  # of unloading to loading stiffness
 
 
@@ -25,11 +28,13 @@ class Model:
     """Base law and effects; `world(p)` is the world at parameters p: first the five of the base, then the effects'.
 
     p is dimensionless: logarithms relative to `base`, and effect parameters in units of their plausible range.
+    `beside`: parameters of the fit that effects are added to, if any; its stiffnesses are not left far behind.
     """
 
     bench: World
     base: Array
     effects: Sequence[Effect] = ()
+    beside: Array | None = None
 
     @cached_property
     def parameters(self) -> list[list[Parameter]]:
@@ -54,7 +59,13 @@ class Model:
         """Lowest and highest parameters."""
         low = [to_scale(p, p.low) for own in self.parameters for p in own]
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
-        return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([3 * BASE_WIDTH, high])
+        most = 3 * BASE_WIDTH
+        most[0] = RIGID
+        if self.beside is not None:
+            # an effect that explains nothing would end as a rigid ground, whose simulation takes for ever
+            known = np.maximum(self.beside[STIFFNESSES], 0.0)
+            most[STIFFNESSES] = np.minimum(most[STIFFNESSES], known + HEADROOM)
+        return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([most, high])
 
     def law(self, p: Array) -> Array:
         """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""

@@ -93,7 +93,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
     if fatal:
         raise InputError(fatal[0], experiment.folder)
-    data = film_data(experiment, film, bench, sanity.view)
+    data = film_data(film, sanity.seen or bench)
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])

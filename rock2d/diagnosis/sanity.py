@@ -1,43 +1,42 @@
 """What must be true of a film before anything is concluded from it: units, time step, axes, ground, numbers.
 
 Every check looks at the recorded frames alone, without a model of contact. A *fault* makes a diagnosis meaningless and
-stops it; a *remark* is printed and goes into the report. A camera so far off that the blocks seem to fall into the
-ground would spoil the cut into flights: what gravity tells of it is undone for the cut.
+stops it; a *remark* is printed and goes into the report. What would spoil the cut of the film into flights (a mirrored
+axis, a bench that the blocks seem to fall into) is undone for the cut alone: the diagnosis has to find it.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rock2d.diagnosis.flights import Film, clearances
+from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis.flights import Film
+from rock2d.diagnosis.seating import CLEAR, below_ground, seated
 from rock2d.diagnosis.table_data import TableData
-from rock2d.effects.changes import image
 from rock2d.experiment import Experiment
-from rock2d.geometry import block_arrays, terrain_arrays
-from rock2d.world import View
+from rock2d.world import View, World
 
 Array = np.ndarray
 
 WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of a parabola that gravity is read from
 FEWEST_RELEASES = 6
-FEWEST_IMPACTS = 20
+FEWEST_IMPACTS = 15
 MIRRORS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
-AXES = 21  # places of the camera's axis that are tried along x and y each
-SUNK, CLEAR = 0.2, 0.05  # shares of the frames with the centre in the ground: cannot be, may be
+SUNK = 0.2  # share of the frames with the centre in the ground that cannot be
 
 
 @dataclass
 class Sanity:
-    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none; `view` is the camera
-    that the film is cut with; `suspects` the effects that could have made the faults."""
+    """What the checks found; `mirror` names the axis recorded with the wrong sign, "" if none; `seen` is the world that
+    a film is cut in, None if it is the stated one; `suspects` are the effects that could have made the faults."""
 
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     mirror: str = ""
-    view: View = field(default_factory=View)
+    seen: World | None = None
     suspects: list[str] = field(default_factory=list)
 
 
@@ -128,11 +127,8 @@ def _fall(experiment: Experiment, film: Film) -> Array | None:
         use = (np.abs(a[:, 1]) > 8 * error) & (experiment.gravity_m_s2 > 8 * error)
         if use.sum() >= 20:
             found.append(_mode(a[use]))
-    return (
-        min(found, key=lambda a: abs(np.log(abs(a[1]) / max(experiment.gravity_m_s2, 1e-9))))
-        if found
-        else None
-    )
+    gravity = max(experiment.gravity_m_s2, 1e-9)
+    return min(found, key=lambda a: abs(np.log(abs(a[1]) / gravity)), default=None)
 
 
 def _mode(a: Array) -> Array:
@@ -166,18 +162,18 @@ def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
 def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
     fall = _fall(experiment, film)
     upwards = fall is not None and fall[1] > 0
-    below = {axis: _below_ground(experiment, film, View(mirror=mirror)) for axis, mirror in MIRRORS.items()}
-    turned = _on_ground(experiment, film, fall) if fall is not None and below[""] > SUNK else View()
+    bench = bench_world(experiment)
+    worlds = {axis: replace(bench, view=View(mirror=mirror)) for axis, mirror in MIRRORS.items()}
+    below = {axis: below_ground(world, film) for axis, world in worlds.items()}
     if upwards and below["y"] < CLEAR:
         found.mirror = "y"
     elif below[""] > SUNK and below["x"] < CLEAR:
         found.mirror = "x"
-    elif below[""] > SUNK and _below_ground(experiment, film, turned) < CLEAR:
-        found.view = turned
+    elif below[""] > SUNK and (better := seated(bench, film, fall)) is not None:
+        found.seen, words = better
         found.remarks.append(
-            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground; "
-            f"flights say that the image is turned by {np.degrees(turned.tilt_rad):.1f}° and {turned.scale:.3f} times "
-            "as large as it should be, which would explain it"
+            f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which {words} would "
+            "explain; the film is cut into flights as if it were so"
         )
     elif below[""] > SUNK:
         found.faults.append(
@@ -195,45 +191,7 @@ def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"in {100 * below['']:.1f} % of the frames the block's centre lies inside the ground"
         )
     if found.mirror:
-        found.view = View(mirror=MIRRORS[found.mirror])
-
-
-def _on_ground(experiment: Experiment, film: Film, fall: Array) -> View:
-    """The camera, turned and scaled as gravity was recorded, about the axis for which most releases come down to the
-    ground and no farther."""
-    (x, y), width = image(experiment.terrain)
-    blocks = list(experiment.blocks.values())
-    ground = terrain_arrays(experiment.terrain, 10 * max(b.radius_m for b in blocks))
-    scale = float(np.hypot(*fall)) / max(experiment.gravity_m_s2, 1e-9)
-    tilt = float(np.arctan2(fall[0], -fall[1]))
-    step = max(1, len(film.t_s) // 5000)
-    pose, release = film.pose[::step], film.release[::step]
-
-    def miss(view: View) -> float:
-        """Median over releases of the distance in block radii of the lowest point from the ground."""
-        gaps = []
-        for k, block in enumerate(blocks):
-            for r in np.flatnonzero(film.release_block == k):
-                own = clearances(block_arrays(block), ground, view.true(pose[release == r]))
-                gaps.append(abs(own.min()) / block.radius_m)
-        return float(np.median(gaps))
-
-    grid = width * np.linspace(-1.0, 1.0, AXES)
-    views = [View(tilt, scale, centre_m=(x + right, y + up)) for right in grid for up in grid]
-    return min(views, key=miss)
-
-
-def _below_ground(experiment: Experiment, film: Film, view: View) -> float:
-    """Share of frames with the centroid inside the ground, seen by this camera."""
-    import shapely
-
-    points = experiment.terrain.points_m
-    low = float(points[:, 1].min()) - 10 * float(np.ptp(points, axis=0).max())
-    ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
-    shapely.prepare(ground)
-    step = max(1, len(film.t_s) // 20000)
-    pose = view.true(film.pose[::step])
-    return float(shapely.contains_xy(ground, pose[:, 0], pose[:, 1]).mean())
+        found.seen = worlds[found.mirror]
 
 
 def check_table(experiment: Experiment, data: TableData) -> Sanity:

@@ -47,7 +47,12 @@ def one_thread() -> None:
     numba.set_num_threads(1)
     threadpool_limits(1)
     if (parent := multiprocessing.parent_process()) is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+        def follow() -> None:
+            parent.join()
+            os._exit(1)
+
+        threading.Thread(target=follow, daemon=True).start()
 
 
 def _set_job(job: Job) -> None:
@@ -64,7 +69,7 @@ def _try_own(names: tuple[str, ...]) -> Result:
 def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     """Fit the model with these effects and hold it out, or read it if that was done before."""
     known = catalogue()
-    model = Model(job.bench, job.start.model.base, [known[name] for name in names])
+    model = Model(job.bench, job.start.model.base, [known[name] for name in names], job.start.p)
     path = job.folder / f"{'+'.join(names)}.npz" if job.folder is not None else None
     if path is not None and (found := load_fit(path, model)) is not None:
         return found

@@ -28,7 +28,7 @@ RIVALS = (
 def test_base_law_is_recovered():
     experiment = film(world(), RELEASES, seed=2)
     bench = bench_world(experiment)
-    data = film_data(experiment, load_film(experiment), bench)
+    data = film_data(load_film(experiment), bench)
     found = fit(Model(bench, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
     law = found.model.law(found.p)
     truth = np.array(

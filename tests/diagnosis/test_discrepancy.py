@@ -25,7 +25,7 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
         true = known[effect].apply(true, values)
     experiment = film(true, RELEASES, seed=4)
     bench = bench_world(experiment)
-    data = film_data(experiment, load_film(experiment), bench)
+    data = film_data(load_film(experiment), bench)
     start = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
     base = fit(Model(bench, start), data)
     if effect is None:

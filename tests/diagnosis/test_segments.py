@@ -46,7 +46,7 @@ def test_noise_is_read_from_the_flights():
     experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
     experiment.position_noise_m = 1e-3  # what the file says is not believed
     read = load_film(experiment)
-    film_data(experiment, read, bench_world(experiment))
+    film_data(read, bench_world(experiment))
     assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
 
@@ -56,7 +56,7 @@ def test_states_are_unbiased_and_as_sure_as_they_say():
     clean = film(world(), 12, seed=3, noise_m=0.0, noise_rad=0.0)
     read = load_film(experiment)
     bench = bench_world(experiment)
-    data = film_data(experiment, read, bench)
+    data = film_data(read, bench)
     exact = load_film(clean)
     exact.noise = read.noise
     truth = replace(data, cut=replace(data.cut, film=exact)).states(bench).middle
@@ -80,7 +80,7 @@ def test_flight_of_the_parabola_is_reversible():
 def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
-    data = film_data(experiment, load_film(experiment), bench_world(experiment))
+    data = film_data(load_film(experiment), bench_world(experiment))
     left = data.left(true)
     assert len(data.impacts) > 30
     assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
@@ -100,7 +100,7 @@ def test_no_lens_makes_the_noise_look_smaller(edge):
     experiment = film(world(), 12, seed=5, fps=2000.0)
     read = load_film(experiment)
     bench = bench_world(experiment)
-    data = film_data(experiment, read, bench)
+    data = film_data(read, bench)
     seen = catalogue()["lens_distortion"].apply(bench, [edge, 1.0, 0.0])
     plain, through = (data.left(w).flights[:, :2, 2:] for w in (bench, seen))
     told = plain != 0.0  # a short flight has fewer degrees
@@ -112,7 +112,7 @@ def test_a_step_that_leaps_is_shortened():
     """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
     experiment = film(world(), 12, seed=5)
     bench = bench_world(experiment)
-    data = film_data(experiment, load_film(experiment), bench)
+    data = film_data(load_film(experiment), bench)
     found = fit(Model(bench, base_start(experiment)), data)
     flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
     lost = hold_out(found, data).score.sum() - hold_out(flat, data).score.sum()

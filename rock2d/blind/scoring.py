@@ -106,6 +106,7 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
         "auroc_unknown": auroc(cases["p_unknown"].to_numpy(), (cases["label"] == "unknown").to_numpy()),
         "wrong_and_sure": wrong[["case", "label", "verdict", "p", "signal_to_noise"]].to_dict("records"),
         "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
+        "ece_if_calibrated": chance_error(cases["p"].to_numpy()),
         "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST)).mean()),
         "brier": float(cases["brier"].mean()),
         "phase_right_clear": _share(pd.Series(in_phase, dtype=bool)),
@@ -142,6 +143,14 @@ def calibration_error(p: Array, right: Array) -> float:
     """Expected calibration error over bins of equal mass (Naeini et al. 2015)."""
     parts = np.array_split(np.argsort(p, kind="stable"), min(BINS, len(p)))
     return float(sum(len(i) * abs(p[i].mean() - right[i].mean()) for i in parts) / len(p))
+
+
+def chance_error(p: Array, draws: int = 400) -> float:
+    """The calibration error that forecasts which hold show by chance alone, with so few cases (median)."""
+    rng = np.random.default_rng(0)
+    return float(
+        np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(draws)])
+    )
 
 
 def confusion(cases: pd.DataFrame) -> pd.DataFrame:

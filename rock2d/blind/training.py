@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d.blind.scoring import read_results
 from rock2d.blind.writing import read_labels
-from rock2d.diagnosis.weighing import ANY, KNOWN, WHICH
+from rock2d.diagnosis.weighing import ANY, KNOWN, LAPSE, PRIOR, UNSEEN, WHICH, chance
 from rock2d.folders import write_whole
 
 Array = np.ndarray
@@ -104,8 +104,28 @@ def regression(features: Sequence[str], given: Examples) -> dict[str, Any]:
 
 def train(cases: Iterable[Labelled]) -> dict[str, Any]:
     """Weights from cases whose labels may be read."""
+    cases = list(cases)
     found = examples(cases)
-    return {question: regression(FEATURES[question], found[question]) for question in FEATURES}
+    weights: dict[str, Any] = {
+        question: regression(FEATURES[question], found[question]) for question in FEATURES
+    }
+    return weights | {UNSEEN: unseen(cases, weights[ANY])}
+
+
+def unseen(cases: Iterable[Labelled], some: dict[str, Any]) -> float:
+    """The share of what looks like nothing that hides something, which makes the labels most probable; `some` is the
+    regression that knows effects which show."""
+    from scipy.optimize import minimize_scalar
+
+    looked = [(label, found["statistics"]) for label, found in cases if found["statistics"] is not None]
+    nothing = np.array([1.0 - chance(some, found["case"]) for _, found in looked])
+    none = np.array([label["label"] == "none" for label, _ in looked])
+
+    def cost(share: float) -> float:
+        p = (1.0 - LAPSE) * nothing * (1.0 - share) + LAPSE * PRIOR["none"]
+        return float(-np.log(np.where(none, p, 1.0 - p)).sum())
+
+    return round(float(minimize_scalar(cost, bounds=(0.0, 0.9), method="bounded").x), 4)
 
 
 def write_weights(weights: dict[str, Any], path: Path) -> None:

@@ -153,12 +153,26 @@ def impact_part(
     """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
     effect, if others are to be explained than those of the base."""
     taken, _ = explained(found)
-    if bare is not None:
+    if found.final.effect.scatter:
+        taken = _spread_stated(found)
+    elif bare is not None:
         covariance = found.final.fit.covariance()
         scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
         taken = clipped(bare / scale) ** 2 - found.base_left.impacts**2 + taken
     columns = tuple(list(range(c, taken.shape[1], 3)) for c in range(3))
     return Part("impact", taken, zone, block, release, IMPACT_CHANNELS, columns)
+
+
+def _spread_stated(found: Attribution) -> Array:
+    """(n, channels) gain of each channel's deviance where an effect shifts no mean but widens what a model expects."""
+    deviance = []
+    for fitted, out in (
+        (found.base, found.base_held_out),
+        (found.final.fit, found.final.held_out),
+    ):
+        variance = np.maximum(np.diagonal(fitted.covariance(), axis1=1, axis2=2), 1e-300)
+        deviance.append(clipped(out.left.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
+    return np.asarray(deviance[0] - deviance[1])
 
 
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
@@ -171,7 +185,8 @@ def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -
 def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
     """Where the base is wrong, by phase, zone, block and channel: largest share first.
 
-    Shares of what stands out of chance (or, if nothing does, of what there is) sum to 1.
+    Shares of what stands out of chance (or, if nothing does, of what there is) sum to 1. Where blocks come to rest is
+    what their impacts led to, and no part of the gap: it is told only where nothing else stands out.
     """
     cells = []
     for part in parts:
@@ -187,7 +202,8 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
                                 part.phase, zones[int(z)], blocks[int(b)], channel, float(amount.sum()), sigma
                             )
                         )
-    sure = [cell for cell in cells if cell.z > 2.0] or cells
+    sure = [cell for cell in cells if cell.z > 2.0]
+    sure = [cell for cell in sure if cell.phase != "rest"] or sure or cells
     total = sum(cell.share for cell in sure)
     for cell in sure:
         cell.share /= total

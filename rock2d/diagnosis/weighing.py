@@ -2,8 +2,9 @@
 
 Three questions, each answered by a logistic regression on a few statistics of the trial (`statistics`): is there any
 effect at all; if so, is it one of the catalogue; if so, which. The regressions are trained on films of a foreign
-engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients. As no regression knows
-all that can happen, a small share of the probability stays with what was to be expected beforehand.
+engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients, and which share of the
+films in which nothing shows hides something all the same. As no regression knows all that can happen, a small share of
+the probability stays with what was to be expected beforehand.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ Array = np.ndarray
 
 WEIGHTS = Path(__file__).with_name("weights.json")
 ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
-LAPSE = 0.05  # probability that the statistics say nothing of a case: nothing is ever surer than that
+UNSEEN = "unseen"  # share of what looks like nothing and is something too faint to show
+LAPSE = 0.02  # probability that the statistics say nothing of a case: nothing is ever surer than that
 PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
 ONE_OF_THEM = 0.6
 TAME = 5.0  # log likelihood of a release
@@ -181,8 +183,9 @@ def probabilities(found: Mapping[str, Any], known: Mapping[str, Any] | None = No
         p = chance(known[WHICH], values)
         odds[name] = p / (1.0 - p)
     total = sum(odds.values())
-    out = {"none": 1.0 - some, "unknown": some * (1.0 - catalogued)}
-    out |= {name: some * catalogued * o / total for name, o in odds.items()}
-    return {
-        name: (1.0 - LAPSE) * p + LAPSE * PRIOR.get(name, ONE_OF_THEM / len(odds)) for name, p in out.items()
-    }
+    expected = PRIOR | dict.fromkeys(odds, ONE_OF_THEM / len(odds))
+    faint = (1.0 - some) * known[UNSEEN] / (1.0 - PRIOR["none"])
+    out = {"none": (1.0 - some) * (1.0 - known[UNSEEN])}
+    out["unknown"] = some * (1.0 - catalogued) + faint * expected["unknown"]
+    out |= {name: some * catalogued * o / total + faint * expected[name] for name, o in odds.items()}
+    return {name: (1.0 - LAPSE) * p + LAPSE * expected[name] for name, p in out.items()}

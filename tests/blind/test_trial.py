@@ -11,11 +11,11 @@ import pytest
 from rock2d.blind import reality, writing
 from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
 from rock2d.blind.pool import in_turn
-from rock2d.blind.scoring import auroc, calibration_error, summary, table
+from rock2d.blind.scoring import auroc, calibration_error, chance_error, summary, table
 from rock2d.blind.strength import likeness, signal_to_noise
-from rock2d.blind.training import FEATURES, Examples, regression
+from rock2d.blind.training import FEATURES, Examples, regression, unseen
 from rock2d.blind.writing import make_trial, read_labels, redraw
-from rock2d.diagnosis.weighing import ANY, KNOWN, WHICH, chance, probabilities
+from rock2d.diagnosis.weighing import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.experiment import read_experiment
@@ -133,6 +133,8 @@ def test_calibration_error_of_known_cases():
     right = np.arange(100) % 10 < 7
     assert calibration_error(p, right.astype(float)) == pytest.approx(0.0, abs=1e-12)
     assert calibration_error(p, np.zeros(100)) == pytest.approx(0.7)
+    # 200 forecasts of 0.7 that hold: ten bins of 20, each off by 0.8 standard deviations of 0.10
+    assert chance_error(np.full(200, 0.7)) == pytest.approx(0.8 * np.sqrt(0.7 * 0.3 / 20), rel=0.1)
     assert auroc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0, 0, 1, 1])) == 0.75
 
 
@@ -149,11 +151,26 @@ def test_a_regression_learns_what_separates_and_probabilities_sum_to_one():
             chance(known[question], dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: 3.0})
             > 0.95
         )
+    known[UNSEEN] = 0.25
     case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.5)
     effects = {n: dict.fromkeys(FEATURES[WHICH], float(i)) for i, n in enumerate(("air_drag", "adhesion"))}
     p = probabilities({"case": case, "effects": effects}, known)
     assert sum(p.values()) == pytest.approx(1.0)
     assert set(p) == {"none", "unknown", "air_drag", "adhesion"}
+    surely = known | {UNSEEN: 0.0}
+    sure = probabilities({"case": case, "effects": effects}, surely)
+    assert p["none"] < sure["none"] and sum(sure.values()) == pytest.approx(1.0)
+
+
+def test_what_hides_in_films_that_show_nothing_is_counted():
+    """A third of the films in which nothing shows hide something."""
+    some = {"features": ["x"], "mean": [0.0], "scale": [1.0], "coefficients": [4.0], "intercept": 0.0}
+    cases = [
+        ({"label": label}, {"statistics": {"case": {"x": x}}})
+        for label, x, count in (("none", -2.0, 200), ("adhesion", -2.0, 100), ("adhesion", 2.0, 200))
+        for _ in range(count)
+    ]
+    assert unseen(cases, some) == pytest.approx(1 / 3, abs=0.02)
 
 
 def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
@@ -192,7 +209,7 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
     # as if all that is hidden in so few releases could be seen
     clear = [(label | {"signal_to_noise": 20.0}, result) for label, result in labelled([tmp_path / "t"])]
     learned = train(clear)
-    assert set(learned) == {ANY, KNOWN, WHICH}
+    assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN}
     p = probabilities({"case": case, "effects": effects}, learned)
     assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"
     named = probabilities(

@@ -86,6 +86,15 @@ def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain
     assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
 
 
+def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
+    true = catalogue()["geometry_error"].apply(world(), [0.0, -0.12])
+    experiment = film(true, 8, seed=4, duration_s=1.0)
+    found = check_film(experiment, load_film(experiment))
+    assert not found.faults and "geometry_error" in found.remarks[0]
+    ditch = [w.terrain.points_m[1, 1] for w in (true, found.seen)]
+    assert ditch[1] == pytest.approx(ditch[0], abs=0.3 * min(b.radius_m for b in true.blocks.values()))
+
+
 def test_too_little_to_diagnose_is_said(plain):
     few = plain.trajectories[plain.trajectories.release < 4]
     content = diagnosis_json(diagnose(replace(plain, trajectories=few)))

@@ -69,6 +69,17 @@ def test_states_are_unbiased_and_as_sure_as_they_say():
     assert z.std(axis=0) == pytest.approx(np.ones(6), abs=0.25)
 
 
+def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
+    """Raised by a third of a block's size, the film has about the flights that it has where it lies."""
+    experiment = film(world(), 8, seed=3, fps=240.0, duration_s=0.8)
+    raised = replace(
+        experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
+    )
+    bench = bench_world(experiment)
+    count = [len(film_data(load_film(e), bench).cut.flights) for e in (experiment, raised)]
+    assert count[1] <= 1.2 * count[0]
+
+
 def test_flight_of_the_parabola_is_reversible():
     bench = world()
     state = np.array([[0.1, 0.2, 0.3, 1.0, -2.0, 30.0]])

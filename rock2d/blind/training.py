@@ -18,8 +18,17 @@ from rock2d.folders import write_whole
 Array = np.ndarray
 
 FEATURES = {
-    ANY: ("gain_seen", "hidden_seen", "scatter"),
-    KNOWN: ("left_hidden_over_gain", "left_hidden_z", "left_share", "flights_log", "scatter", "gain_z"),
+    ANY: ("gain_seen", "gain_size", "hidden_seen", "scatter"),
+    KNOWN: (
+        "left_hidden_over_gain",
+        "left_hidden_z",
+        "left_flight_z",
+        "left_impact_z",
+        "left_share",
+        "flights_log",
+        "scatter",
+        "gain_z",
+    ),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
 }
 STRENGTH = 1.0  # of the regularisation, inverse

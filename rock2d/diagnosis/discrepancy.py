@@ -24,7 +24,7 @@ from rock2d.diagnosis.fitting import (
 )
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.trial import FOLDS, folds
-from rock2d.diagnosis.weighing import standard_error
+from rock2d.diagnosis.weighing import FLIGHT, standard_error
 
 Array = np.ndarray
 
@@ -154,7 +154,7 @@ def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
                     after = np.log1p((z[test, c] - x[test] @ step) ** 2 / HEAVY_FLIGHT)
                     gains[i, test] += 0.5 * (HEAVY_FLIGHT + 1) * (before - after)
         best = gains[gains.sum(axis=1).argmax()]
-        found.append(Discrepancy(f"flight of {group}", _by_release(data.flight_release, best, data)))
+        found.append(Discrepancy(f"{FLIGHT} of {group}", _by_release(data.flight_release, best, data)))
     return found
 
 

@@ -28,11 +28,16 @@ Array = np.ndarray
 WEIGHTS = Path(__file__).with_name("weights.json")
 ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
 UNSEEN = "unseen"  # share of what looks like nothing and is something too faint to show
+FLIGHT = "flight"  # what dependences of flights are called
 LAPSE = 0.02  # probability that the statistics say nothing of a case: nothing is ever surer than that
 PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
 ONE_OF_THEM = 0.6
-TAME = 5.0  # log likelihood of a release
 MOST_Z = 30.0  # standard errors beyond which more tells nothing new
+PLAIN_Z = 6.0  # the same for one among many dependences
+FAINT_LOG, DOUBTLESS_LOG = (
+    2.5,
+    5.0,
+)  # logarithm of a gain that chance or a rough law may give, and of one that neither does
 FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
 
 
@@ -41,20 +46,15 @@ def standard_error(per_release: Array) -> float:
     return float(per_release.std() * np.sqrt(len(per_release)))
 
 
-def sureness(per_release: Array) -> float:
-    """Standard errors by which a gain, a sum over releases, stands above nothing; no release counts for more than TAME,
-    so that one block that fell on the other side of an edge does not decide."""
-    tame = np.clip(per_release, -TAME, TAME)
-    return float(np.clip(tame.sum() / max(standard_error(tame), 1.0), -MOST_Z, MOST_Z))
+def significance(dependence: Discrepancy) -> float:
+    """Gain of a dependence in standard errors."""
+    return dependence.total / max(dependence.error, 1.0)
 
 
-def predictable(left: Leftover) -> tuple[float, float]:
-    """(mean square per statistic that the regression takes away, its significance in standard errors)."""
-    taken = np.concatenate([
-        (left.impacts**2 - left.impacts_left**2).sum(axis=1), (left.flights**2 - left.flights_left**2).sum(axis=1)
-    ])  # fmt: skip
-    count = left.impacts.size + left.flights.size
-    return float(taken.sum() / count), float(taken.mean() / max(taken.std(), 1e-12) * np.sqrt(len(taken)))
+def predictable(left: Leftover) -> float:
+    """Mean square per statistic that the regression takes away."""
+    taken = (left.impacts**2 - left.impacts_left**2).sum() + (left.flights**2 - left.flights_left**2).sum()
+    return float(taken / (left.impacts.size + left.flights.size))
 
 
 def mean_square(left: Leftover) -> float:
@@ -84,8 +84,6 @@ def statistics(
         spread = max(standard_error(winner.gain - other.gain), 1.0)
         effects[name] = {
             "behind_z": min(behind / spread, MOST_Z),
-            "behind_sure": sureness(winner.gain - other.gain),
-            "sure": sureness(other.gain),
             "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
             "behind_log": float(np.log1p(max(behind, 0.0))),
             "scatter": float(other.effect.scatter),
@@ -93,59 +91,28 @@ def statistics(
             "error": other.error,
         }
     hidden, still = base_hidden[0], best_hidden[0]
-    left, left_z = predictable(best_left)
-    gap, gap_z = predictable(base_left)
-    told_left = max(left * (1.0 - 2.0 / left_z), 0.0) if left_z > 0.0 else 0.0  # less two standard errors
+    left, gap = predictable(best_left), predictable(base_left)
     base, final = mean_square(base_left), mean_square(best_left)
     reducible = max(base - final + max(left, 0.0), gap, 1e-9)
     flights = np.mean(best_left.flights**2) if best_left.flights.size else 1.0
     gain_z = winner.total / max(winner.error, 1.0)
+    in_flight = [significance(d) for d in best_hidden if d.name.startswith(FLIGHT)]
+    in_impacts = [significance(d) for d in best_hidden if not d.name.startswith(FLIGHT)]
     case = {
         "gain_z": float(np.clip(gain_z, 0.0, MOST_Z)),
         "gain_seen": seen(gain_z),
-        "gain_sure": sureness(winner.gain),
-        "gain_log": log_gain(winner.total),
-        "hidden_seen": seen(hidden.total / max(hidden.error, 1.0)),
-        "hidden_sure": max(sureness(d.gain) for d in base_hidden),
-        "hidden_log": log_gain(hidden.total),
-        "plain_sure": max(
-            (sureness(c.gain) for c in candidates.values() if not c.effect.scatter), default=0.0
-        ),
-        "plain_log": max(
-            (log_gain(c.total) for c in candidates.values() if not c.effect.scatter), default=0.0
-        ),
-        "left_hidden_sure": sureness(still.gain),
-        "left_hidden_log": log_gain(still.total),
-        "left_flight_sure": max(
-            (sureness(d.gain) for d in best_hidden if d.name.startswith("flight")), default=0.0
-        ),
-        "left_flight_log": max(
-            (log_gain(d.total) for d in best_hidden if d.name.startswith("flight")), default=0.0
-        ),
-        "left_impact_sure": max(
-            (sureness(d.gain) for d in best_hidden if not d.name.startswith("flight")), default=0.0
-        ),
-        "left_impact_log": max(
-            (log_gain(d.total) for d in best_hidden if not d.name.startswith("flight")), default=0.0
-        ),
-        "left_told": float(np.clip(told_left / reducible, 0.0, 1.0)),
-        "left_z": left_z,
-        "gap_z": gap_z,
-        "left_ms": left,
-        "gap_ms": gap,
-        "base_ms": base,
-        "final_ms": final,
-        "impacts_log": float(np.log(max(np.mean(best_left.impacts**2), 1e-3))),
-        "segments_log": float(np.log(base_left.impacts.size / 6 + base_left.flights.size / 6)),
-        "releases_log": float(np.log(len(winner.gain))),
-        "left_hidden_z": float(np.clip(still.total / max(still.error, 1.0), 0.0, MOST_Z)),
+        "gain_size": float(np.clip(log_gain(winner.total), FAINT_LOG, DOUBTLESS_LOG) - FAINT_LOG),
+        "hidden_seen": seen(significance(hidden)),
+        "left_hidden_z": float(np.clip(significance(still), 0.0, MOST_Z)),
         "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
+        "left_flight_z": float(np.clip(max(in_flight, default=0.0), 0.0, PLAIN_Z)),
+        "left_impact_z": float(np.clip(max(in_impacts, default=0.0), 0.0, PLAIN_Z)),
         "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
         "flights_log": float(np.log(max(flights, 1e-3))),
         "scatter": float(winner.effect.scatter),
     }
     dependences = {
-        when: {d.name: [d.total, d.error, sureness(d.gain)] for d in found}
+        when: {d.name: [d.total, d.error] for d in found}
         for when, found in (("base", base_hidden), ("best", best_hidden))
     }
     return {"case": case, "effects": effects, "dependences": dependences}

@@ -175,4 +175,6 @@ def _refuse_what_cannot_be(experiment: Experiment, bench: Bench) -> list[str]:
             "does the film stand on its head (camera: up), or is it filmed from behind?",
             bench.path,
         )
+    if sanity.seen is not None:
+        raise InputError(sanity.remarks[-1], bench.path)
     return sanity.remarks

@@ -18,7 +18,7 @@ from rock2d.contact import CRATER
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals, some_releases
 from rock2d.diagnosis.leftover import Leftover, regress
-from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.model import RIGID, Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
 from rock2d.diagnosis.weighing import probabilities, standard_error, statistics
 from rock2d.diagnosis.workers import Job, try_all
@@ -101,7 +101,8 @@ def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -
     releases show the way, from where it leads all of them are fitted.
 
     Where the film had to be cut in another world, `seen`, than the stated one, the law is fitted there and left alone
-    on the stated bench: nothing could be learnt of it from blocks that fall into the ground.
+    on the stated bench: nothing could be learnt of it from blocks that fall into the ground. What effects gain over
+    that base is no measure of their size, then.
 
     Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept,
     in the bench of the fit's model.
@@ -113,7 +114,7 @@ def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -
         rows[..., CRATER] = reading
         model = Model(replace(seen or bench, contact=rows), base)
         corners = [
-            np.array([stiffness, restitution, stiffness, friction, 0.0])
+            np.array([min(stiffness, RIGID), restitution, stiffness, friction, 0.0])
             for stiffness in (0.0, -2.0, 2.0, 4.0)
             for restitution in (0.0, -0.7, 0.7)
             for friction in (0.0, -0.5, 0.5)
@@ -127,7 +128,8 @@ def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -
     best = fit(best.model, data, best.p)
     if seen is None:
         return best
-    return fit(Model(replace(bench, contact=best.model.bench.contact), base), data, best.p, enough=np.inf)
+    stated = Model(replace(bench, contact=best.model.bench.contact), base)
+    return replace(fit(stated, data, best.p, enough=np.inf), free=False)
 
 
 def attribute(

@@ -153,8 +153,8 @@ def impact_part(
     """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
     effect, if others are to be explained than those of the base."""
     taken, _ = explained(found)
-    if found.final.effect.scatter:
-        taken = _spread_stated(found)
+    if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
+        taken = _spread_stated(found)  # no mean shifts: `bare` has nothing to say
     elif bare is not None:
         covariance = found.final.fit.covariance()
         scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))

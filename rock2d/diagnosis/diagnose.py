@@ -105,6 +105,8 @@ def diagnose(
         )
         return result
     if folder is not None:
+        stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
+        keys += [experiment.terrain.points_m, experiment.terrain.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
     with threadpool_limits(

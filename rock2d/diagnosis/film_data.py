@@ -92,9 +92,10 @@ class FilmData:
         start = impacts.start_s * world.view.time_scale
         return drift(world, impacts.block, self.states(world).middle[impacts.before], start)
 
-    def state_noise(self) -> Array:
-        """(n, 6, 6) covariance of the states before the impacts."""
-        return self.state_covariance(self.impacts.before, self.impacts.start_s)
+    def state_noise(self, world: World) -> Array:
+        """(n, 6, 6) covariance of the states before the impacts, in that world."""
+        impacts = self.impacts
+        return self.true_covariance(world, impacts.before, impacts.start_s, self.incident(world))
 
     def outcome_noise(self) -> Array:
         """(n, 6, 6) covariance of the states after the impacts, along the ground and across it."""
@@ -109,6 +110,15 @@ class FilmData:
     def extra_scatter(self) -> Array:
         """The noise of a film is known."""
         return np.empty((len(self.impacts), 6, 0))
+
+    def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
+        """`state_covariance` of what was recorded, taken back to the true `states` (n, 6) there."""
+        unit = np.ones((len(which), 6))
+        for c, axis in enumerate(np.eye(2)):
+            along = np.tile(axis, (len(which), 1))
+            unit[:, c] = unit[:, 3 + c] = world.view.true_per_recorded(states, along)
+        unit[:, 3:] /= world.view.time_scale
+        return self.state_covariance(which, dt) * unit[:, :, None] * unit[:, None, :]
 
     def state_covariance(self, which: Array, dt: Array) -> Array:
         """(n, 6, 6) of the measured states of flights `which`, at recorded instants dt from their middle."""

@@ -83,8 +83,8 @@ class Data(Protocol):
     def incident(self, world: World) -> Array:
         """(n, 6) states before the impacts."""
 
-    def state_noise(self) -> Array:
-        """(n, 6, 6) covariance of the states before the impacts."""
+    def state_noise(self, world: World) -> Array:
+        """(n, 6, 6) covariance of the states before the impacts, in that world."""
 
     def outcome_noise(self) -> Array:
         """(n, d, d) covariance of the residuals of impacts from the measurement after them."""
@@ -165,7 +165,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     before says less of the state after than its slope there promises. Of r = a x + b x² the variance is a² + 2 b² if x
     is normal.
     """
-    before = data.state_noise()
+    before = data.state_noise(model.world(p, data.impact_order))
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
     slope, bend = [], []
     for k in range(6):
@@ -244,7 +244,8 @@ def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
 
 @dataclass
 class Fit:
-    """A fitted model: parameters, their covariance, the soil's scatter, and what is left."""
+    """A fitted model: parameters, their covariance, the soil's scatter, and what is left; `free` unless its parameters
+    were found elsewhere."""
 
     model: Model
     p: Array
@@ -252,6 +253,7 @@ class Fit:
     scatter: Array
     slope: Slopes
     left: Residuals
+    free: bool = True
 
     def covariance(self) -> Array:
         return spread(self.slope, self.scatter)
@@ -402,10 +404,10 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
 
     `old`: a fit whose noise covariance and scatter are taken as a start, and its slopes while the fit is near it.
     """
-    p = model.start() if start is None else start.copy()
+    low, high = model.bounds()
+    p = np.clip(model.start() if start is None else start, low, high)
     if keep is None:
         keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    low, high = model.bounds()
     centre, tight = prior(model)
     begin, left = p, residuals(model, p, data)
     own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]

@@ -139,17 +139,19 @@ def cut_film(world: World, film: Film) -> Cut:
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
         block = int(film.release_block[r])
         size, t, pose = blocks[block].radius_m, film.t_s[a:b], world.view.true(film.pose[a:b])
-        curvature = np.array([0.0, -0.5 * g, 0.0]) / film.noise
-        loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / film.noise
-        kind, number = partition(t - t[0], (pose - pose[0]) / film.noise, curvature, loose, SHORTEST)
+        lengths = world.view.true_per_recorded(pose.mean(axis=0)[None].repeat(2, axis=0), np.eye(2))
+        noise = film.noise * np.append(lengths, 1.0)
+        curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
+        loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / noise
+        kind, number = partition(t - t[0], (pose - pose[0]) / noise, curvature, loose, SHORTEST)
         gap = clearances(arrays[block], ground, pose)
-        stretches = _true_flights(kind, number, t, pose, gap, size, g, film.noise)
+        stretches = _true_flights(kind, number, t, pose, gap, size, g, noise)
         kinds[a:b] = np.where(kind == REST, REST, CONTACT)
         before = -1
         for i, j in stretches:
             kinds[a + i : a + j] = FLIGHT
             # what still touches its crater is not free, though nothing may press on it
-            free = np.flatnonzero(gap[i:j] > 2.0 * film.noise[1])
+            free = np.flatnonzero(gap[i:j] > 2.0 * noise[1])
             cut_in = max(TRIM, int(free[0]) if len(free) else 0) if i > 0 else 0
             cut_out = max(TRIM, j - i - 1 - int(free[-1]) if len(free) else 0) if j < b - a else 0
             while j - i - cut_in - cut_out < SHORTEST:
@@ -167,7 +169,7 @@ def _true_flights(
     kind: Array, number: Array, t: Array, pose: Array, gap: Array, size: float, g: float, noise: Array
 ) -> list[tuple[int, int]]:
     """Stretches (first, last) of frames that are flights: mended where one was cut in mid-air, and only those that rise
-    above the ground: a hop within the crater is still contact. Where the ground lies lower than stated, blocks do not
+    above the ground: a hop within the crater is still contact. Where the ground lies higher than stated, blocks do not
     come down to it: then it is their lower end that flights rise above."""
     flights = []
     for k in np.unique(number[kind == FLIGHT]):

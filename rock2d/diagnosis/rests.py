@@ -58,7 +58,10 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     for k, sigma in enumerate(fit.scatter[:5]):
         ahead = _left(data, rests, _world(data, rests, fit, fit.p + STEP * (np.arange(len(fit.p)) == k)))
         variance += np.nan_to_num((ahead - at) * sigma / STEP) ** 2
-    noise = data.state_covariance(rests.flight, data.start_s[rests.flight])
+    world, start = _world(data, rests, fit, fit.p), data.start_s[rests.flight]
+    block = data.cut.flights.block[rests.flight]
+    states = drift(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
+    noise = data.true_covariance(world, rests.flight, start, states)
     for k in range(6):
         sigma_state = np.sqrt(noise[:, k, k])
         ahead = _left(

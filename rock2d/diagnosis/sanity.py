@@ -2,7 +2,8 @@
 
 Every check looks at the recorded frames alone, without a model of contact. A *fault* makes a diagnosis meaningless and
 stops it; a *remark* is printed and goes into the report. What would spoil the cut of the film into flights (a mirrored
-axis, a bench that the blocks seem to fall into) is undone for the cut alone: the diagnosis has to find it.
+axis, a bench that the blocks seem to fall into) is undone for the cut and for a first fit of the law: the diagnosis has
+to find it.
 """
 
 from __future__ import annotations
@@ -169,7 +170,7 @@ def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
         found.mirror = "y"
     elif below[""] > SUNK and below["x"] < CLEAR:
         found.mirror = "x"
-    elif below[""] > SUNK and (better := seated(bench, film, fall)) is not None:
+    elif below[""] > SUNK and not upwards and (better := seated(bench, film, fall)) is not None:
         found.seen, words = better
         found.remarks.append(
             f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which {words} would "

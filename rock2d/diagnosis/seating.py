@@ -1,12 +1,14 @@
 """The bench as a film shows it, roughly, where what is stated of it would put the blocks inside the ground.
 
 A film can only be cut into flights and impacts on a ground that the blocks come down to. A camera that is scaled or
-turned, or a cross-section that was built otherwise than surveyed, is found here well enough for the cut; the diagnosis
-then works it out, beside every other cause.
+turned, or a cross-section that was built otherwise than surveyed, is found here well enough for the cut and for a first
+fit of the law; the diagnosis then works it out, beside every other cause.
 """
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -22,7 +24,8 @@ Array = np.ndarray
 
 AXES = 21  # places of the camera's axis that are tried along x and y each, within the image's width
 TURNS = 9  # values of each parameter of the cross-section that are tried
-MOST_FRAMES = 5000  # that the lowest point of each release is sought in
+MOST_FRAMES = 5000  # of all releases that their lowest points are sought in
+UNSURE = 0.03  # of scale and tilt (rad) as gravity tells them
 CLEAR = 0.05  # share of the frames with the centre in the ground that may be
 SEATED = 0.5  # block radii between the ground and where most releases come down, at most
 
@@ -47,8 +50,7 @@ def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | 
     fall : (2,) acceleration in m/s² of flights as recorded, None if it is not known
     """
     step = max(1, len(film.t_s) // MOST_FRAMES)
-    pose, release = film.pose[::step], film.release[::step]
-    frames = [pose[release == r] for r in range(len(film.release_names))]
+    frames = [film.pose[film.release == r][::step] for r in range(len(film.release_names))]
     blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
     reach = 10 * max(radius for _, radius in blocks)
 
@@ -66,13 +68,21 @@ def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | 
 
 
 def _cameras(world: World, fall: Array | None) -> Iterator[tuple[World, str]]:
-    """Worlds seen by a camera that records gravity as it was recorded, aimed anywhere."""
+    """Worlds seen by a camera that records gravity as it was recorded, aimed anywhere; none if no effect of the
+    catalogue could be so large."""
     if fall is None:
         return
     (x, y), width = image(world.terrain)
     scale = float(np.hypot(*fall)) / max(world.gravity_m_s2, 1e-9)
     tilt = float(np.arctan2(fall[0], -fall[1]))
-    words = f"an image turned by {np.degrees(tilt):.1f}° and {scale:.3f} times as large as stated"
+    for name, value in (("scale_error", scale), ("camera_tilt", tilt)):
+        size = catalogue()[name].parameters[0]
+        if not size.low - UNSURE <= value <= size.high + UNSURE:
+            return
+    words = (
+        f"an image turned by {np.degrees(tilt):.1f}° (camera_tilt) and {scale:.3f} times as large as stated "
+        "(scale_error)"
+    )
     grid = width * np.linspace(-1.0, 1.0, AXES)
     for right in grid:
         for up in grid:
@@ -82,8 +92,14 @@ def _cameras(world: World, fall: Array | None) -> Iterator[tuple[World, str]]:
 def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
     """Worlds on a cross-section that was built otherwise than surveyed."""
     effect = catalogue()["geometry_error"]
+    what, unit = ("facing", "ditch"), "embankment heights"
+    if world.terrain.embankment is None:
+        what, unit = ("ground", "ground"), "block sizes"
     turns, rises = (np.linspace(p.low, p.high, TURNS) for p in effect.parameters)
-    for turn in turns:
-        for rise in rises:
-            words = f"a cross-section turned by about {np.degrees(turn):.0f}° and raised by {rise:.2f} (geometry_error)"
+    for turn, rise in itertools.product(turns, rises):
+        words = (
+            f"a {what[0]} turned by about {np.degrees(turn):.0f}° and a {what[1]} raised by about {rise:.2f} {unit} "
+            "(geometry_error)"
+        )
+        with contextlib.suppress(ValueError):  # a cross-section that would cross itself
             yield effect.apply(world, [turn, rise]), words

@@ -58,7 +58,9 @@ def flight_basis(film: Film, flights: Flights) -> Basis:
     """The basis of all flights of a film."""
     lengths = flights.last - flights.first
     start = np.concatenate([[0], np.cumsum(lengths)])
-    frames = np.concatenate([np.arange(a, b) for a, b in zip(flights.first, flights.last, strict=True)])
+    frames = np.concatenate(
+        [np.empty(0, np.int64), *(np.arange(a, b) for a, b in zip(flights.first, flights.last, strict=True))]
+    )
     values = np.zeros((len(frames), 2 + DEGREES))
     middle, slope, level = np.empty(len(lengths)), np.empty(len(lengths)), 1.0 / np.sqrt(lengths)
     degrees = np.clip(lengths // FRAMES_PER_DEGREE, 1, DEGREES)

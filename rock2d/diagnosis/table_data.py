@@ -87,7 +87,7 @@ class TableData:
         """(n, 6) states before the impacts."""
         return _true_states(world, self.before)
 
-    def state_noise(self) -> Array:
+    def state_noise(self, world: World) -> Array:
         """Nothing is known of it: all noise of a table is fitted, see `extra_scatter`."""
         return np.zeros((len(self.before), 6, 6))
 

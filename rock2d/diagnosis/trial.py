@@ -2,7 +2,8 @@
 
 The releases are split into folds. A model fitted to all of them is moved, for each fold, by one Newton step to what it
 would be without that fold (its parameters hardly move, so one step is exact enough), and then simulated on the fold.
-Where what the releases say nothing of makes the step a leap, it is halved until it costs the other folds nothing.
+Where the releases say too little and the step becomes a leap, it is halved until it costs the other folds next to
+nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Array = np.ndarray
 
 FOLDS = 4
 SLACK = 1.0  # log likelihood that a step may cost the folds that it is fitted to: curvature that it knows nothing of
-HALVINGS = 6  # of a step that leads nowhere; after that it hardly moves
+HALVINGS = 6  # of a step that leads nowhere; then none is taken
 
 
 @dataclass
@@ -57,7 +58,7 @@ def hold_out(fit: Fit, data: Data) -> HeldOut:
     low, high = fit.model.bounds()
     centre, tight = prior(fit.model)
     left = Residuals(fit.left.impacts.copy(), fit.left.flights.copy())
-    for k in range(FOLDS):
+    for k in range(FOLDS if fit.free else 0):
         keep = impact_fold != k, flight_fold != k
         curve, grad = normal_equations(fit.left, fit.slope, covariance, keep)
         grad += tight * (fit.p - centre)
@@ -70,6 +71,8 @@ def hold_out(fit: Fit, data: Data) -> HeldOut:
             if _cost(own, covariance, keep, p - centre, tight) < before + SLACK:
                 break
             step = step / 2
+        else:
+            own = fit.left
         left.impacts[~keep[0]] = own.impacts[~keep[0]]
         left.flights[~keep[1]] = own.flights[~keep[1]]
     return HeldOut(left, by_release(data, left, covariance))

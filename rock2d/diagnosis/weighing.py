@@ -130,7 +130,7 @@ def log_gain(total: float) -> float:
 
 @functools.cache
 def weights() -> dict[str, Any]:
-    """The trained regressions: question -> {"features", "mean", "scale", "coefficients", "intercept"}."""
+    """The trained regressions, question -> {"features", "mean", "scale", "coefficients", "intercept"}, and UNSEEN."""
     return dict(json.loads(WEIGHTS.read_text(encoding="utf-8")))
 
 

@@ -24,7 +24,6 @@ class Job:
     bench: World
     data: Data
     start: Fit
-    start_effects: tuple[str, ...] = ()
     folder: Path | None = None  # where fits are kept, if anywhere
 
 

@@ -86,6 +86,11 @@ def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain
     assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
 
 
+def test_a_film_from_the_top_of_the_image_down_is_no_camera_on_its_head(plain):
+    fallen = changed(plain, y_m=0.03 - plain.trajectories.y_m)
+    assert "upwards" in faults(fallen) or "inside the ground" in faults(fallen)
+
+
 def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
     true = catalogue()["geometry_error"].apply(world(), [0.0, -0.12])
     experiment = film(true, 8, seed=4, duration_s=1.0)

@@ -17,6 +17,7 @@ from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.states import drift
 from rock2d.diagnosis.trial import hold_out
 from rock2d.effects import catalogue
+from rock2d.world import View
 
 
 def test_partition_finds_flight_contact_and_rest():
@@ -51,19 +52,20 @@ def test_noise_is_read_from_the_flights():
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
 
 
-def test_states_are_unbiased_and_as_sure_as_they_say():
-    experiment = film(world(), 12, seed=3)
-    clean = film(world(), 12, seed=3, noise_m=0.0, noise_rad=0.0)
+@pytest.mark.parametrize("view", [View(), View(scale=1.3, time_scale=0.8), View(0.1, lens_per_m2=0.5)])
+def test_states_are_unbiased_and_as_sure_as_they_say(view):
+    """Whatever camera recorded it, if it is known: noise is taken back through it with the motion."""
+    true = replace(world(), view=view)
+    experiment = film(true, 12, seed=3)
+    clean = film(true, 12, seed=3, noise_m=0.0, noise_rad=0.0)
     read = load_film(experiment)
-    bench = bench_world(experiment)
-    data = film_data(read, bench)
+    data = film_data(read, true)
     exact = load_film(clean)
     exact.noise = read.noise
-    truth = replace(data, cut=replace(data.cut, film=exact)).states(bench).middle
-    error = data.states(bench).middle - truth
-    sigma = np.sqrt(
-        np.diagonal(data.state_covariance(np.arange(len(truth)), np.zeros(len(truth))), axis1=1, axis2=2)
-    )
+    truth = replace(data, cut=replace(data.cut, film=exact)).states(true).middle
+    error = data.states(true).middle - truth
+    covariance = data.true_covariance(true, np.arange(len(truth)), np.zeros(len(truth)), truth)
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     z = error / sigma
     assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(len(z))
     assert z.std(axis=0) == pytest.approx(np.ones(6), abs=0.25)
@@ -77,7 +79,7 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
     )
     bench = bench_world(experiment)
     count = [len(film_data(load_film(e), bench).cut.flights) for e in (experiment, raised)]
-    assert count[1] <= 1.2 * count[0]
+    assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
 
 
 def test_flight_of_the_parabola_is_reversible():

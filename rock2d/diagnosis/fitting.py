@@ -302,6 +302,14 @@ def normal_equations(
     return curve, grad
 
 
+def newton_step(curve: Array, grad: Array, p: Array, low: Array, high: Array) -> Array:
+    """(P,) step to subtract from `p`; a parameter at its bound that would pass it stays, and the others go without."""
+    free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
+    step = np.zeros_like(p)
+    step[free] = np.linalg.solve(curve[np.ix_(free, free)], grad[free])
+    return step
+
+
 def prior(model: Model) -> tuple[Array, Array]:
     """Weak Gaussian prior: (centre, 1 / variance) of the parameters."""
     width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])
@@ -450,7 +458,7 @@ def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array,
         gain = 0.0
         for _ in range(5):
             regular = curve + np.diag(tight + damping * np.diag(curve))
-            ahead = np.clip(p - np.linalg.solve(regular, grad), low, high)
+            ahead = np.clip(p - newton_step(regular, grad, p, low, high), low, high)
             if grad @ (p - ahead) < 0.2 * enough:  # a parabola promises half of it
                 break
             trial = residuals(model, ahead, data)

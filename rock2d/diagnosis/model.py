@@ -17,7 +17,7 @@ Array = np.ndarray
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
 # plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
-RIGID = 3.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
+RIGID = 4.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
 STIFFNESSES = [0, 2]  # of the base parameters: k_l and, with it, k_ul; k_t
 HEADROOM = 2.0  # logarithmic, of these
 LEAST_RATIO = 1.02  # of unloading to loading stiffness

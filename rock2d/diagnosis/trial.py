@@ -18,6 +18,7 @@ from rock2d.diagnosis.fitting import (
     Residuals,
     flight_log_likelihood,
     log_likelihood,
+    newton_step,
     normal_equations,
     prior,
     residuals,
@@ -63,7 +64,7 @@ def hold_out(fit: Fit, data: Data) -> HeldOut:
         curve, grad = normal_equations(fit.left, fit.slope, covariance, keep)
         grad += tight * (fit.p - centre)
         grad[discrete(fit.model)] = 0.0  # chosen, not fitted
-        step = np.linalg.solve(curve + np.diag(tight), grad)
+        step = newton_step(curve + np.diag(tight), grad, fit.p, low, high)
         before = _cost(fit.left, covariance, keep, fit.p - centre, tight)
         for _ in range(HALVINGS):
             p = np.clip(fit.p - step, low, high)

@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.contact import CRATER
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.fitting import HOPELESS, SHORT, Data, Fit, fit, residuals, some_releases
+from rock2d.diagnosis.fitting import HOPELESS, PROMISING, SHORT, Data, Fit, fit, residuals, some_releases
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import RIGID, Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
@@ -141,7 +141,8 @@ def attribute(
     folder: Path | None = None,
     told: Callable[[str], None] = lambda name: None,
 ) -> Attribution:
-    """Try every effect against the base law, and further ones beside the best while something is left.
+    """Try every effect against the base law, and further ones beside the best while something is left. Where the best
+    one's law fits better without the effect than the base did, that is the base, and everything is tried anew.
 
     `told` hears the name of each model when it is done; `folder` keeps finished fits for the next time.
     """
@@ -153,6 +154,11 @@ def attribute(
         for (name,), (own, out) in results.items()
     }
     best = max(candidates, key=lambda name: candidates[name].total)
+    if base.free:
+        # an effect may only have shown the way to a better law
+        better = fit(base.model, data, candidates[best].fit.p[: len(base.p)])
+        if better.total() > base.total() + PROMISING:
+            return attribute(better, data, effects, workers=workers, folder=folder, told=told)
     chain = [candidates[best]]
     segments = len(data.impact_release) + len(data.flight_release)
     if _sure(chain[0], LITTLE * segments):

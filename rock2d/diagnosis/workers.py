@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -69,7 +70,8 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     """Fit the model with these effects and hold it out, or read it if that was done before."""
     known = catalogue()
     model = Model(job.bench, job.start.model.base, [known[name] for name in names], job.start.p)
-    path = job.folder / f"{'+'.join(names)}.npz" if job.folder is not None else None
+    start = hashlib.sha256(job.start.p.tobytes()).hexdigest()[:8]
+    path = job.folder / f"{'+'.join(names)}_{start}.npz" if job.folder is not None else None
     if path is not None and (found := load_fit(path, model)) is not None:
         return found
     fitted = fit_effects(model, job.data, job.start)

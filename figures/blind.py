@@ -54,12 +54,10 @@ def figure(cases: pd.DataFrame) -> Figure:
     left.set_xticks(range(len(steps) + 1), [*ends, f"above {steps[-1][0]:g}", "nothing\nhidden"])
     left.set_xlabel("signal-to-noise of what is hidden")
     left.set_ylabel("right verdicts (%)")
-    p, hits = cases["p"].to_numpy(), cases["right"].to_numpy()
+    p = cases["p"].to_numpy()
     right.plot([0, 100], [0, 100], color="#bbbbbb", lw=0.8)
     for part in np.array_split(np.argsort(p, kind="stable"), BINS):
-        low, high = wilson_interval(int(hits[part].sum()), len(part))
-        right.vlines(100 * p[part].mean(), 100 * low, 100 * high, color="#0072b2", lw=1.1)
-        right.plot(100 * p[part].mean(), 100 * hits[part].mean(), "o", color="#0072b2", ms=5)
+        _share(right, 100 * p[part].mean(), cases["right"].iloc[part], ONE)
     right.set_xlabel("probability stated (%)")
     right.set_xlim(30, 102)
     for axes in (left, right):

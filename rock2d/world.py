@@ -64,8 +64,8 @@ class View:
         return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
 
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
-        """(n,) standard deviation along true unit vectors `direction` (n, 2), at true poses (n, 2 or more), of what is
-        1 recorded in every direction: the true length of a recorded one."""
+        """(n,) standard deviation along true unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
+        of what is 1 recorded in every direction: the true length of a recorded one."""
         scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.centre_m)
         # the record's Jacobian, but for turns and `scale`, is a I + b r rᵀ: the inverse is symmetric, too
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)

@@ -20,7 +20,7 @@ from rock2d.diagnosis.fitting import HOPELESS, PROMISING, SHORT, Data, Fit, fit,
 from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import RIGID, Model
 from rock2d.diagnosis.trial import HeldOut, hold_out
-from rock2d.diagnosis.weighing import probabilities, standard_error, statistics
+from rock2d.diagnosis.weighing import probabilities, significance, standard_error, statistics
 from rock2d.diagnosis.workers import Job, try_all
 from rock2d.effects.effect import Effect
 from rock2d.world import World
@@ -196,7 +196,7 @@ def _leaves_something(data: Data, candidate: Candidate) -> bool:
 
 def _stands_out(dependence: Discrepancy) -> bool:
     """Whether a dependence is more than chance."""
-    return dependence.total > LEFT * max(dependence.error, 1.0)
+    return significance(dependence) > LEFT
 
 
 def _next(

@@ -115,8 +115,7 @@ class FilmData:
         """`state_covariance` of what was recorded, taken back to the true `states` (n, 6) there."""
         unit = np.ones((len(which), 6))
         for c, axis in enumerate(np.eye(2)):
-            along = np.tile(axis, (len(which), 1))
-            unit[:, c] = unit[:, 3 + c] = world.view.true_per_recorded(states, along)
+            unit[:, c] = unit[:, 3 + c] = world.view.true_per_recorded(states, axis)
         unit[:, 3:] /= world.view.time_scale
         return self.state_covariance(which, dt) * unit[:, :, None] * unit[:, None, :]
 

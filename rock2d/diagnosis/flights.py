@@ -139,7 +139,7 @@ def cut_film(world: World, film: Film) -> Cut:
     for r, (a, b) in enumerate(itertools.pairwise(starts)):
         block = int(film.release_block[r])
         size, t, pose = blocks[block].radius_m, film.t_s[a:b], world.view.true(film.pose[a:b])
-        lengths = world.view.true_per_recorded(pose.mean(axis=0)[None].repeat(2, axis=0), np.eye(2))
+        lengths = world.view.true_per_recorded(pose.mean(axis=0)[None], np.eye(2))
         noise = film.noise * np.append(lengths, 1.0)
         curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
         loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / noise

@@ -64,9 +64,7 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     noise = data.true_covariance(world, rests.flight, start, states)
     for k in range(6):
         sigma_state = np.sqrt(noise[:, k, k])
-        ahead = _left(
-            data, rests, _world(data, rests, fit, fit.p), sigma_state[:, None] * (np.arange(6) == k)
-        )
+        ahead = _left(data, rests, world, sigma_state[:, None] * (np.arange(6) == k))
         variance += np.nan_to_num(ahead - at) ** 2
     return variance
 

@@ -106,7 +106,7 @@ def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> Stat
     at = pose[rows.astype(int)]
     noise = np.tile(film.noise, (len(at), 1))
     for c, axis in enumerate(np.eye(2)):
-        noise[:, c] *= world.view.true_per_recorded(at, np.tile(axis, (len(at), 1)))
+        noise[:, c] *= world.view.true_per_recorded(at, axis)
     middle, left = _fit(
         t, pose, basis.start, basis.values, basis.slope / world.view.time_scale, basis.level, world.gravity_m_s2,
         air, mass, noise,

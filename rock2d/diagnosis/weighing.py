@@ -37,7 +37,7 @@ PLAIN_Z = 6.0  # the same for one among many dependences
 FAINT_LOG, DOUBTLESS_LOG = (
     2.5,
     5.0,
-)  # logarithm of a gain that chance or a rough law may give, and of one that neither does
+)  # logarithms of gains: chance or a rough law may give the one, not the other
 FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
 
 
@@ -46,9 +46,9 @@ def standard_error(per_release: Array) -> float:
     return float(per_release.std() * np.sqrt(len(per_release)))
 
 
-def significance(dependence: Discrepancy) -> float:
-    """Gain of a dependence in standard errors."""
-    return dependence.total / max(dependence.error, 1.0)
+def significance(found: Candidate | Discrepancy) -> float:
+    """Gain of an effect or of a dependence in standard errors."""
+    return found.total / max(found.error, 1.0)
 
 
 def predictable(left: Leftover) -> float:
@@ -95,7 +95,7 @@ def statistics(
     base, final = mean_square(base_left), mean_square(best_left)
     reducible = max(base - final + max(left, 0.0), gap, 1e-9)
     flights = np.mean(best_left.flights**2) if best_left.flights.size else 1.0
-    gain_z = winner.total / max(winner.error, 1.0)
+    gain_z = significance(winner)
     in_flight = [significance(d) for d in best_hidden if d.name.startswith(FLIGHT)]
     in_impacts = [significance(d) for d in best_hidden if not d.name.startswith(FLIGHT)]
     case = {

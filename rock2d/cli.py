@@ -44,10 +44,10 @@ def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler
     10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
     same command goes on with it after an interruption. Campaigns need pip install 'rock2d[scale]'.
     """
-    from rock2d.campaign import is_campaign, run_campaign
-    from rock2d.report import print_campaign, print_tables
-    from rock2d.run import simulate, write_results
-    from rock2d.scenario import load_scenario
+    from rock2d.files.scenario import load_scenario
+    from rock2d.runs.campaigns.campaign import is_campaign, run_campaign
+    from rock2d.runs.run import simulate, write_results
+    from rock2d.runs.tables import print_campaign, print_tables
 
     loaded = [load_scenario(path, data) for path in scenarios]
     for scenario in loaded:
@@ -81,7 +81,7 @@ def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def demo(out, quiet) -> None:
     """The paper's three blocks with both models: figures, a table and a short video."""
-    from rock2d.demo import run_demo
+    from rock2d.runs.demo import run_demo
 
     run_demo(out, progress=not quiet)
 
@@ -215,7 +215,7 @@ def blind_train(cases, seed, work, out, workers, quiet) -> None:
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def track(video, config, out, frames, quiet) -> None:
     """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics."""
-    from tracking.command import track
+    from rock2d_tracking.command import track
 
     track(video, config, out, last=frames, progress=not quiet, tell=click.echo)
 
@@ -234,7 +234,7 @@ def track(video, config, out, frames, quiet) -> None:
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Film EXPERIMENT synthetically, with its truth and a bench file beside it: what a tracker is tested on."""
-    from tracking.command import film
+    from rock2d_tracking.command import film
 
     film(experiment, out, size_px=tuple(size), faults=faults, releases=releases, seed=seed, progress=not quiet,
          tell=click.echo)  # fmt: skip
@@ -258,7 +258,7 @@ def import_(
     files, kind, config, y, block, marks, centroid, file_fps, min_confidence, gap_frames, out
 ) -> None:
     """Make an experiment of FILES that another program tracked (Tracker, Kinovea, DLTdv, DeepLabCut)."""
-    from tracking.command import import_files
+    from rock2d_tracking.command import import_files
 
     import_files(files, kind, config, out, y=y, block=block, marks=marks, centroid=centroid, file_fps=file_fps,
                  min_confidence=min_confidence, gap_frames=gap_frames, tell=click.echo)  # fmt: skip
@@ -269,7 +269,7 @@ def import_(
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Text file to write.")
 def export(experiment, out) -> None:
     """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics)."""
-    from tracking.command import export_tracker
+    from rock2d_tracking.command import export_tracker
 
     export_tracker(experiment, out, tell=click.echo)
 
@@ -279,7 +279,7 @@ def schema() -> None:
     """Print the JSON Schema of a scenario file, for editors."""
     import json
 
-    from rock2d.scenario import scenario_json_schema
+    from rock2d.files.scenario import scenario_json_schema
 
     click.echo(json.dumps(scenario_json_schema(), indent=2, ensure_ascii=False))
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.folders import write_whole
+from rock2d.files.folders import write_whole
 
 Tell = Callable[[str], None]
 
@@ -17,7 +17,7 @@ def make(count: int, seed: int, out: Path, *, workers: int | None, progress: boo
     """Write a sealed trial."""
     from tqdm import tqdm
 
-    from rock2d.blind.writing import make_trial
+    from rock2d.blind.case_files import make_trial
 
     with tqdm(total=count, unit="case", disable=not progress) as bar:
         digest = make_trial(
@@ -48,9 +48,9 @@ def run(folder: Path, *, workers: int | None, without_best: bool = False, progre
 
 def score(folder: Path, *, tell: Tell) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
+    from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
     from rock2d.blind.scoring import confused, summary, table
-    from rock2d.blind.writing import read_index
 
     cases = table(folder)
     found = summary(cases) | {"confused": confused(folder, cases)}

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.blind.scoring import BINS, CLEAR, LEVELS, confusion
-from rock2d.folders import write_whole
-from rock2d.indicators import wilson_interval
+from rock2d.files.folders import write_whole
+from rock2d.runs.indicators import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd

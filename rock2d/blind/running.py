@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.blind.pool import in_turn
-from rock2d.blind.writing import CASES, read_index
-from rock2d.folders import make_folder, write_whole
+from rock2d.blind.case_files import CASES, read_index
+from rock2d.blind.parallel import in_turn
+from rock2d.files.folders import make_folder, write_whole
 
 RESULTS = "results"
 CLEARLY = 4.0  # standard errors of the best effect's gain, for a case to be an example of what its absence looks like
@@ -44,10 +44,10 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
     from time import perf_counter
 
     from rock2d.diagnosis.attribution import attribute
-    from rock2d.diagnosis.closure import regression_closure
     from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+    from rock2d.diagnosis.gap import regression_closure
     from rock2d.effects import catalogue
-    from rock2d.experiment import read_experiment
+    from rock2d.files.experiment import read_experiment
 
     experiment = read_experiment(case / "fit")
     begin = perf_counter()
@@ -83,7 +83,7 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
 
     from rock2d.diagnosis.predict import predict
     from rock2d.errors import InputError
-    from rock2d.experiment import read_experiment
+    from rock2d.files.experiment import read_experiment
 
     experiment = read_experiment(folder)
     assert experiment.trajectories is not None

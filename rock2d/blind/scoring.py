@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
-from rock2d.blind.writing import read_labels
 from rock2d.errors import InputError
-from rock2d.indicators import wilson_interval
+from rock2d.runs.indicators import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -165,8 +165,8 @@ def confused(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
     """Every pair of one hidden effect and another that was named for it more than once: how often, and how alike the
     two are in principle in those cases (`strength.likeness`, median). None of a likeness where the answer was "none" or
     "unknown"."""
-    from rock2d.blind.strength import likeness
-    from rock2d.blind.writing import redraw
+    from rock2d.blind.case_files import redraw
+    from rock2d.blind.signal_to_noise import likeness
 
     single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
     out = []

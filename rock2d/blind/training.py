@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.blind.case_files import read_labels
 from rock2d.blind.scoring import read_results
-from rock2d.blind.writing import read_labels
-from rock2d.diagnosis.weighing import ANY, KNOWN, LAPSE, PRIOR, UNSEEN, WHICH, chance
-from rock2d.folders import write_whole
+from rock2d.diagnosis.classification import ANY, KNOWN, LAPSE, PRIOR, UNSEEN, WHICH, chance
+from rock2d.files.folders import write_whole
 
 Array = np.ndarray
 

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.contact import CRATER
+from rock2d.diagnosis.classification import probabilities, significance, standard_error, statistics
+from rock2d.diagnosis.cross_validation import HeldOut, hold_out
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import HOPELESS, PROMISING, SHORT, Data, Fit, fit, residuals, some_releases
-from rock2d.diagnosis.leftover import Leftover, regress
 from rock2d.diagnosis.model import RIGID, Model
-from rock2d.diagnosis.trial import HeldOut, hold_out
-from rock2d.diagnosis.weighing import probabilities, significance, standard_error, statistics
-from rock2d.diagnosis.workers import Job, try_all
+from rock2d.diagnosis.parallel import Job, try_all
+from rock2d.diagnosis.residual_regression import Leftover, regress
 from rock2d.effects.effect import Effect
-from rock2d.world import World
+from rock2d.laws.contact import CRATER
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rock2d.diagnosis.cross_validation import HeldOut
 from rock2d.diagnosis.fitting import Fit, Residuals, Slopes
 from rock2d.diagnosis.model import Model
-from rock2d.diagnosis.trial import HeldOut
 
 Array = np.ndarray
 

@@ -13,8 +13,8 @@ from typing import Any
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.predict import predict, read_model
 from rock2d.effects import catalogue
-from rock2d.experiment import read_experiment
-from rock2d.folders import make_folder, write_whole
+from rock2d.files.experiment import read_experiment
+from rock2d.files.folders import make_folder, write_whole
 
 PARTIAL = ".fits"  # folder of finished fits, removed at the end
 
@@ -31,7 +31,7 @@ def run_diagnosis(
     """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first."""
     from tqdm import tqdm
 
-    from rock2d.diagnosis.report import write_report
+    from rock2d.diagnosis.report.page import write_report
 
     read = read_experiment(experiment)
     names = list(catalogue())

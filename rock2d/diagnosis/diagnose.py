@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rock2d.contact import CRATER
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
-from rock2d.diagnosis.bench import base_start, bench_world
 from rock2d.diagnosis.checkpoint import fingerprint
-from rock2d.diagnosis.closure import (
+from rock2d.diagnosis.film_data import FilmData, film_data
+from rock2d.diagnosis.fitting import Fit, residuals
+from rock2d.diagnosis.gap import (
     FLIGHT_CHANNELS,
     GAP_UNIT,
     Cell,
@@ -26,19 +26,19 @@ from rock2d.diagnosis.closure import (
     impact_part,
     where,
 )
-from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.fitting import Fit, residuals
-from rock2d.diagnosis.flights import load_film
+from rock2d.diagnosis.impact_table_data import TableData, table_data
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
-from rock2d.diagnosis.rests import find_rests, rest_squares, rest_variance
-from rock2d.diagnosis.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
-from rock2d.diagnosis.table_data import TableData, table_data
+from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
-from rock2d.experiment import Experiment
-from rock2d.terrain import Terrain
-from rock2d.world import World
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.base_world import base_start, bench_world
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
+from rock2d.laws.contact import CRATER
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

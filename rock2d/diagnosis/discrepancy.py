@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.diagnosis.classification import FLIGHT, standard_error
+from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.fitting import (
     HEAVY,
     HEAVY_FLIGHT,
@@ -23,8 +25,6 @@ from rock2d.diagnosis.fitting import (
     residuals,
 )
 from rock2d.diagnosis.model import BASE_WIDTH
-from rock2d.diagnosis.trial import FOLDS, folds
-from rock2d.diagnosis.weighing import FLIGHT, standard_error
 
 Array = np.ndarray
 

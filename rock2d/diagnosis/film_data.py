@@ -6,12 +6,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from rock2d.diagnosis.bounces import Impacts, find_impacts, outcomes, release_order, start_instants
 from rock2d.diagnosis.discrepancy import NOTHING, standard
 from rock2d.diagnosis.fitting import Residuals
-from rock2d.diagnosis.flights import Cut, Film, cut_film
-from rock2d.diagnosis.states import Basis, States, drift, fit_states, flight_basis
-from rock2d.world import World
+from rock2d.diagnosis.impact_prediction import Impacts, find_impacts, outcomes, release_order, start_instants
+from rock2d.kinematics.flights import Cut, Film, cut_film
+from rock2d.kinematics.states import Basis, States, drift, fit_states, flight_basis
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, from_scale, scatters, to_scale
-from rock2d.world import World
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

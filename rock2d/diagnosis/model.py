@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from rock2d.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

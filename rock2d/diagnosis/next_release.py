@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution, Candidate
-from rock2d.diagnosis.closure import Cell
 from rock2d.diagnosis.fitting import Data
-from rock2d.world import World
+from rock2d.diagnosis.gap import Cell
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.contact import CRATER, K_L, K_R, K_T, K_UL, MU
-from rock2d.diagnosis.bench import bench_world
-from rock2d.diagnosis.bounces import tracked
 from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.flights import Film, load_film
+from rock2d.diagnosis.impact_prediction import tracked
 from rock2d.diagnosis.model import BASE_NAMES
-from rock2d.diagnosis.sanity import check_film
-from rock2d.diagnosis.states import drift
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
-from rock2d.experiment import Experiment
-from rock2d.world import World
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.base_world import bench_world
+from rock2d.kinematics.flights import Film, load_film
+from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.states import drift
+from rock2d.laws.contact import CRATER, K_L, K_R, K_T, K_UL, MU
+from rock2d.scene.world import World
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.contact import K_L, K_R, K_T, K_UL, MU
-from rock2d.diagnosis.bounces import tracked
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.impact_prediction import tracked
 from rock2d.diagnosis.model import BASE_WIDTH, LEAST_RATIO
-from rock2d.diagnosis.states import drift
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.world import World
+from rock2d.kinematics.states import drift
+from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.scene.world import World
 
 Array = np.ndarray
 Signs = tuple[float, float, float]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 ONSET_M_S = 0.02  # of the leaving speed: a pull that sprang up at rest would make a lying block chatter
 ONSET_WAY = 0.1  # of the way out of the crater, over which the pull sets in

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 @kernel

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="angle_offset",
     summary="the recorded orientation has a constant offset: corners meet the ground elsewhere than they seem to",
-    source="the tracker's zero of the angle, `rock2d.world.View`",
+    source="the tracker's zero of the angle, `rock2d.scene.world.View`",
     phase="impact",
     parameters=(
         Parameter("offset_rad", "rad", 0.0, -0.4, 0.4, "recorded less true angle, counter-clockwise"),

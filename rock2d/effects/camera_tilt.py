@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import CENTRE, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="camera_tilt",
     summary="the image axes are turned against the vertical: gravity seems to have a part along the image's x",
-    source="rigid rotation of the image, `rock2d.world.View`",
+    source="rigid rotation of the image, `rock2d.scene.world.View`",
     phase="all",
     parameters=(
         Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "by how much the record is turned, counter-clockwise"),

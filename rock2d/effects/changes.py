@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.blocks import Block
 from rock2d.effects.effect import Parameter
-from rock2d.terrain import Terrain, ditch_facets, embankment_facets
-from rock2d.world import World
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain, ditch_facets, embankment_facets
+from rock2d.scene.world import World
 
 Array = np.ndarray
 

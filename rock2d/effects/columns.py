@@ -1,6 +1,6 @@
 """Which column of a contact row, or of a block's `air`, belongs to which effect.
 
-A row of the contact law has the columns of `rock2d.contact` and then those that effects ask for. 0 is always the
+A row of the contact law has the columns of `rock2d.laws.contact` and then those that effects ask for. 0 is always the
 world without the effect, so a table of the law's own columns means no effect.
 """
 

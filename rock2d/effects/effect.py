@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.world import World
+from rock2d.scene.world import World
 
 LABORATORY_M = 0.02  # size of the blocks that plausible ranges are stated for
 STANDARD_GRAVITY_M_S2 = 9.80665

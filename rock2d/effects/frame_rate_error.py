@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="frame_rate_error",
     summary="the true frame rate differs from the stated one: gravity goes with its square, contact times with it",
-    source="the camera's clock, `rock2d.world.View`",
+    source="the camera's clock, `rock2d.scene.world.View`",
     phase="all",
     parameters=(
         Parameter(

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.terrain import Terrain, ditch_facets
-from rock2d.world import World
+from rock2d.scene.cross_section import Terrain, ditch_facets
+from rock2d.scene.world import World
 
 STEEPEST_RAD = np.deg2rad(170.0)  # of a facing; beyond the vertical it overhangs
 CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:

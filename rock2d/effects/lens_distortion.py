@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import CENTRE, image, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -18,7 +18,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="lens_distortion",
     summary="radial distortion of the image: what lies off its middle is recorded too far out, or in",
-    source="first term of D. C. Brown (1971), Close-range camera calibration: r (1 + k r²), `rock2d.world.View`",
+    source="first term of D. C. Brown (1971), Close-range camera calibration: r (1 + k r²), `rock2d.scene.world.View`",
     phase="all",
     parameters=(
         Parameter(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -20,7 +20,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="mass_eccentricity",
     summary="the centre of mass is not the centroid that is tracked: flights wobble, impacts turn the block",
-    source="rigid-body mechanics about the centre of mass, `rock2d.geometry`",
+    source="rigid-body mechanics about the centre of mass, `rock2d.engines.geometry`",
     phase="all",
     parameters=(
         Parameter(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 NONE, X, Y, THETA = range(4)
 
@@ -23,7 +23,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="mirrored_axis",
     summary="an axis, or the sense of rotation, is recorded with the wrong sign",
-    source="handedness of the image axes (y down in most image formats), `rock2d.world.View`",
+    source="handedness of the image axes (y down in most image formats), `rock2d.scene.world.View`",
     phase="all",
     parameters=(
         Parameter(

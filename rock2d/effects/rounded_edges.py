@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -20,7 +20,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="rounded_edges",
     summary="corners of square, rectangle and polygon are rounded; mass and inertia stay",
-    source="geometry: circles that touch both faces, `rock2d.geometry`",
+    source="geometry: circles that touch both faces, `rock2d.engines.geometry`",
     phase="impact",
     parameters=(
         Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over half the width of the narrowest block"),

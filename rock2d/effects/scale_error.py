@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import CENTRE, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 EFFECT = Effect(
     name="scale_error",
     summary="metres per pixel are off: lengths and speeds, gravity among them, all come out too large or too small",
-    source="similarity of the image, `rock2d.world.View`",
+    source="similarity of the image, `rock2d.scene.world.View`",
     phase="all",
     parameters=(Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"), *CENTRE),
     apply=apply,

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.contact import K_L, K_UL
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.world import World
+from rock2d.laws.contact import K_L, K_UL
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:

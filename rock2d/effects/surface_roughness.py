@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.terrain import Terrain
-from rock2d.world import World
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:

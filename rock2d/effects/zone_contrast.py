@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.contact import K_L, K_UL, MU
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.terrain import embankment_facets, facet_zones
-from rock2d.world import World
+from rock2d.laws.contact import K_L, K_UL, MU
+from rock2d.scene.cross_section import embankment_facets, facet_zones
+from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:

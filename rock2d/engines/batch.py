@@ -13,23 +13,19 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from rock2d.approach import facet_tree
-from rock2d.blocks import Block
 from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
-from rock2d.engines import stepper
+from rock2d.engines import contact_step
+from rock2d.engines.contact_step import AUDIT, N_AUDIT
+from rock2d.engines.geometry import CONVEX, block_arrays, terrain_arrays
 from rock2d.engines.recording import N_IMPACT
 from rock2d.engines.release import STOPS
 from rock2d.engines.release import release as release_kernel
-from rock2d.engines.stepper import AUDIT, N_AUDIT
-from rock2d.geometry import (
-    CONVEX,
-    block_arrays,
-    terrain_arrays,
-)
-from rock2d.terrain import Terrain
-from rock2d.track import IMPACT_COLUMNS, Track
-from rock2d.world import World
+from rock2d.engines.time_to_contact import facet_tree
+from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -227,7 +223,7 @@ def run_batch_track(
     """One release of the batch engine as a track, every contact step a knot."""
     ensemble = Ensemble([block], [terrain], [table])
     packed = pack(ensemble)
-    steps = stepper.contact_steps_s(block, packed.tables[0], step_fraction)
+    steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
     room = 4096
     while True:
         knots = np.empty((room, 8))
@@ -269,7 +265,7 @@ def _contact_steps(
     blocks: Sequence[Block], tables: Array, block_ids: Array, table_ids: Array, fraction: float
 ) -> Array:
     """(n, 2) contact steps in s of every release."""
-    steps = np.array([stepper.contact_steps_s(block, tables, fraction) for block in blocks])
+    steps = np.array([contact_step.contact_steps_s(block, tables, fraction) for block in blocks])
     return np.array(steps[block_ids, :, table_ids], order="C")
 
 

@@ -13,12 +13,12 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from rock2d.blocks import Block
 from rock2d.compiled import njit
-from rock2d.engines.surface import Surface, lifted, make_surface, next_impact
-from rock2d.rebound import BALL, ReboundParameters, rebound, rebound_table, slope_reduction
-from rock2d.terrain import Terrain
-from rock2d.track import IMPACT_COLUMNS, Track
+from rock2d.engines.parabola_intersection import Surface, lifted, make_surface, next_impact
+from rock2d.laws.rebound import BALL, ReboundParameters, rebound, rebound_table, slope_reduction
+from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
 
 Array = np.ndarray
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from rock2d.blocks import Block
 from rock2d.compiled import njit
+from rock2d.engines.parabola_intersection import make_surface
 from rock2d.engines.point_mass import N_IMPACT, descend, kernel_inputs, line_rows
-from rock2d.engines.surface import make_surface
-from rock2d.rebound import ReboundParameters
-from rock2d.terrain import Terrain
+from rock2d.laws.rebound import ReboundParameters
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
 
 Array = np.ndarray
 

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pymunk
 
-from rock2d.blocks import Block
-from rock2d.contact import ContactParameters, parameter_table
 from rock2d.effects.columns import engine_rows
-from rock2d.engines import rest, slots, springs, stepper
-from rock2d.engines.air import air_stride, fly, in_air
+from rock2d.engines import contact_energy, contact_state, contact_step, rest
+from rock2d.engines.free_flight import air_stride, fly, in_air
+from rock2d.engines.geometry import block_arrays, point_depth, terrain_arrays
 from rock2d.engines.recording import N_IMPACT, depart, end_impact
-from rock2d.geometry import block_arrays, point_depth, terrain_arrays
-from rock2d.terrain import Terrain
-from rock2d.track import STATE_NAMES, Track
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.records.track import STATE_NAMES, Track
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
@@ -80,16 +80,16 @@ class PymunkRelease:
         if not isinstance(rows, np.ndarray):
             rows = parameter_table(rows, terrain.zone_names)
         self.table = engine_rows(rows)
-        self.contact_step = contact_step_s or stepper.contact_steps_s(block, self.table)[1]
+        self.contact_step = contact_step_s or contact_step.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
         if self.q.shape != (6,) or not np.isfinite(self.q).all():
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
         self.time = 0.0
-        self.audit = np.zeros(stepper.N_AUDIT)
+        self.audit = np.zeros(contact_step.N_AUDIT)
         self._block, self._terrain = block_arrays(block), terrain_arrays(terrain, 10 * block.radius_m)
-        self._slots = slots.new_slots(block)
-        found = slots.new_slots(block)
-        self._scratch = (*found, stepper.scratch(slots.slot_count(block)))
+        self._slots = contact_state.new_slots(block)
+        found = contact_state.new_slots(block)
+        self._scratch = (*found, contact_step.scratch(contact_state.slot_count(block)))
         self._near: list[int] = []
         self._met: list[int] = []
         self._error: BaseException | None = None
@@ -146,7 +146,7 @@ class PymunkRelease:
         if self._near:
             self._advance_contact(dt)
         else:
-            self.audit[stepper.EFFECTS] += fly(self.q, dt, self.gravity, self._block)
+            self.audit[contact_step.EFFECTS] += fly(self.q, dt, self.gravity, self._block)
         if not np.isfinite(self.q).all():
             raise FloatingPointError(f"the state is no longer finite at t = {self.time:.6f} s: {self.q}")
         body.position = float(self.q[0]), float(self.q[1])
@@ -173,7 +173,7 @@ class PymunkRelease:
         if near:
             ints, reals = self._slots
             found_i, found_r, _ = self._scratch
-            stepper.begin(
+            contact_step.begin(
                 self.q, min(near), max(near) + 1, self._terrain, self._block, ints, reals, found_i, found_r
             )
 
@@ -181,13 +181,13 @@ class PymunkRelease:
         ints, reals = self._slots
         gone = 0.0
         while dt - gone > 1e-12 * dt:
-            gone += stepper.step(
+            gone += contact_step.step(
                 self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._terrain, self._block,
                 self.table, ints, reals, *self._scratch, self.audit, False,
             )  # fmt: skip
             knot = self.knot_now()._replace(time=self.time + gone)
             if knot.active and self._zone < 0:
-                self._zone = int(ints[np.flatnonzero(ints[:, slots.ACTIVE])[0], slots.ZONE])
+                self._zone = int(ints[np.flatnonzero(ints[:, contact_state.ACTIVE])[0], contact_state.ZONE])
             elif not knot.active and self._zone >= 0:
                 knot = knot._replace(departure=self._depart())
             self._kinks.append(knot)
@@ -196,18 +196,18 @@ class PymunkRelease:
 
     def _depart(self) -> Departure:
         """Let the block depart from the impact that has just ended."""
-        departure = Departure(self.table[self._zone], float(self.audit[stepper.RECOIL]))
+        departure = Departure(self.table[self._zone], float(self.audit[contact_step.RECOIL]))
         if end_impact(self.q, np.zeros(N_IMPACT), departure.row, self._block, self.audit):
             found_i, found_r, _ = self._scratch
             near = self._near[0], self._near[-1] + 1
-            stepper.look_again(self.q, *near, self._terrain, self._block, *self._slots, found_i, found_r)
+            contact_step.look_again(self.q, *near, self._terrain, self._block, *self._slots, found_i, found_r)
         self._zone = -1
         return departure
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = springs.ease(self._start["kinetic"], self._block, *self._slots, self.table)
+            eased = contact_energy.ease(self._start["kinetic"], self._block, *self._slots, self.table)
             return self.contact_step * float(eased)
         longest, extra = air_stride(self.q, self.gravity, self._block)
         limit = min(longest, LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
@@ -250,7 +250,7 @@ class PymunkRelease:
 
     def pressure(self) -> tuple[float, float, int]:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
-        return springs.pressure(*self._slots, self.table)
+        return contact_energy.pressure(*self._slots, self.table)
 
     def knot_now(self) -> Knot:
         """The present state as a knot."""
@@ -267,8 +267,8 @@ class PymunkRelease:
     def first_zone(self) -> str:
         """Zone of the first active contact."""
         ints, _ = self._slots
-        active = np.flatnonzero(ints[:, slots.ACTIVE])
-        return self.terrain.zone_names[ints[active[0], slots.ZONE]] if len(active) else ""
+        active = np.flatnonzero(ints[:, contact_state.ACTIVE])
+        return self.terrain.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
 
     def mechanical_energy_J(self) -> dict[str, float]:
         """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
@@ -277,11 +277,11 @@ class PymunkRelease:
             "kinetic": 0.5 * m * float(q[3] ** 2 + q[4] ** 2)
             + 0.5 * self.block.inertia_kg_m2 * float(q[5] ** 2),
             "potential": m * self.gravity * float(q[1]),
-            "elastic": float(springs.stored_energy(*self._slots, self.table)),
-            "plastic": float(self.audit[stepper.PLASTIC]),
-            "friction": float(self.audit[stepper.FRICTION]),
-            "rolling": float(self.audit[stepper.ROLLING]),
-            "effects": float(self.audit[stepper.EFFECTS]),
+            "elastic": float(contact_energy.stored_energy(*self._slots, self.table)),
+            "plastic": float(self.audit[contact_step.PLASTIC]),
+            "friction": float(self.audit[contact_step.FRICTION]),
+            "rolling": float(self.audit[contact_step.ROLLING]),
+            "effects": float(self.audit[contact_step.EFFECTS]),
         }
 
     def energy_balance(self) -> dict[str, float]:
@@ -388,7 +388,7 @@ class _ImpactLog:
             return
         self.open["penetration_m"] = max(self.open["penetration_m"], knot.depth)
         self.open["force_N"] = max(self.open["force_N"], knot.force)
-        if knot.force > stepper.PRESSED * self.open["force_N"]:
+        if knot.force > contact_step.PRESSED * self.open["force_N"]:
             self._left = None
         elif self._left is None:
             self._left = knot

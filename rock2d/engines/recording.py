@@ -6,11 +6,11 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.effects.forces import FIRST, departure
-from rock2d.engines.air import fly, in_air
-from rock2d.engines.kinks import hermite_root
-from rock2d.engines.slots import ACTIVE, ZONE
-from rock2d.engines.springs import kinetic_energy
-from rock2d.engines.stepper import EFFECTS, PRESSED, RECOIL
+from rock2d.engines.contact_energy import kinetic_energy
+from rock2d.engines.contact_state import ACTIVE, ZONE
+from rock2d.engines.contact_step import EFFECTS, PRESSED, RECOIL
+from rock2d.engines.event_detection import hermite_root
+from rock2d.engines.free_flight import fly, in_air
 
 # one impact: zone id, t, state before (6), t after, state after (6), penetration, force
 N_IMPACT = 17

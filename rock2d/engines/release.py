@@ -9,25 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.approach import safe_time, time_to_ground
 from rock2d.compiled import copy, kernel, njit
-from rock2d.contact import CRATER, K_L, K_UL, residual
 from rock2d.effects.forces import ACTS
-from rock2d.engines import press, rest, slots, springs, stepper
-from rock2d.engines.air import air_stride, fly, in_air
-from rock2d.engines.recording import (
-    N_IMPACT,
-    close_impact,
-    cross,
-    end_impact,
-    is_spent,
-    knot,
-    near_line,
-    note_pressure,
-    open_impact,
-    sample,
-)
-from rock2d.engines.slots import (
+from rock2d.engines import contact_energy, contact_state, contact_step, fast_contact_steps, rest
+from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
     DEPTH_MAX,
@@ -39,7 +24,8 @@ from rock2d.engines.slots import (
     VERTEX_SLOTS,
     ZONE,
 )
-from rock2d.geometry import (
+from rock2d.engines.free_flight import air_stride, fly, in_air
+from rock2d.engines.geometry import (
     CONVEX,
     CORNER_X,
     CORNER_Y,
@@ -52,6 +38,20 @@ from rock2d.geometry import (
     point_depth,
     polygon_depth,
 )
+from rock2d.engines.recording import (
+    N_IMPACT,
+    close_impact,
+    cross,
+    end_impact,
+    is_spent,
+    knot,
+    near_line,
+    note_pressure,
+    open_impact,
+    sample,
+)
+from rock2d.engines.time_to_contact import safe_time, time_to_ground
+from rock2d.laws.contact import CRATER, K_L, K_UL, residual
 
 STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
 TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
@@ -93,11 +93,11 @@ def release(
     n = corners + min(VERTEX_SLOTS, convex) if corners > 0 else SMOOTH_SLOTS
     ints, found_i = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_INTS), np.int64)
     reals, found_r = np.zeros((n, N_REALS)), np.zeros((n, N_REALS))
-    slots.clear(ints, reals)
+    contact_state.clear(ints, reals)
     return _descend(
         block, terrain, tree, packed.lines[terrain_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
         time_limit, impact_limit, spent, settled, times, impacts, crossings, samples, audit, knots, ints, reals,
-        found_i, found_r, stepper.scratch(n), np.empty(64, np.int64), np.empty((3, 8)), np.full(N_IMPACT, np.nan),
+        found_i, found_r, contact_step.scratch(n), np.empty(64, np.int64), np.empty((3, 8)), np.full(N_IMPACT, np.nan),
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def _descend(
                 tau = min(tau, longest, time_limit - t)
                 copy(q, old)
                 used = knot(knots, used, t, q, 0.0 if airy else 1.0)
-                audit[stepper.EFFECTS] += fly(q, tau, gravity, block)
+                audit[contact_step.EFFECTS] += fly(q, tau, gravity, block)
                 new = cross(t, old, tau, q, True, gravity, block, lines, crossings)
                 at = sample(t, old, tau, q, not airy, gravity, times, at, samples)
                 t += tau
@@ -155,7 +155,7 @@ def _descend(
         # near the ground or on it
         if steps >= looked:
             looked = steps + LOOK_EVERY
-            eased = min(EASE_LIMIT, springs.ease(highest_energy, block, ints, reals, params))
+            eased = min(EASE_LIMIT, contact_energy.ease(highest_energy, block, ints, reals, params))
             if active > 0 and is_open:
                 if settled and rest.captured(q, gravity, terrain, block, params, ints, reals):
                     stop = REST
@@ -164,7 +164,7 @@ def _descend(
                     stop = REST
                     break
                 if spent:
-                    stored = springs.stored_energy(ints, reals, params)
+                    stored = contact_energy.stored_energy(ints, reals, params)
                     if is_spent(q, stored, gravity, block, lines, crossings):
                         stop = SPENT
                         break
@@ -174,18 +174,20 @@ def _descend(
         pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
         if active > 0 and anchor[3] > 0.0:
             # as fast as the block may become in so many steps, if the springs give all that they hold
-            held = springs.kinetic_energy(q, block) + springs.stored_energy(ints, reals, params)
+            held = contact_energy.kinetic_energy(q, block) + contact_energy.stored_energy(ints, reals, params)
             span = LOOK_EVERY * FREE_STEP * h
             reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
             near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
             pause = times[at] if at < times.size else np.inf
-            until, done, left, why = press.press(
+            until, done, left, why = fast_contact_steps.press(
                 q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
                 pause, anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
             if why > 0:
-                fresh = why == press.GUARD_LEFT and (done > 0 or old[0] != anchor[0] or old[1] != anchor[1])
+                fresh = why == fast_contact_steps.GUARD_LEFT and (
+                    done > 0 or old[0] != anchor[0] or old[1] != anchor[1]
+                )
                 anchor[3] = 0.0
                 if fresh:
                     f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
@@ -205,19 +207,19 @@ def _descend(
             reach = near_reach(q, h, gravity, radius)
             f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
             if active == 0 and not noticed:
-                slots.clear(ints, reals)
-                active = stepper.begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                contact_state.clear(ints, reals)
+                active = contact_step.begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
                 noticed = True
                 if active > 0:
                     is_open, left = True, False
                     open_impact(current, t, q, ints)
-                    highest_energy = max(highest_energy, springs.kinetic_energy(q, block))
+                    highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             flying = active == 0
             if stale:
-                stepper.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                contact_step.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
                 stale = False
             used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
-            until = t + stepper.step(
+            until = t + contact_step.step(
                 q,
                 h,
                 f0,
@@ -235,13 +237,13 @@ def _descend(
                 floating,
             )
             before = active
-            force, depth, active = springs.pressure(ints, reals, params)
+            force, depth, active = contact_energy.pressure(ints, reals, params)
             if is_open:
                 left = note_pressure(current, left, force, depth, until, q)
             elif active > 0:
                 is_open, left = True, False
                 open_impact(current, until, q, ints)
-                highest_energy = max(highest_energy, springs.kinetic_energy(q, block))
+                highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
@@ -289,8 +291,8 @@ def set_anchor(anchor, q, h, f0, f1, terrain, block, ints):
     each side."""
     anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
     allowance = min(VIEW - 1.0, max(0.1, VIEW_FACETS * terrain.facet_m / block.radius)) * block.radius
-    anchor[3] = press.guard_distance(q, allowance, f0, f1, terrain, block, ints)
-    if anchor[3] < h * (abs(q[3]) + abs(q[4]) + press.TURN_ARM * block.radius * abs(q[5])):
+    anchor[3] = fast_contact_steps.guard_distance(q, allowance, f0, f1, terrain, block, ints)
+    if anchor[3] < h * (abs(q[3]) + abs(q[4]) + fast_contact_steps.TURN_ARM * block.radius * abs(q[5])):
         anchor[3] = 0.0
 
 
@@ -303,7 +305,7 @@ def pressing(ints, reals, params, step):
             p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
             loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
             floating = floating and p[ACTS] == 0.0 and p[CRATER] == 0.0
-            floating = floating and press.floats(
+            floating = floating and fast_contact_steps.floats(
                 pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step
             )
     return loading, floating

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.contact import K_L, K_R, K_UL, MU, normal_force
-from rock2d.engines.slots import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
-from rock2d.engines.springs import kinetic_energy, stored_energy
-from rock2d.geometry import SMOOTH_FACET, contact_point, is_ball
+from rock2d.engines.contact_energy import kinetic_energy, stored_energy
+from rock2d.engines.contact_state import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
+from rock2d.engines.geometry import SMOOTH_FACET, contact_point, is_ball
+from rock2d.laws.contact import K_L, K_R, K_UL, MU, normal_force
 
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
 # motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.calibration import Sample
-from rock2d.folders import atomic_folder, make_folder
+from rock2d.calibration.sequential_monte_carlo import Sample
+from rock2d.files.folders import atomic_folder, make_folder
 from rock2d.reproduction import published, stages
 from rock2d.reproduction.passing import Known
 from rock2d.reproduction.results import Results, judge
@@ -36,9 +36,10 @@ def reproduce(
     Calibrations that an interrupted call with the same seed and effort had finished are taken from a hidden folder
     beside `out`.
     """
-    from figures.reproduction import write_all
-    from rock2d.demo import scenario_file
-    from rock2d.scenario import load_scenario
+    from rock2d_figures.all_figures import write_all
+
+    from rock2d.files.scenario import load_scenario
+    from rock2d.runs.demo import scenario_file
 
     begin = time.perf_counter()
     known = known_bench(load_scenario(scenario_file(SCENARIO)))

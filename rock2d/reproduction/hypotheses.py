@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.blocks import Block
-from rock2d.calibration import Quantity, Space
+from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
-from rock2d.terrain import Terrain
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
 
 Array = np.ndarray
 Values = Mapping[str, Array]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.blocks import Block
 from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, starts, terrain
 from rock2d.reproduction.published import LINES
-from rock2d.world import World
+from rock2d.scene.blocks import Block
+from rock2d.scene.world import World
 
 if TYPE_CHECKING:
     from rock2d.engines.batch import BatchResult
@@ -144,7 +144,7 @@ def bounce(
     The slope and the ground behind the crest take the ditch's parameters.
     """
     from rock2d.engines.point_mass_batch import run_point_mass_batch
-    from rock2d.rebound import ReboundParameters
+    from rock2d.laws.rebound import ReboundParameters
 
     block, n = known.blocks[block_name], len(draws)
     begin = starts(values, block, known.gravity_m_s2)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.calibration import Sample
+from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
 from rock2d.reproduction.passing import Known, Outcome, bounce, fall

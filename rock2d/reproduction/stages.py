@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.calibration import Quantity, Sample, Space, posterior, prior_draws
+from rock2d.calibration.sequential_monte_carlo import Quantity, Sample, Space, posterior, prior_draws
 from rock2d.reproduction import published
-from rock2d.reproduction.evidence import log_lines, log_words
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
+from rock2d.reproduction.likelihood import log_lines, log_words
 from rock2d.reproduction.passing import Change, Known, Outcome, bounce, fall, land
-from rock2d.world import World
+from rock2d.scene.world import World
 
 Array = np.ndarray
 Told = Callable[[float], None]

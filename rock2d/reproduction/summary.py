@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.calibration import Quantity, Space
+from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
-from rock2d.reproduction.evidence import filmed, log_counts_without, log_lines
 from rock2d.reproduction.hypotheses import Values
+from rock2d.reproduction.likelihood import filmed, log_counts_without, log_lines
 from rock2d.reproduction.passing import Outcome
 from rock2d.reproduction.stages import CANDIDATES, NONE, candidate_of, prior_of
 

@@ -23,13 +23,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rock2d.contact import parameter_table
 from rock2d.engines.batch import STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.engines.release import STOPS
-from rock2d.incident import starts
-from rock2d.scenario import load_scenario
+from rock2d.files.scenario import load_scenario
+from rock2d.laws.contact import parameter_table
+from rock2d.runs.incident_states import starts
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 BENCH = [("paper_bench", block) for block in ("sphere", "cube", "parallelepiped")]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rock2d.blind import reality
-from rock2d.blind.reality import FORMS, OUTSIDE, Bench, Block, Hidden, Law, draw, fall, film
+from rock2d.blind.reality import FORMS, OUTSIDE, Bench, Block, Hidden, Law, draw, ensemble, film
 
 G = 9.81
 MAY_IMPORT = {"numpy", "numba", *sys.stdlib_module_names}
@@ -45,7 +45,7 @@ def _fall(
 ) -> np.ndarray:  # fmt: skip
     states = np.atleast_2d(states)
     n = np.arange(len(states))
-    return fall(
+    return ensemble(
         bench, law, blocks, n % len(blocks), states, n // len(blocks), times, gravity_m_s2=gravity,
         soil_sd=np.full(5, soil_sd), hidden=hidden or [], seed=seed,
     )  # fmt: skip

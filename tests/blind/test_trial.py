@@ -8,17 +8,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.blind import reality, writing
+from rock2d.blind import case_files, reality
+from rock2d.blind.case_files import make_trial, read_labels, redraw
 from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
-from rock2d.blind.pool import in_turn
+from rock2d.blind.parallel import in_turn
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, summary, table
-from rock2d.blind.strength import likeness, signal_to_noise
+from rock2d.blind.signal_to_noise import likeness, signal_to_noise
 from rock2d.blind.training import FEATURES, Examples, regression, unseen
-from rock2d.blind.writing import make_trial, read_labels, redraw
-from rock2d.diagnosis.weighing import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
+from rock2d.diagnosis.classification import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.experiment import read_experiment
+from rock2d.files.experiment import read_experiment
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def small(monkeypatch):
     def draw(hand, seed):
         return draw_case(hand, seed, smallest=True)
 
-    monkeypatch.setattr(writing, "draw_case", draw)
+    monkeypatch.setattr(case_files, "draw_case", draw)
 
 
 def test_hands_hold_enough_nulls_outsiders_and_every_effect():

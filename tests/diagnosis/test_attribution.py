@@ -6,16 +6,16 @@ import json
 
 import numpy as np
 import pytest
-from synthetic import LAW, film, series_order, world
 
 from rock2d.diagnosis.attribution import attribute
-from rock2d.diagnosis.bench import base_start, bench_world
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.diagnosis.film_data import film_data
 from rock2d.diagnosis.fitting import PROMISING, fit
-from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
+from rock2d.kinematics.base_world import base_start, bench_world
+from rock2d.kinematics.flights import load_film
+from tests.kinematics.synthetic_films import LAW, film, series_order, world
 
 RELEASES = 16
 RIVALS = (

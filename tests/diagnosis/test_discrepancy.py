@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import film, series_order, world
 
-from rock2d.diagnosis.bench import bench_world
 from rock2d.diagnosis.discrepancy import _best_gain, discrepancies, standard
 from rock2d.diagnosis.film_data import film_data, history_groups
 from rock2d.diagnosis.fitting import HEAVY, Fit, fit
-from rock2d.diagnosis.flights import load_film
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
+from rock2d.kinematics.base_world import bench_world
+from rock2d.kinematics.flights import load_film
+from tests.kinematics.synthetic_films import film, series_order, world
 
 RELEASES = 16
 

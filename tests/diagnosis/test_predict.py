@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from synthetic import film, world
 
 from rock2d.cli import cli
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.diagnosis.predict import COLUMNS, predict, read_model
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.experiment import write_experiment
+from rock2d.files.experiment import write_experiment
+from tests.kinematics.synthetic_films import film, world
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 

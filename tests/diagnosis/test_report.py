@@ -9,16 +9,17 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic import film, series_order, world
 
-from rock2d.diagnosis import fitting, report, wording
-from rock2d.diagnosis.bench import bench_world
+from rock2d.diagnosis import fitting
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
-from rock2d.diagnosis.sanity import Sanity
-from rock2d.diagnosis.states import drift
+from rock2d.diagnosis.report import page
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
-from rock2d.experiment import Experiment
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.base_world import bench_world
+from rock2d.kinematics.sanity import Sanity
+from rock2d.kinematics.states import drift
+from tests.kinematics.synthetic_films import film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
 RELEASES = 6  # of each block: as few as can be diagnosed
@@ -65,11 +66,11 @@ def diagnosed() -> Diagnosis:
 @pytest.fixture
 def written(tmp_path, monkeypatch):
     """Write the report of a diagnosis; returns the page and its text."""
-    monkeypatch.setattr(report, "VIDEO_S", 0.5)
-    monkeypatch.setattr(report, "VIDEO_SIZE", (480, 240))
+    monkeypatch.setattr(page, "VIDEO_S", 0.5)
+    monkeypatch.setattr(page, "VIDEO_SIZE", (480, 240))
 
     def write(result: Diagnosis) -> tuple[Page, str]:
-        report.write_report(result, diagnosis_json(result), tmp_path, progress=False)
+        page.write_report(result, diagnosis_json(result), tmp_path, progress=False)
         text = (tmp_path / "report.html").read_text(encoding="utf-8")
         return Page(text), text
 
@@ -98,7 +99,7 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
     gap = content["gap"]
-    assert wording.closure(gap["closure"], gap["closure_ci95"]) in page.text
+    assert text.closure(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
     for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "takes for granted"):
         assert words in page.text

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import BENCH, BLOCKS, CUBE, FLOOR, LAW, SLAB, SPHERE, elastic, replace, run, with_effect, world
 
-from rock2d.blocks import make_block, states_at
-from rock2d.contact import ContactParameters, parameter_table
-from rock2d.engines import slots
+from rock2d.engines import contact_state
+from rock2d.engines.geometry import block_arrays, terrain_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
-from rock2d.geometry import block_arrays, terrain_arrays
-from rock2d.terrain import Terrain
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.blocks import make_block, states_at
+from rock2d.scene.cross_section import Terrain
+from tests.effects.worlds import (
+    BENCH,
+    BLOCKS,
+    CUBE,
+    FLOOR,
+    LAW,
+    SLAB,
+    SPHERE,
+    elastic,
+    replace,
+    run,
+    with_effect,
+    world,
+)
 
 SIDE = 0.019
 RIDGE = Terrain([[-1, -0.6], [0, 0], [1, -0.9]], ["left", "right"])
@@ -27,16 +40,16 @@ BODIES = {"round_cube": ROUND_CUBE, "round_slab": ROUND_SLAB, "off_sphere": OFF_
 def closest(block, terrain, pose):
     """Features of all slots at a pose: kind, depth, rate of depth per unit of motion in x, y, theta."""
     arrays, ground = block_arrays(block), terrain_arrays(terrain, 1.0)
-    n = slots.slot_count(block)
+    n = contact_state.slot_count(block)
     rates = []
     for axis in range(3):
-        ints, _ = slots.new_slots(block)
-        found_i, found_r = slots.new_slots(block)
+        ints, _ = contact_state.new_slots(block)
+        found_i, found_r = contact_state.new_slots(block)
         q = np.concatenate([pose, np.eye(3)[axis]])
-        slots.find_features(q, 1.0, 0, len(terrain.zones), ground, arrays, ints, found_i, found_r)
-        rates.append(found_r[:, slots.RATE].copy())
-    depth = found_r[:, slots.DEPTH]
-    kept = depth > slots.NOWHERE
+        contact_state.find_features(q, 1.0, 0, len(terrain.zones), ground, arrays, ints, found_i, found_r)
+        rates.append(found_r[:, contact_state.RATE].copy())
+    depth = found_r[:, contact_state.DEPTH]
+    kept = depth > contact_state.NOWHERE
     assert n == len(depth)
     return np.where(kept, depth, -np.inf), np.array(rates).T
 

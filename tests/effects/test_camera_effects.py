@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import BENCH, CATALOGUE, neutral, run, typical, with_effect, world
 
 from rock2d.effects.changes import image
+from tests.effects.worlds import BENCH, CATALOGUE, neutral, run, typical, with_effect, world
 
 CAMERA = [name for name, effect in CATALOGUE.items() if effect.camera]
 POSES = np.random.default_rng(4).uniform([-0.1, 0.0, -3], [0.4, 0.3, 3], (50, 3))

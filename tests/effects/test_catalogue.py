@@ -10,7 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from worlds import (
+
+import rock2d
+from rock2d.effects.columns import LAW_COLUMNS, N_COLUMNS, widened
+from rock2d.effects.geometry_error import as_built
+from rock2d.effects.surface_roughness import roughened
+from rock2d.engines.batch import Ensemble, run_batch
+from rock2d.engines.pymunk_engine import run_pymunk
+from rock2d.laws.contact import K_L, K_UL, parameter_table
+from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
+from tests.effects.worlds import (
     BENCH,
     CATALOGUE,
     FLOOR,
@@ -26,15 +35,6 @@ from worlds import (
     with_effect,
     world,
 )
-
-import rock2d
-from rock2d.contact import K_L, K_UL, parameter_table
-from rock2d.effects.columns import LAW_COLUMNS, N_COLUMNS, widened
-from rock2d.effects.geometry_error import as_built
-from rock2d.effects.surface_roughness import roughened
-from rock2d.engines.batch import Ensemble, run_batch
-from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.terrain import ditch_facets, embankment_facets, facet_zones
 
 NAMES = {
     "air_drag", "flight_damping", "magnus_lift", "camera_tilt", "scale_error", "frame_rate_error", "lens_distortion",

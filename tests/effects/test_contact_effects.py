@@ -5,13 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from worlds import CATALOGUE, FLOOR, SPHERE, elastic, pymunk_release, replace, run, with_effect, world
 
-from rock2d.contact import ContactParameters
 from rock2d.effects.adhesion import ONSET_WAY
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.terrain import Terrain
+from rock2d.laws.contact import ContactParameters
+from rock2d.scene.cross_section import Terrain
+from tests.effects.worlds import (
+    CATALOGUE,
+    FLOOR,
+    SPHERE,
+    elastic,
+    pymunk_release,
+    replace,
+    run,
+    with_effect,
+    world,
+)
 
 M, R = SPHERE.mass_kg, SPHERE.radius_m
 NO_ROLLING = {"k_r_Nm_rad": 0.0}

@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from worlds import BENCH, CUBE, SPHERE, energies, pymunk_release, replace, run, with_effect, world
 
-from rock2d.terrain import Terrain
+from rock2d.scene.cross_section import Terrain
+from tests.effects.worlds import (
+    BENCH,
+    CUBE,
+    SPHERE,
+    energies,
+    pymunk_release,
+    replace,
+    run,
+    with_effect,
+    world,
+)
 
 ABYSS = Terrain([[-1000, -1000], [1000, -1000]], ["floor"])
 TIMES = np.linspace(0.05, 3.0, 40)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from test_pymunk_engine import BENCH, BLOCKS, CUBE, LAW, SLAB, SPHERE
 
-from rock2d.contact import ContactParameters, parameter_table
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.pymunk_engine import PymunkRelease
-from rock2d.terrain import Terrain
-from rock2d.world import World
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
+from tests.engines.test_pymunk_engine import BENCH, BLOCKS, CUBE, LAW, SLAB, SPHERE
 
 FLOOR = Terrain([[-50, 0], [50, 0]], ["floor"])
 CATALOGUE = catalogue()

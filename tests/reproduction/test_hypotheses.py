@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 import shapely
 
-from rock2d.calibration import prior_draws
-from rock2d.demo import scenario_file
-from rock2d.incident import drawn_states
+from rock2d.calibration.sequential_monte_carlo import prior_draws
+from rock2d.files.scenario import load_scenario
 from rock2d.reproduction import passing, published
 from rock2d.reproduction.command import known_bench
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, starts, terrain
 from rock2d.reproduction.passing import DITCH, FACING, bounce, fall, land
-from rock2d.reproduction.scenario_out import scenario_text
+from rock2d.reproduction.scenario_file import scenario_text
 from rock2d.reproduction.stages import (
     CANDIDATE_SPACE,
     CANDIDATES,
     candidate_of,
     fall_with_candidate,
 )
-from rock2d.scenario import load_scenario
+from rock2d.runs.demo import scenario_file
+from rock2d.runs.incident_states import drawn_states
 
 KNOWN = known_bench(load_scenario(scenario_file("paper_bench.yaml")))
 RNG = np.random.default_rng(5)

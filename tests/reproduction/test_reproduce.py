@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.demo import scenario_file
+from rock2d.files.scenario import load_scenario
 from rock2d.reproduction import command, published, stages
 from rock2d.reproduction.stages import Effort
-from rock2d.scenario import load_scenario
+from rock2d.runs.demo import scenario_file
 
 SMALL = Effort(hypotheses=96, releases=10, moves=3)
 FILES = {

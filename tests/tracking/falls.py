@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from rock2d_tracking.camera import PixelMap
 
-from rock2d.blocks import make_block
-from rock2d.contact import ContactParameters, parameter_table
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.experiment import Experiment
-from rock2d.terrain import Terrain
-from rock2d.world import World
-from tracking.camera import PixelMap
+from rock2d.files.experiment import Experiment
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
 
 SIZE_PX = (640, 400)
 CAMERA = PixelMap(6e-4, (100.0, 320.0))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.setup_file import Bench
 
 from rock2d.errors import InputError
-from tracking.bench import Bench
-from tracking.camera import PixelMap
 
 BENCH = """\
 name: bench

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from falls import CAMERA, SIZE_PX, falls
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.setup_writing import write_bench
+from rock2d_tracking.synthetic.faults import CLEAN
+from rock2d_tracking.synthetic.film import film_frames, write_film
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
-from rock2d.experiment import read_experiment, write_experiment
-from tracking.bench_file import write_bench
-from tracking.camera import PixelMap
-from tracking.faults import CLEAN
-from tracking.film import FilmFile
-from tracking.synthetic import film_frames, write_film
+from rock2d.files.experiment import read_experiment, write_experiment
+from tests.tracking.falls import CAMERA, SIZE_PX, falls
 
 
 def run(*arguments: object) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from rock2d_tracking.importers.importing import KINDS, import_tracks, read_points
+from rock2d_tracking.importers.tracker_text import write_tracker
 
-from rock2d.blocks import make_block
 from rock2d.errors import InputError
-from rock2d.experiment import TRAJECTORY_COLUMNS, read_trajectories
-from tracking.importing import KINDS, import_tracks, read_points
-from tracking.tracker_text import write_tracker
+from rock2d.files.experiment import TRAJECTORY_COLUMNS, read_trajectories
+from rock2d.scene.blocks import make_block
 
 SPHERE = make_block("sphere", shape="circle", diameter_m=0.025, mass_kg=0.022, inertia="solid_sphere")
 CUBE = make_block("cube", shape="square", side_m=0.019, mass_kg=0.0233, inertia="uniform")

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from rock2d_tracking.outline import cover, fit_pose, outline_of
 
-from rock2d.blocks import Block, make_block
-from tracking.outline import cover, fit_pose, outline_of
+from rock2d.scene.blocks import Block, make_block
 
 BLOCKS = {
     "circle": make_block("a", "circle", 1.0, "uniform", diameter_m=0.024),

@@ -11,16 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.synthetic.faults import MODERATE, SEVERE, Faults, impacts
+from rock2d_tracking.synthetic.film import TRUTH_COLUMNS, Shot, film_frames, write_film
+from rock2d_tracking.synthetic.scene import Look, coverage
 
-import tracking.synthetic
-from rock2d.blocks import Block, make_block
 from rock2d.errors import InputError
-from rock2d.experiment import Experiment
-from rock2d.terrain import Terrain
-from tracking.camera import PixelMap
-from tracking.faults import MODERATE, SEVERE, Faults, impacts
-from tracking.scene import Look, coverage
-from tracking.synthetic import TRUTH_COLUMNS, Shot, film_frames, write_film
+from rock2d.files.experiment import Experiment
+from rock2d.scene.blocks import Block, make_block
+from rock2d.scene.cross_section import Terrain
 
 cv2.setNumThreads(1)
 
@@ -306,7 +305,7 @@ def test_a_film_is_whole_or_not_there(tmp_path, monkeypatch):
         write_film(tmp_path / "film.avi", shots, (161, 120), 25)
     with pytest.raises(InputError, match="120 x 160 px, found 160 x 120"):
         write_film(tmp_path / "film.avi", shots, (120, 160), 25)
-    monkeypatch.setattr(tracking.synthetic, "_writer", lambda *_: cv2.VideoWriter())
+    monkeypatch.setattr("rock2d_tracking.synthetic.film._writer", lambda *_: cv2.VideoWriter())
     with pytest.raises(InputError, match="cannot write FFV1"):
         write_film(tmp_path / "film.avi", shots, SIZE, 25)
     assert not list(tmp_path.iterdir())

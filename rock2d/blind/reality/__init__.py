@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from rock2d.blind.reality.camera import film
 from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, draw
-from rock2d.blind.reality.fall import fall
+from rock2d.blind.reality.data_model import Bench, Block, Hidden, Law
+from rock2d.blind.reality.ensemble import fall
 from rock2d.blind.reality.outside import PHASES
-from rock2d.blind.reality.things import Bench, Block, Hidden, Law
 
 __all__ = ["FORMS", "OUTSIDE", "PHASES", "Bench", "Block", "Hidden", "Law", "draw", "fall", "film"]

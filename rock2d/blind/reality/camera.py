@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.blind.reality.things import Array, Hidden
+from rock2d.blind.reality.data_model import Array, Hidden
 
 
 def film(

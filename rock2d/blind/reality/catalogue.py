@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rock2d.blind.reality.camera_effects import CAMERA
+from rock2d.blind.reality.data_model import Bench, Block, Hidden, Soil
 from rock2d.blind.reality.outside import KINDS
 from rock2d.blind.reality.scale import Scale, scale_of
-from rock2d.blind.reality.things import Bench, Block, Hidden, Soil
 from rock2d.blind.reality.world_effects import WORLD
 
 Sizes = Callable[[int, float, np.random.Generator, Scale], dict[str, float]]

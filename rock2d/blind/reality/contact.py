@@ -5,10 +5,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rock2d.blind.reality import dials
+from rock2d.blind.reality import parameters
+from rock2d.blind.reality.contact_detection import DEPTH, FACET, NX, NY, PX, PY
+from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import DEEPEST, K_L, K_UL, N_MEMORY, ON, SOFT, START, ZONE, press
-from rock2d.blind.reality.things import Array
-from rock2d.blind.reality.touching import DEPTH, FACET, NX, NY, PX, PY
 
 # sums over the contacts: force, moment, horizontal force on the embankment, last outward unit vector, way in m to the
 # next contact that may press, how many are on, how many press, how many of them enter virgin soil
@@ -25,12 +25,12 @@ def begin(i: int, theta: float, late: float, zone: Array, found: Array, memory: 
     memory[i, ZONE] = zone[int(found[i, FACET])]
     memory[i, START] = found[i, DEPTH] if found[i, DEPTH] > late else 0.0
     soft = 1.0
-    if dial[dials.STRIP_FACTOR] > 0.0:
-        into = (found[i, PX] - dial[dials.STRIP_LEFT]) % dial[dials.STRIP_PERIOD]
-        soft = dial[dials.STRIP_FACTOR] if into < dial[dials.STRIP_WIDTH] else 1.0
-    if dial[dials.SIDE] > 0.0:
-        facing = np.arctan2(-found[i, NY], -found[i, NX]) - theta - dial[dials.SIDE_ANGLE]
-        soft *= np.exp(-0.5 * dial[dials.SIDE] * (1.0 + np.cos(facing)))
+    if dial[parameters.STRIP_FACTOR] > 0.0:
+        into = (found[i, PX] - dial[parameters.STRIP_LEFT]) % dial[parameters.STRIP_PERIOD]
+        soft = dial[parameters.STRIP_FACTOR] if into < dial[parameters.STRIP_WIDTH] else 1.0
+    if dial[parameters.SIDE] > 0.0:
+        facing = np.arctan2(-found[i, NY], -found[i, NX]) - theta - dial[parameters.SIDE_ANGLE]
+        soft *= np.exp(-0.5 * dial[parameters.SIDE] * (1.0 + np.cos(facing)))
     memory[i, SOFT] = soft
 
 

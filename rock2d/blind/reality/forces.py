@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rock2d.blind.reality import dials
-from rock2d.blind.reality.things import Array
+from rock2d.blind.reality import parameters
+from rock2d.blind.reality.data_model import Array
 
 ON, DEEPEST, STRETCH, TURN, START, ZONE, SOFT = range(7)
 N_MEMORY = 7
@@ -28,24 +28,24 @@ def spring(depth: float, deepest: float, k_l: float, k_ul: float) -> float:
 @numba.njit
 def slip_factor(slip: float, dial: Array) -> float:
     """Friction at this slip in m/s over friction at rest."""
-    change = dial[dials.SLIP_CHANGE]
+    change = dial[parameters.SLIP_CHANGE]
     if change == 0.0:
         return 1.0
-    ratio = abs(slip) / dial[dials.SLIP_SPEED]
-    grown = ratio / (1.0 + ratio) if dial[dials.SLIP_FORM] > 0.0 else 1.0 - np.exp(-ratio)
+    ratio = abs(slip) / dial[parameters.SLIP_SPEED]
+    grown = ratio / (1.0 + ratio) if dial[parameters.SLIP_FORM] > 0.0 else 1.0 - np.exp(-ratio)
     return max(0.05, 1.0 + change * grown)
 
 
 @numba.njit
 def tension(depth: float, bottom: float, rate: float, dial: Array) -> float:
     """Pull in N of wet soil on a block that rises from its crater, at `depth` above its `bottom` (m)."""
-    pull = dial[dials.TENSION]
+    pull = dial[parameters.TENSION]
     if pull == 0.0 or rate >= 0.0 or depth >= bottom or depth <= 0.0:
         return 0.0
     risen = (bottom - depth) / bottom
-    if dial[dials.TENSION_FADES] > 0.0:
+    if dial[parameters.TENSION_FADES] > 0.0:
         pull *= 1.0 - risen
-    return pull * min(1.0, risen / SET_IN) * np.tanh(-rate / dial[dials.TENSION_SPEED])
+    return pull * min(1.0, risen / SET_IN) * np.tanh(-rate / dial[parameters.TENSION_SPEED])
 
 
 @numba.njit
@@ -65,12 +65,12 @@ def press(
     force = spring(depth, memory[DEEPEST], k_l, k_ul)
     pressing = force > 0.0
     if pressing:
-        resisting = dial[dials.VISCOUS] + dial[dials.HUNT] * depth
+        resisting = dial[parameters.VISCOUS] + dial[parameters.HUNT] * depth
         force = max(0.0, force + resisting * rate)
     limit = soil[MU] * slip_factor(slip, dial) * force
     drag = 0.0
     if pressing:
-        drag = (dial[dials.PLOUGH] + dial[dials.PLOUGH_SQUARE] * abs(slip)) * depth * slip
+        drag = (dial[parameters.PLOUGH] + dial[parameters.PLOUGH_SQUARE] * abs(slip)) * depth * slip
     along = 0.0
     if k_t > 0.0:
         along = min(max(k_t * (memory[STRETCH] + slid), -limit), limit)
@@ -89,31 +89,31 @@ def air(
 ) -> tuple[float, float, float]:
     """Accelerations (m/s², m/s², rad/s²) beside gravity of a block at a clearance `gap` in m from the ground."""
     speed = np.sqrt(vx * vx + vy * vy)
-    slow = dial[dials.DAMP_V]
-    if dial[dials.DRAG] > 0.0 and speed > 0.0:
-        slow += dial[dials.DRAG] * speed ** (dial[dials.POWER] - 1.0)
-    turn = dial[dials.LIFT] * omega
-    if dial[dials.LIFT_ARM] > 0.0:
-        turn *= speed / (speed + dial[dials.LIFT_ARM] * abs(omega) + 1e-12)
+    slow = dial[parameters.DAMP_V]
+    if dial[parameters.DRAG] > 0.0 and speed > 0.0:
+        slow += dial[parameters.DRAG] * speed ** (dial[parameters.POWER] - 1.0)
+    turn = dial[parameters.LIFT] * omega
+    if dial[parameters.LIFT_ARM] > 0.0:
+        turn *= speed / (speed + dial[parameters.LIFT_ARM] * abs(omega) + 1e-12)
     ax, ay = -slow * vx - turn * vy, -slow * vy + turn * vx
-    if dial[dials.PUSH_LOW] < y < dial[dials.PUSH_HIGH]:
-        ax += dial[dials.PUSH]
-    if dial[dials.DRAUGHT_LEFT] < x < dial[dials.DRAUGHT_RIGHT]:
-        ay += dial[dials.DRAUGHT]
-    if 0.0 < gap < dial[dials.PULL_RANGE]:
-        ay -= dial[dials.PULL]
-    return ax, ay, -dial[dials.DAMP_W] * omega
+    if dial[parameters.PUSH_LOW] < y < dial[parameters.PUSH_HIGH]:
+        ax += dial[parameters.PUSH]
+    if dial[parameters.DRAUGHT_LEFT] < x < dial[parameters.DRAUGHT_RIGHT]:
+        ay += dial[parameters.DRAUGHT]
+    if 0.0 < gap < dial[parameters.PULL_RANGE]:
+        ay -= dial[parameters.PULL]
+    return ax, ay, -dial[parameters.DAMP_W] * omega
 
 
 @numba.njit
 def blows(dial: Array) -> bool:
     """Whether any force of the air acts."""
     return (
-        dial[dials.DRAG] != 0.0
-        or dial[dials.DAMP_V] != 0.0
-        or dial[dials.DAMP_W] != 0.0
-        or dial[dials.LIFT] != 0.0
-        or dial[dials.PUSH] != 0.0
-        or dial[dials.DRAUGHT] != 0.0
-        or dial[dials.PULL] != 0.0
+        dial[parameters.DRAG] != 0.0
+        or dial[parameters.DAMP_V] != 0.0
+        or dial[parameters.DAMP_W] != 0.0
+        or dial[parameters.LIFT] != 0.0
+        or dial[parameters.PUSH] != 0.0
+        or dial[parameters.DRAUGHT] != 0.0
+        or dial[parameters.PULL] != 0.0
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rock2d.blind.reality.things import Array
+from rock2d.blind.reality.data_model import Array
 
 CONCAVE = 0.2  # rad: a sharper hollow parts the ground into patches, each of which may touch a circle
 CONVEX = 0.05  # rad: a sharper ridge can poke into the face of a polygon

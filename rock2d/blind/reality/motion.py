@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rock2d.blind.reality import dials
+from rock2d.blind.reality import parameters
 from rock2d.blind.reality.contact import (
     COUNT,
     EMBANKMENT,
@@ -21,10 +21,10 @@ from rock2d.blind.reality.contact import (
     add_up,
     settle,
 )
+from rock2d.blind.reality.contact_detection import DEPTH, PX, PY, find
+from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import K_L, K_R, K_T, K_UL, N_MEMORY, air, blows
 from rock2d.blind.reality.ground import below, facet_at, foot
-from rock2d.blind.reality.things import Array
-from rock2d.blind.reality.touching import DEPTH, PX, PY, find
 
 PHASE = 0.03  # rad of the stiffest oscillation in a contact step
 LANDING = 0.1  # of a contact step: the last steps of a flight, so that contacts begin close to the surface
@@ -51,8 +51,8 @@ def steps_s(soil: Array, block: Array, dial: Array) -> tuple[float, float, float
     oblique = 1.0 / block[MASS] + block[REACH] ** 2 / block[INERTIA]
     other = max(k_t * oblique, k_r / block[INERTIA])
     damped = 1e9
-    if dial[dials.STIFFENING_RATE] > 0.0:
-        damped = DAMPED / (dial[dials.STIFFENING_RATE] * oblique)
+    if dial[parameters.STIFFENING_RATE] > 0.0:
+        damped = DAMPED / (dial[parameters.STIFFENING_RATE] * oblique)
     loading = min(damped, PHASE / np.sqrt(max(k_l * normal, other)))
     unloading = min(damped, PHASE / np.sqrt(max(k_ul * normal, other)))
     floating = min(damped, PHASE / np.sqrt(max(k_r / block[INERTIA], 1e-12)))
@@ -134,7 +134,7 @@ def release(
     velocity, going = np.zeros(3), np.zeros(3)
     accel = np.zeros(3)
     loading, unloading, floating = steps_s(soil, body, dial)
-    windy, shaking, recoils = blows(dial), dial[dials.SHAKE] > 0.0, dial[dials.RECOIL_MASS] > 0.0
+    windy, shaking, recoils = blows(dial), dial[parameters.SHAKE] > 0.0, dial[parameters.RECOIL_MASS] > 0.0
     t, done, impact, is_open = times[0], 0, -1, False
     last, low, high, gap = 0.0, 0, 0, -1.0
     shift = drift = lift = heave = tilt = pivot_x = pivot_y = 0.0
@@ -145,9 +145,9 @@ def release(
         speed = (
             np.sqrt(q[3] * q[3] + q[4] * q[4])
             + abs(q[5]) * reach
-            + dial[dials.SHAKE] * dial[dials.SHAKE_RATE]
+            + dial[parameters.SHAKE] * dial[parameters.SHAKE_RATE]
         )
-        moving = abs(drift) > 1e-9 or (shift != 0.0 and dial[dials.RECOIL_SPRING] > 0.0)
+        moving = abs(drift) > 1e-9 or (shift != 0.0 and dial[parameters.RECOIL_SPRING] > 0.0)
         # how far to step
         if is_open:
             h = unloading
@@ -176,9 +176,9 @@ def release(
             velocity[k] = q[3 + k] + 0.5 * h * accel[k]
             going[k] = q[3 + k]
         if shaking:
-            angle = dial[dials.SHAKE_RATE] * (t + 0.5 * h) + dial[dials.SHAKE_PHASE]
-            lift = dial[dials.SHAKE] * np.sin(angle)
-            heave = dial[dials.SHAKE] * dial[dials.SHAKE_RATE] * np.cos(angle)
+            angle = dial[parameters.SHAKE_RATE] * (t + 0.5 * h) + dial[parameters.SHAKE_PHASE]
+            lift = dial[parameters.SHAKE] * np.sin(angle)
+            heave = dial[parameters.SHAKE] * dial[parameters.SHAKE_RATE] * np.cos(angle)
         if shaking or moving:
             shift += 0.5 * h * drift
             lay_ground(base, pivot_x, pivot_y, tilt, shift, yielding, lift, points)
@@ -213,15 +213,15 @@ def release(
                 last = h
             elif is_open:
                 is_open, last = False, 0.0
-                if impact == 0 and dial[dials.SHEDS] > 0.0:
-                    mass *= 1.0 - dial[dials.SHEDS]
-                    inertia *= 1.0 - dial[dials.SHEDS]
+                if impact == 0 and dial[parameters.SHEDS] > 0.0:
+                    mass *= 1.0 - dial[parameters.SHEDS]
+                    inertia *= 1.0 - dial[parameters.SHEDS]
                     body[MASS], body[INERTIA] = mass, inertia
                     for k in range(3):
-                        q[3 + k] /= 1.0 - dial[dials.SHEDS]
+                        q[3 + k] /= 1.0 - dial[parameters.SHEDS]
                     loading, unloading, floating = steps_s(soil, body, dial)
                 _lift_off(q, reach, impact, sums, shares, dial)
-                drift = 0.0 if dial[dials.RECOIL_SPRING] == 0.0 else drift
+                drift = 0.0 if dial[parameters.RECOIL_SPRING] == 0.0 else drift
                 if tilt != 0.0:
                     tilt = 0.0
                     lay_ground(base, pivot_x, pivot_y, tilt, shift, yielding, lift, points)
@@ -264,18 +264,18 @@ def _foot_of_first(low: int, high: int, fixed: int, found: Array, q: Array) -> t
 @numba.njit
 def _lift_off(q: Array, reach: float, impact: int, sums: Array, shares: Array, dial: Array) -> None:
     """What happens to the velocity when an impact ends."""
-    if dial[dials.KICK] > 0.0:
-        kick = dial[dials.KICK] * abs(q[5]) * reach
+    if dial[parameters.KICK] > 0.0:
+        kick = dial[parameters.KICK] * abs(q[5]) * reach
         q[3] += kick * sums[OUT_X]
         q[4] += kick * sums[OUT_Y]
-    if dial[dials.LEAVES] > 0.0:
+    if dial[parameters.LEAVES] > 0.0:
         q[3] *= 1.0 - shares[impact]
 
 
 @numba.njit
 def _recoil(drift: float, shift: float, force: float, h: float, dial: Array) -> float:
     """The embankment's velocity in m/s after a step under a horizontal `force` in N on it."""
-    push = force / dial[dials.RECOIL_MASS] - dial[dials.RECOIL_SPRING] * shift
-    drift = (drift + h * push) / (1.0 + h * dial[dials.RECOIL_DASHPOT])
-    grip = h * dial[dials.RECOIL_GRIP]
+    push = force / dial[parameters.RECOIL_MASS] - dial[parameters.RECOIL_SPRING] * shift
+    drift = (drift + h * push) / (1.0 + h * dial[parameters.RECOIL_DASHPOT])
+    grip = h * dial[parameters.RECOIL_GRIP]
     return np.sign(drift) * max(0.0, abs(drift) - grip)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.blind.reality.things import Array, Bench, Block, Soil, mean_mass_kg, mean_size_m, soil_of
+from rock2d.blind.reality.data_model import Array, Bench, Block, Soil, mean_mass_kg, mean_size_m, soil_of
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,85 @@
+"""What a blind trial found, in one picture: right verdicts by signal-to-noise, and how sure they were.
+
+`python -m figures.blind TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rock2d.blind.scoring import BINS, LEVELS
+from rock2d.graphics.plots import blank_figure, finish, handle
+from rock2d.runs.indicators import wilson_interval
+from rock2d_figures.style import SMALL_PT
+
+ONE, SEVERAL, OUTSIDE, NOTHING = "one effect", "two effects, one named", "outside the catalogue", "nothing"
+STYLES = {
+    ONE: ("#0072b2", "o"),
+    SEVERAL: ("#56b4e9", "^"),
+    OUTSIDE: ("#d55e00", "s"),
+    NOTHING: ("#555555", "D"),
+}
+SHIFT = 0.13  # of one group beside the next
+
+
+def group(label: str) -> str:
+    """Which of the groups a case belongs to."""
+    if label in ("none", "unknown"):
+        return NOTHING if label == "none" else OUTSIDE
+    return SEVERAL if "+" in label else ONE
+
+
+def figure(cases: pd.DataFrame) -> Figure:
+    """Share right with 95 % Wilson intervals, by what was hidden and its signal-to-noise, and against the probability
+    stated; `cases` as `rock2d.blind.scoring.table` gives them."""
+    drawn = blank_figure(7.2, 3.0)
+    left, right = drawn.subplots(1, 2, width_ratios=(1.7, 1.0))
+    kinds = cases["label"].map(group)
+    steps = list(itertools.pairwise(LEVELS))
+    for k, name in enumerate((ONE, SEVERAL, OUTSIDE)):
+        for i, (low, high) in enumerate(steps):
+            own = cases[
+                (kinds == name) & (cases["signal_to_noise"] >= low) & (cases["signal_to_noise"] < high)
+            ]
+            _share(left, i + (k - 1) * SHIFT, own["right"], name)
+    _share(left, len(steps), cases["right"][kinds == NOTHING], NOTHING)
+    ends = [f"{low:g} to {high:g}" for low, high in steps[:-1]]
+    left.set_xticks(range(len(steps) + 1), [*ends, f"above {steps[-1][0]:g}", "nothing\nhidden"])
+    left.set_xlabel("signal-to-noise of what is hidden")
+    left.set_ylabel("right verdicts (%)")
+    p = cases["p"].to_numpy()
+    right.plot([0, 100], [0, 100], color="#bbbbbb", lw=0.8)
+    for part in np.array_split(np.argsort(p, kind="stable"), BINS):
+        _share(right, 100 * p[part].mean(), cases["right"].iloc[part], ONE)
+    right.set_xlabel("probability stated (%)")
+    right.set_xlim(30, 102)
+    for axes in (left, right):
+        axes.set_ylim(-3, 103)
+        axes.grid(axis="y", color="#e4e4e4", lw=0.6)
+    handles = [handle(name, color=c, marker=m, ls="-", ms=5, lw=1.1) for name, (c, m) in STYLES.items()]
+    drawn.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=SMALL_PT + 0.5)
+    finish(drawn)
+    return drawn
+
+
+def _share(axes: Axes, x: float, right: pd.Series, name: str) -> None:
+    if not len(right):
+        return
+    colour, marker = STYLES[name]
+    low, high = wilson_interval(int(right.sum()), len(right))
+    axes.vlines(x, 100 * low, 100 * high, color=colour, lw=1.1)
+    axes.plot(x, 100 * right.mean(), marker, color=colour, ms=5)
+
+
+if __name__ == "__main__":
+    found = pd.read_csv(
+        Path(sys.argv[1]) / "score.csv", dtype={"case": str}, keep_default_na=False, na_values=[""]
+    )
+    figure(found).savefig(Path(__file__).parents[1] / "blind.png", dpi=160)

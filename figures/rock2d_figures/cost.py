@@ -1,0 +1,242 @@
+"""What releases and facets cost, for the batch engine and the point-mass ensembles: cost.png and cost.json.
+
+    python figures/cost.py                        # up to a million releases
+    python figures/cost.py --releases 10000000
+
+Releases: the paper's bench, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
+its 1 m cube, on the same profile cut ever finer with a small smooth undulation on its long facets. Engines run in
+turns, on all threads; compiling is not in the times. Runs above CHUNK releases repeat the first CHUNK starts chunk
+by chunk, so that memory stays bounded; the point mass has new seeds in each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Callable, Hashable, Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any, TypeVar
+
+import click
+import numba
+import numpy as np
+from matplotlib.figure import Figure
+
+from rock2d import __version__
+from rock2d.engines.batch import Ensemble, run_batch
+from rock2d.engines.point_mass_batch import run_point_mass_batch
+from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.graphics.palette import block_colours
+from rock2d.graphics.plots import blank_figure, save_figure
+from rock2d.laws.contact import parameter_table
+from rock2d.runs.incident_states import starts
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+Key = TypeVar("Key", bound=Hashable)
+
+HERE = Path(__file__).resolve().parents[1]
+SEED = 1
+CHUNK = 100_000  # releases in one call
+FACETS = (10, 30, 100, 300, 1000, 3000, 10_000)
+FACET_RELEASES = {"batch": 500, "point mass": 10_000}
+WAVE_M, HEIGHT_M = 8.0, 0.05  # shortest wave of the undulation, and its height
+ENGINES = ("batch", "point mass")
+
+
+@click.command()
+@click.option("--releases", type=click.IntRange(100), default=1_000_000, show_default=True, help="The most.")
+@click.option(
+    "--rounds", type=click.IntRange(1), default=5, show_default=True, help="Repetitions of each time."
+)
+@click.option(
+    "--seconds", type=float, default=60.0, show_default=True, help="After so long no further repetition."
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=HERE, show_default="here", help="Folder of the files."
+)
+def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
+    """Measure, write cost.json and draw cost.png."""
+    numbers = {
+        "machine": machine(),
+        "releases": cost_of_releases(releases, rounds, seconds),
+        "facets": cost_of_facets(rounds, seconds),
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "cost.json").write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+    save_figure(figure_of(numbers), out / "cost.png")
+    for engine in ENGINES:
+        rate = 1.0 / numbers["releases"][engine]["median_s"][-1] * numbers["releases"][engine]["releases"][-1]
+        ratio = numbers["facets"][engine]["10000_to_100_facets"]
+        click.echo(f"{engine}: {rate:,.0f} releases/s; 10,000 facets cost {ratio:.2f} times 100 facets")
+
+
+def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
+    """By engine: numbers of releases, all times in s, their medians."""
+    scenario = load_scenario(HERE.parent / "scenarios" / "paper_bench.yaml")
+    states = states_of(scenario, "sphere", min(most, CHUNK))
+    numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
+    found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
+    for number in numbers:
+        runs = {e: run_of(e, scenario, "sphere", scenario.terrain(), states, number) for e in ENGINES}
+        for engine, times in in_turns(runs, rounds, seconds).items():
+            found[engine]["times_s"].append(times)
+            found[engine]["median_s"].append(float(np.median(times)))
+    return found
+
+
+def cost_of_facets(rounds: int, seconds: float) -> dict[str, Any]:
+    """By engine: numbers of facets, all times in s per release, their medians, and the ratio of 10⁴ to 100 facets
+    (median of the rounds)."""
+    scenario = load_scenario(HERE.parent / "scenarios" / "slope_embankment.yaml")
+    states = states_of(scenario, "cube_1m", max(FACET_RELEASES.values()))
+    runs = {
+        (engine, n): run_of(engine, scenario, "cube_1m", resampled(scenario.terrain(), n), states, number)
+        for engine, number in FACET_RELEASES.items()
+        for n in FACETS
+    }
+    times = in_turns(runs, rounds, seconds)
+    found = {}
+    for engine, number in FACET_RELEASES.items():
+        each = {n: np.array(times[engine, n]) / number for n in FACETS}
+        found[engine] = {
+            "facets": FACETS,
+            "releases": number,
+            "times_s": [list(t) for t in each.values()],
+            "median_s": [float(np.median(t)) for t in each.values()],
+            "10000_to_100_facets": float(np.median(each[10_000] / each[100])),
+        }
+    return found
+
+
+def in_turns(runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: float) -> dict[Key, list[float]]:
+    """Times in s of each run, taken in turns; no round begins after `seconds`."""
+    times: dict[Key, list[float]] = {key: [] for key in runs}
+    begin = perf_counter()
+    for _ in range(rounds):
+        for key, run in runs.items():
+            start = perf_counter()
+            run()
+            times[key].append(perf_counter() - start)
+        if perf_counter() - begin > seconds:
+            break
+    return times
+
+
+def run_of(
+    engine: str, scenario: Scenario, block_name: str, terrain: Terrain, states: Array, number: int
+) -> Callable[[], None]:
+    """`number` releases of an engine, chunk by chunk; compiled and prepared already."""
+    block = scenario.make_blocks()[block_name]
+    shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
+    table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
+    law = scenario.rebound_parameters(block_name)
+    ensemble = Ensemble([block], [terrain], [table])
+
+    def run(number: int = number) -> None:
+        for first in range(0, number, CHUNK):
+            part = states[: min(CHUNK, number - first)]
+            if engine == "batch":
+                run_batch(ensemble, part, stop_when_captured=True, **shared)
+            else:
+                seeds = np.arange(first, first + len(part), dtype=np.uint64)
+                run_point_mass_batch(block, terrain, law, part, seeds, **shared)
+
+    run(2)
+    return run
+
+
+def states_of(scenario: Scenario, block_name: str, number: int) -> Array:
+    """(number, 6) drawn states of one block."""
+    return np.array([s.state for s in starts(scenario, SEED, number) if s.block == block_name])
+
+
+def resampled(terrain: Terrain, facets: int) -> Terrain:
+    """The profile cut into `facets`, shared among its own by length; long ones undulate in whole waves."""
+    start, edge = terrain.points_m[:-1], np.diff(terrain.points_m, axis=0)
+    length = np.hypot(*edge.T)
+    share = np.cumsum(length) / length.sum() * (facets - len(length))
+    pieces = 1 + np.diff(np.round(share).astype(int), prepend=0)
+    points, zones = [], []
+    for a, along, long, n, zone in zip(start, edge, length, pieces, terrain.zones, strict=True):
+        u = np.arange(n) / n
+        part = a + u[:, None] * along
+        part[:, 1] += HEIGHT_M * np.sin(2 * np.pi * (long // WAVE_M) * u)
+        points.append(part)
+        zones += [zone] * n
+    return Terrain(np.vstack([*points, terrain.points_m[-1:]]), zones, terrain.measure_lines)
+
+
+def machine() -> dict[str, Any]:
+    """What the times were taken on."""
+    model = platform.processor() or platform.machine()
+    about = Path("/proc/cpuinfo")
+    if about.exists():
+        names = [
+            line.split(":", 1)[1].strip() for line in about.read_text().splitlines() if "model name" in line
+        ]
+        model = names[0] if names else model
+    return {
+        "processor": model, "cores": os.cpu_count(), "threads": numba.get_num_threads(),
+        "python": platform.python_version(), "numba": numba.__version__, "rock2d": __version__,
+    }  # fmt: skip
+
+
+def figure_of(numbers: Mapping[str, Any]) -> Figure:
+    """Time against the number of releases; time of one release against the number of facets."""
+    figure = blank_figure(7.5, 3.3)
+    left, right = figure.subplots(1, 2)
+    colours = block_colours(ENGINES)
+    for engine, marker in zip(ENGINES, "os", strict=True):
+        line = {"color": colours[engine], "marker": marker, "ms": 4, "lw": 1.4, "label": engine}
+        own = numbers["releases"][engine]
+        left.plot(own["releases"], own["median_s"], **line)
+        rate = own["releases"][-1] / own["median_s"][-1]
+        left.annotate(
+            f"{rate:,.0f} releases/s".replace(",", " "), (own["releases"][-1], own["median_s"][-1]),
+            (-8, 0) if engine == "batch" else (0, -58), textcoords="offset points", ha="right",
+            va="bottom" if engine == "batch" else "top", fontsize=7.5, color=colours[engine],
+        )  # fmt: skip
+        own = numbers["facets"][engine]
+        micro = np.array(own["median_s"]) * 1e6
+        right.plot(own["facets"], micro, **line)
+        right.annotate(
+            f"10 000 facets: {own['10000_to_100_facets']:.2f} × 100 facets", (own["facets"][-1], micro[-1]), (4, 7),
+            textcoords="offset points", ha="right", va="bottom", fontsize=7.5, color=colours[engine],
+        )  # fmt: skip
+        for axis, times, scale in (
+            (left, numbers["releases"][engine]["times_s"], 1.0), (right, own["times_s"], 1e6),
+        ):  # fmt: skip
+            x = numbers["releases"][engine]["releases"] if axis is left else own["facets"]
+            axis.vlines(
+                x, [min(t) * scale for t in times], [max(t) * scale for t in times], color=colours[engine]
+            )
+    left.set_title("the paper's bench, sphere", loc="left", fontsize=9)
+    right.set_title("slope of 140 m, cube of 1 m", loc="left", fontsize=9)
+    left.set_xlabel("releases")
+    left.set_ylabel("time (s)")
+    right.set_xlabel("facets")
+    right.set_ylabel("time of a release (µs)")
+    right.set_ylim(0.5 * min(numbers["facets"]["point mass"]["median_s"]) * 1e6,
+                   4.0 * max(numbers["facets"]["batch"]["median_s"]) * 1e6)  # fmt: skip
+    for axis in (left, right):
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+        axis.grid(color="#e4e4e4", lw=0.6)
+        axis.tick_params(labelsize=7.5, length=3)
+        axis.tick_params(which="minor", length=0)
+        axis.xaxis.label.set_fontsize(9)
+        axis.yaxis.label.set_fontsize(9)
+        for side in ("top", "right"):
+            axis.spines[side].set_visible(False)
+    left.legend(frameon=False, fontsize=8, loc="upper left")
+    about = numbers["machine"]
+    note = f"{about['processor']}, {about['threads']} threads; bars: least and greatest of the repetitions"
+    figure.supxlabel(note, x=0.99, ha="right", fontsize=6.5, color="#777777")
+    return figure
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,36 @@
+"""Figure 3: trajectories of the three blocks with both models, from the calibrated scenarios."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rock2d.graphics.plots import blank_figure, draw_cross_section, finish, positions_of
+from rock2d.runs.run import RunResult
+from rock2d_figures.style import STYLES, TEXT_PT, bench_view, with_short_lines
+
+WIDE_IN = 3.45  # of a panel
+
+
+def figure(runs: dict[str, RunResult]) -> Figure:
+    """A row a block, a column a model, each on its own bench; `runs`: model -> its run of its calibrated scenario."""
+    grounds = {model: with_short_lines(run.terrain) for model, run in runs.items()}
+    views = {model: bench_view(ground, 1100) for model, ground in grounds.items()}
+    high_in = WIDE_IN * max(shape for _, shape in views.values())
+    blocks = list(next(iter(runs.values())).blocks)
+    drawn = blank_figure(len(runs) * WIDE_IN, len(blocks) * (high_in + 0.35) + 0.3)
+    axes = drawn.subplots(len(blocks), len(runs), squeeze=False)
+    for column, (model, run) in enumerate(runs.items()):
+        for row, block in enumerate(blocks):
+            axis = axes[row, column]
+            draw_cross_section(axis, grounds[model], views[model][0], np.empty((0, 2)), WIDE_IN)
+            for track in run.tracks:
+                if track.block == block:
+                    axis.plot(*positions_of(track).T, color=STYLES[model][0], lw=0.7, alpha=0.6, zorder=3)
+            axis.set_title(f"{block}, {model}", loc="left", fontsize=TEXT_PT)
+            if row == len(blocks) - 1:
+                axis.set_xlabel("x (cm)")
+            if column == 0:
+                axis.set_ylabel("y (cm)")
+    finish(drawn)
+    return drawn

@@ -1,0 +1,44 @@
+"""How experiment and models are drawn: by colour, line and marker, so that grey print tells them apart, too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rock2d.graphics.drawing import View, fitted_view
+from rock2d.graphics.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
+from rock2d.scene.cross_section import Terrain
+
+# name -> colour, line, marker
+STYLES: dict[str, tuple[str, Any, str]] = {
+    "experiment": (MEASURED_COLOUR, "-", "o"),
+    "deterministic": (SIMULATED_COLOUR, "-", "D"),
+    "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
+}
+BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the bench that is drawn round ditch and embankment
+SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
+TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.plots`
+
+
+def spelled(name: str) -> str:
+    """A name as it is read."""
+    return name.replace("_", " ")
+
+
+def bench_view(terrain: Terrain, width_px: int) -> tuple[View, float]:
+    """The part of a bench that figures show, and its height over its width."""
+    rise = terrain.embankment
+    assert rise is not None
+    limits = (-BEFORE_M, float(terrain.points_m[rise.crest_end, 0]) + BEYOND_M, -BELOW_M, 2.4 * rise.height_m)
+    shape = (limits[3] - limits[2]) / (limits[1] - limits[0])
+    return fitted_view(limits, width_px, round(width_px * shape)), shape
+
+
+def with_short_lines(terrain: Terrain) -> Terrain:
+    """The cross-section with its measure lines cut at SHOWN_LINE_M from their first end."""
+    lines = {}
+    for name, (foot, head) in terrain.measure_lines.items():
+        away = head - foot
+        lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_M / np.hypot(*away))])
+    return Terrain(terrain.points_m, terrain.zones, lines)

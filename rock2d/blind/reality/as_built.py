@@ -1,0 +1,81 @@
+"""Shapes as they are built, not as they are stated: of the cross-section, its roughness, and the blocks' corners."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.blind.reality.data_model import Array, Bench, Block
+
+STEEPEST_RAD = np.deg2rad(85.0)  # of a facing
+
+
+def with_facing(bench: Bench, error: dict[str, float], size_m: float) -> Bench:
+    """The bench with its facing turned about its foot, or its ditch raised by `rise` of the embankment's height.
+
+    Without an embankment all ground is inclined about its middle, or raised by `rise` of a block's size.
+    """
+    points = np.array(bench.points_m, float)
+    turn, rise = error.get("turn_rad", 0.0), error.get("rise", 0.0)
+    if bench.face is None:
+        points[:, 1] += rise * size_m + np.tan(turn) * (points[:, 0] - points[:, 0].mean())
+        return replace(bench, points_m=points)
+    foot, crest = bench.face
+    run, height = points[crest] - points[foot]
+    angle = np.clip(np.arctan2(height, run) + turn, np.deg2rad(5.0), STEEPEST_RAD)
+    shear = height / np.tan(angle) - run
+    if crest + 1 < len(points):
+        shear = min(shear, 0.9 * (points[crest + 1, 0] - points[crest, 0]))
+    share = (points[foot : crest + 1, 1] - points[foot, 1]) / height
+    points[foot : crest + 1, 0] += shear * share
+    if bench.ditch is not None:
+        points[bench.ditch[0] : bench.ditch[1] + 1, 1] += rise * height
+    return replace(bench, points_m=points)
+
+
+def profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
+    """A rough profile through the bench's vertices, and the facet of the bench that each of its pieces lies on.
+
+    Neighbouring heights are correlated; the slopes of the pieces have the standard deviation `sd_rad`.
+    """
+    rng = np.random.default_rng(int(rough["profile"]))
+    memory = 0.5
+    out, pieces = [points[:1]], []
+    for f in range(len(points) - 1):
+        way = points[f + 1] - points[f]
+        length = float(np.hypot(*way))
+        count = max(2, round(length / rough["spacing_m"]))
+        height = np.zeros(count + 1)
+        sd = np.tan(rough["sd_rad"]) * length / count / np.sqrt(2.0 * (1.0 - memory))
+        for k in range(1, count):
+            height[k] = memory * height[k - 1] + np.sqrt(1.0 - memory**2) * rng.normal(0.0, sd)
+        share = np.arange(1, count + 1)[:, None] / count
+        out.append(points[f] + share * way + height[1:, None] * np.array([-way[1], way[0]]) / length)
+        pieces += [f] * count
+    rough_points = np.concatenate(out)
+    steps = np.maximum(np.diff(rough_points[:, 0]), 1e-3 * rough["spacing_m"])
+    rough_points[1:, 0] = rough_points[0, 0] + np.cumsum(steps)
+    return rough_points, np.array(pieces)
+
+
+def reshaped(block: Block, edges: dict[str, float] | None, form: int) -> tuple[Array, float, int]:
+    """Corners in m, radius of the circles that they carry, and how many of them share a contact (0: a circle).
+
+    Of a circle its middle and radius; of a polygon with rounded edges (form 0) the inset polygon, with cut ones
+    (form 1) twice as many corners.
+    """
+    if block.vertices_m is None:
+        return np.zeros((1, 2)), block.radius_m, 0
+    corners = np.array(block.vertices_m, float)
+    if edges is None:
+        return corners, 0.0, 1
+    cut = edges["share"] * block.half_width_m
+    ahead, behind = np.roll(corners, -1, axis=0) - corners, np.roll(corners, 1, axis=0) - corners
+    ahead /= np.hypot(*ahead.T)[:, None]
+    behind /= np.hypot(*behind.T)[:, None]
+    if form == 1:
+        half = 0.5 * cut
+        return np.stack([corners + half * behind, corners + half * ahead], axis=1).reshape(-1, 2), 0.0, 2
+    sine = np.abs(ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0])
+    return corners + cut * (ahead + behind) / sine[:, None], cut, 1

@@ -1,0 +1,208 @@
+"""Figures of a diagnosis: the cross-section with the gap where it lies, and single impacts before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rock2d.graphics import drawing
+from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
+from rock2d.graphics.plots import blank_figure, draw_cross_section
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+
+EFFECT_COLOUR = BLOCK_COLOURS[0]
+# how each model is drawn: colour, line, marker; told apart without colour, too
+MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
+    "measured": (MEASURED_COLOUR, "-", "o"),
+    "base": (SIMULATED_COLOUR, (0, (5, 1.6)), "D"),
+    "effect": (EFFECT_COLOUR, "-", "^"),
+}
+# from, fill, area in pt²: the darker and larger, the worse the miss, in standard deviations
+MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
+MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
+_TEXT_PT, _SMALL_PT = 9.0, 8.0
+
+
+@dataclass
+class Misses:
+    """Where each impact happened and how far a model misses it.
+
+    Attributes
+    ----------
+    place_m : (n, 2) centroid at the touch; `block` (n,)
+    sigma : (n,) root mean square of the residuals in standard deviations
+    """
+
+    place_m: Array
+    block: Array
+    sigma: Array
+
+
+def section_figure(
+    terrain: Terrain,
+    blocks: Mapping[str, Block],
+    flights: Sequence[Array],
+    misses: Misses,
+    shares: Mapping[str, float],
+) -> Figure:
+    """The cross-section with the measured flights (each (k, 2) m) and every impact by how far it is missed; zones are
+    labelled with their share of the gap."""
+    from matplotlib.collections import LineCollection
+
+    ways = np.vstack([*flights, misses.place_m])
+    radius = max(b.radius_m for b in blocks.values())
+    limits = drawing.motion_limits(terrain, ways[:, 0], ways[:, 1], radius)
+    wide_in, axis_in = 6.6, 6.0
+    high_in = float(np.clip(axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 2.0, 4.6))
+    figure = blank_figure(wide_in, high_in + 0.95)
+    axis = figure.subplots()
+    view = drawing.fitted_view(limits, 1400, round(1400 * high_in / axis_in))
+    said = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
+    names = [said.get(zone, zone) for zone in terrain.zones]
+    labelled = Terrain(terrain.points_m, names, terrain.measure_lines)
+    draw_cross_section(axis, labelled, view, ways, axis_in)
+    for text in axis.texts:
+        if text.get_text().endswith("%"):
+            text.set(weight="bold", color=INK)
+    if flights:
+        alpha = float(np.clip(60.0 / len(flights), 0.12, 0.5))
+        style: dict[str, Any] = {
+            "colors": "#5a6a78",
+            "linewidths": 0.6,
+            "alpha": alpha,
+            "zorder": 2.4,
+            "rasterized": True,
+        }
+        axis.add_collection(LineCollection(flights, **style))
+    names_of = list(blocks)
+    for k, (least, fill, area) in enumerate(MISS_CLASSES):
+        most = MISS_CLASSES[k + 1][0] if k + 1 < len(MISS_CLASSES) else np.inf
+        for b, name in enumerate(names_of):
+            own = (misses.block == b) & (misses.sigma >= least) & (misses.sigma < most)
+            x, y = misses.place_m[own].T
+            axis.scatter(
+                x, y, s=area, c=fill, marker=MARKERS[blocks[name].shape], linewidths=0.4,
+                edgecolors=mixed(fill, "#000000", 0.45), zorder=3 + k,
+            )  # fmt: skip
+    _section_legend(figure, blocks)
+    axis.set_xlabel("x (cm)" if limits[1] - limits[0] < 2.0 else "x (m)")
+    axis.set_ylabel("y (cm)" if limits[1] - limits[0] < 2.0 else "y (m)")
+    _trim(figure)
+    return figure
+
+
+def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
+    bounds = [c[0] for c in MISS_CLASSES[1:]]
+    words = [f"missed by < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
+    sizes = [
+        _handle(
+            word, marker="o", ls="none", ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), mew=0.5
+        )
+        for word, (_, fill, area) in zip(words, MISS_CLASSES, strict=True)
+    ]
+    shapes = [
+        _handle(name.replace("_", " "), marker=MARKERS[b.shape], ls="none", ms=5, mfc="white", mec="#555555")
+        for name, b in blocks.items()
+        if len(blocks) > 1
+    ]
+    blank = _handle("", ls="none")
+    columns = [
+        handle or blank for pair in zip_longest(sizes, shapes) for handle in pair
+    ]  # filled column by column
+    if not shapes:
+        columns = sizes
+    wide = max(len(sizes), len(shapes))
+    figure.legend(handles=columns, loc="outside lower center", ncols=wide, frameon=False, fontsize=_SMALL_PT)
+
+
+@dataclass
+class Segment:
+    """One impact: the measured frames around it and what the models make of it, from the same state.
+
+    Attributes
+    ----------
+    title : two short lines
+    measured : (k, 4) t_s, x_m, y_m, theta_rad of the frames
+    models : model -> (m, 4) prediction
+    """
+
+    title: str
+    block: Block
+    measured: Array
+    models: dict[str, Array]
+
+
+def segment_figure(terrain: Terrain, segment: Segment) -> Figure:
+    """x-y with the block at the end, above the angle over time."""
+    figure = blank_figure(3.35, 3.9)
+    way, angle = figure.subplots(2, 1, height_ratios=(1.55, 1.0))
+    every = np.vstack([segment.measured, *segment.models.values()])
+    small = max(np.ptp(every[:, 1]), np.ptp(every[:, 2])) < 1.0
+    factor, unit = (1e3, "mm") if small else (1.0, "m")
+    radius = segment.block.radius_m
+    low, high = every[:, 1:3].min(axis=0) - 1.3 * radius, every[:, 1:3].max(axis=0) + 1.3 * radius
+    ground = terrain.points_m * factor
+    deep = ground[:, 1].min() - 10 * factor * (high - low).max()
+    way.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
+    way.plot(*ground.T, color=INK, lw=1.2)
+    start = segment.measured[0, 0]
+    instants = segment.measured[:, 0] - start
+    clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
+    for name, rows in reversed(segment.models.items()):  # base last: dashes show both where they agree
+        colour, line, _ = MODEL_STYLES[name]
+        way.plot(*(rows[:, 1:3] * factor).T, color=colour, ls=line, lw=1.6, zorder=3)
+        angle.plot(
+            (rows[:, 0] - start) * clock, np.rad2deg(rows[:, 3]), color=colour, ls=line, lw=1.6, zorder=3
+        )
+        _outline(way, segment.block, rows[-1, 1:], factor, colour, line)
+    dots = {"color": MEASURED_COLOUR, "ms": 3.0, "mew": 0, "zorder": 2.5}
+    way.plot(*(segment.measured[:, 1:3] * factor).T, ".", **dots)
+    angle.plot(instants * clock, np.rad2deg(segment.measured[:, 3]), ".", **dots)
+    _outline(way, segment.block, segment.measured[0, 1:], factor, MEASURED_COLOUR, "-", fill=0.08)
+    _outline(way, segment.block, segment.measured[-1, 1:], factor, MEASURED_COLOUR, "-", fill=0.2)
+    middle, half = 0.5 * (low + high), 0.5 * max(high[0] - low[0], (high[1] - low[1]) * 1.25)
+    way.set(aspect="equal", xlim=(middle[0] - half) * factor + np.array([0, 2 * half * factor]),
+            ylim=(middle[1] - half / 1.25) * factor + np.array([0, 1.6 * half * factor]))  # fmt: skip
+    way.set_title(segment.title, fontsize=_TEXT_PT, loc="left")
+    way.set_xlabel(f"x ({unit})", labelpad=1)
+    way.set_ylabel(f"y ({unit})")
+    angle.set_xlabel(f"time ({tick})", labelpad=1)
+    angle.set_ylabel("angle (°)")
+    angle.grid(color="#e4e4e4", lw=0.6)
+    _trim(figure)
+    return figure
+
+
+def _outline(
+    axis: Any, block: Block, pose: Array, factor: float, colour: str, line: Any, fill: float = 0.0
+) -> None:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    edge = (block.outline(48) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
+    if fill:
+        axis.fill(*edge.T, color=colour, alpha=fill, lw=0, zorder=1.5)
+    axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=line, lw=1.1, zorder=2)
+    # a spoke, so that a round block shows its angle
+    axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)
+
+
+def _trim(figure: Figure) -> None:
+    for axis in figure.axes:
+        axis.tick_params(labelsize=_SMALL_PT, length=3)
+        axis.xaxis.label.set_fontsize(_TEXT_PT)
+        axis.yaxis.label.set_fontsize(_TEXT_PT)
+        for side in ("top", "right"):
+            axis.spines[side].set_visible(False)
+
+
+def _handle(label: str, **style: Any) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)

@@ -1,0 +1,346 @@
+"""The report of a diagnosis: one page that a browser opens without a network, and the video beside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.replay import Releases, measured_releases, simulated_releases
+from rock2d.diagnosis.report import parameters, tables, text
+from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, scale, strip
+from rock2d.diagnosis.report.figures import section_figure, segment_figure
+from rock2d.diagnosis.report.practical_indicators import (
+    Quantity,
+    film_quantities,
+    measure_lines,
+    table_quantities,
+)
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+from rock2d.files.folders import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = np.ndarray
+Tell = Callable[[str], None]
+
+PAGE, VIDEO = "report.html", "side_by_side.webm"
+FOLDED = 0.005  # probability below which a name is folded away
+FEW_CELLS = 8  # places shown before the rest is folded away
+MOST_FRAMES = 150_000  # of the film that practice terms are read from
+MOST_RELEASES = 4_000  # simulated for them
+LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
+VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
+
+
+def write_report(result: Diagnosis, content: dict[str, Any], folder: Path, *, progress: bool) -> None:
+    """Write report.html and, where there is a film, the video into an existing `folder`.
+
+    `content` is that of diagnosis.json.
+    """
+    from tqdm import tqdm
+
+    with tqdm(desc="report", unit="part", disable=not progress) as bar:
+
+        def tell(part: str) -> None:
+            bar.set_postfix_str(part)
+            bar.update()
+
+        page = report_page(result, content, folder, tell)
+    write_whole(folder / PAGE, page)
+
+
+def report_page(
+    result: Diagnosis, content: dict[str, Any], folder: Path, tell: Tell = lambda part: None
+) -> str:
+    """The page as text; the video is written into `folder` and into the page."""
+    import jinja2
+    import matplotlib
+
+    template = files("rock2d.diagnosis.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters |= {"spoken": text.spoken, "percent": text.percent, "number": text.number}
+    context: dict[str, Any] = {"content": content, "sanity": content["sanity"]}
+    models = tables.compared_models(result) if result.found is not None else None
+    chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
+    context |= _verdict(result, content, chain)
+    if models is not None:
+        with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
+            context |= _evidence(result, content, models, chain, folder, tell)
+    return environment.from_string(template).render(context)
+
+
+def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
+    effects = catalogue()
+    name, sentence = text.verdict_sentence(content, effects)
+    faulty = result.found is None
+    kind = (
+        "faults" if faulty else content["verdict"] if content["verdict"] in ("none", "unknown") else "effect"
+    )
+    return {
+        "verdict": name,
+        "sentence": sentence,
+        "kind": kind,
+        "key_figures": [] if faulty else text.key_figures(content, effects, chain),
+        "material": _material(result),
+        "advice": text.what_to_do(content) if faulty else [],
+        "diagnosed": not faulty,
+    }
+
+
+def _material(result: Diagnosis) -> str:
+    """What was diagnosed, in numbers."""
+    experiment = result.experiment
+    table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
+    assert table is not None
+    counts = table.groupby("block")["release"].nunique()
+    blocks = ", ".join(f"{counts[name]} {text.spoken(name)}" for name in experiment.blocks if name in counts)
+    text = f"{table['release'].nunique()} releases ({blocks})"
+    if result.data is not None:
+        text += f", {len(result.data.impact_release)} impacts"
+    if isinstance(result.data, FilmData):
+        text += f", {len(result.data.cut.flights)} flights"
+    return text + (f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else "")
+
+
+def _evidence(
+    result: Diagnosis,
+    content: dict[str, Any],
+    models: tables.Models,
+    chain: list[str],
+    folder: Path,
+    tell: Tell,
+) -> dict[str, Any]:
+    """Everything below the verdict."""
+    assert result.found is not None and result.data is not None
+    labels = {"measured": "measured", "base": "base law", "effect": f"with {text.listed(chain)}"}
+    tell("where")
+    context: dict[str, Any] = {
+        "labels": labels,
+        "chain": chain,
+        "models": list(models.fits),
+        "shapes": SHAPES,
+    }
+    context |= _where(result, content, models)
+    tell("which")
+    context |= _which(content) | _how_far(content, chain or [tables.best_told(result.found)]) | {
+        "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
+        "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
+        "assumptions": text.assumptions(result, content, chain),
+    }  # fmt: skip
+    context |= {"segments": [], "video": "", "video_missing": "", "repetitions": 0, "line_note": ""}
+    if isinstance(result.data, FilmData):
+        context |= _film(result, content, result.data, models, labels, folder, tell)
+    else:
+        left = {"base": models.base_out.left.impacts}
+        if models.effect_out is not None:
+            left["effect"] = models.effect_out.left.impacts
+        quantities = table_quantities(result.experiment, result.data, left)
+        context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
+    return context
+
+
+# --- sections -----------------------------------------------------------------------------------------
+
+
+def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
+    experiment = result.experiment
+    shares: dict[str, float] = {}
+    told = [cell for cell in content["where"] if cell["z"] >= text.SURE_Z]
+    for cell in content["where"] if told and content["verdict"] != "none" else []:
+        shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
+    flights = []
+    if isinstance(result.data, FilmData):
+        flights = tables.flight_paths(result.data, tables.signs_of(result))
+    misses = tables.misses_of(result, models.base_out)
+    figure = section_figure(experiment.terrain, experiment.blocks, flights, misses, shares)
+    return {
+        "section": _inline(figure),
+        "where_sentence": text.where_sentence(content),
+        "cells": told if shares else [],
+        "few_cells": FEW_CELLS,
+    }
+
+
+def _which(content: dict[str, Any]) -> dict[str, Any]:
+    chances = sorted(content["probabilities"].items(), key=lambda item: -item[1])
+    axis = Axis(0.0, 1.0)
+    bars = [
+        (
+            name,
+            strip(axis, [Mark("plain", p, p, p, f"{text.spoken(name)}: {text.percent(p)}", "bar")]),
+            p,
+        )
+        for name, p in chances
+    ]
+    effects = catalogue()
+    gains = sorted(content["effects"].items(), key=lambda item: -item[1]["heldout_score_gain"])
+    ends = [
+        g["heldout_score_gain"] + s * 1.96 * g["heldout_score_gain_se"] for _, g in gains for s in (-1, 1)
+    ]
+    low, high = min([*ends, 0.0]), max([*ends, LINEAR_GAIN])
+    gain_axis = Axis(low - 0.1 * abs(low) - 1.0, 1.1 * high, LINEAR_GAIN)
+    forest = []
+    for name, g in gains:
+        value, half = g["heldout_score_gain"], 1.96 * g["heldout_score_gain_se"]
+        text = text.plus_minus(value, g["heldout_score_gain_se"])
+        mark = Mark("plain", value, value - half, value + half, f"{text.spoken(name)}: {text}")
+        forest.append({
+            "name": name, "strip": strip(gain_axis, [mark]), "gain": text,
+            "summary": effects[name].summary if name in effects else "",
+        })  # fmt: skip
+    return {
+        "bars": [bar for bar in bars if bar[2] >= FOLDED],
+        "folded": [bar for bar in bars if bar[2] < FOLDED],
+        "forest": forest,
+        "gain_scale": scale(gain_axis),
+        "group": content["group"],
+        "next_release": content["next_release"],
+    }
+
+
+def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
+    gap, effects = content["gap"], catalogue()
+    base, augmented, floor = gap["base"], gap["augmented"], gap["noise_floor"]
+    low, high = (base - share * (base - floor) for share in reversed(gap["closure_ci95"]))
+    axis = axis_over([base, augmented, floor, low, high])
+    bars = (
+        ("base law", Mark("base", base, base, base, f"base law: {base:.2f}", "bar")),
+        (
+            f"with {text.listed(chain)}",
+            Mark("effect", augmented, low, high, f"with it: {augmented:.2f}", "bar"),
+        ),
+        ("noise floor", Mark("measured", floor, floor, floor, f"noise floor: {floor:.2f}", "bar")),
+    )
+    tried, open_gap = content["effects"], any(gap["closure_ci95"])
+    ranked = [name for name in text.ranking(content, effects) if not effects[name].scatter][:5]
+    closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked if open_gap]
+    closure_axis = axis_over([100 * v for _, c, ci in closures for v in (c, *ci)] + [100.0])
+    marks = {
+        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.closure(c, ci))
+        for name, c, ci in closures
+    }
+    return {
+        "gap_rows": [(label, strip(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
+        "gap_scale": scale(axis),
+        "gap_unit": gap["unit"],
+        "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
+        "whisker": low < high,
+        "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
+        "closure_text": text.closure(gap["closure"], gap["closure_ci95"]),
+        "closures": [(name, strip(closure_axis, [mark]), mark.told) for name, mark in marks.items()],
+        "closure_scale": scale(closure_axis),
+    }
+
+
+def _film(
+    result: Diagnosis, content: dict[str, Any], data: FilmData, models: tables.Models, labels: Mapping[str, str],
+    folder: Path, tell: Tell,
+) -> dict[str, Any]:  # fmt: skip
+    """What only a film has: whole releases simulated again, single impacts, the video."""
+    signs, experiment = tables.signs_of(result), result.experiment
+    film = measured_releases(data, signs, MOST_FRAMES)
+    repetitions = int(np.clip(MOST_RELEASES // len(film), 1, 8))
+    drawn = {"measured": film.pose[None]}
+    plain = {}
+    for name, fit in models.fits.items():
+        plain[name] = simulated_releases(data, fit, film, signs)
+        drawn[name] = simulated_releases(data, fit, film, signs, repetitions=repetitions)
+    top = float(np.nanmax(film.pose[..., 1]))
+    lines, line_note = measure_lines(experiment, top)
+    tell("practice")
+    quantities = film_quantities(experiment, film, drawn, lines)
+    mends = content["verdict"] not in ("none", "unknown")
+    segments = tables.segments_of(result, models, mends)
+    tell("impacts")
+    apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
+    context = {
+        "practice": [_practice_chart(q, labels) for q in quantities],
+        "line_note": line_note,
+        "repetitions": repetitions,
+        "segments": [_inline(segment_figure(experiment.terrain, s)) for s in segments],
+        "mends": mends,
+        "apart": {name: f"{1e3 * v:.1f} mm" if v < 1 else f"{v:.2f} m" for name, v in apart.items()},
+        "releases": len(film),
+    }
+    tell("video")
+    return context | _video(result, film, plain, labels, mends, folder)
+
+
+def _video(
+    result: Diagnosis,
+    film: Releases,
+    poses: dict[str, Array],
+    labels: Mapping[str, str],
+    mends: bool,
+    folder: Path,
+) -> dict[str, str]:
+    from rock2d.graphics.video import compare_video
+
+    scenes, titles = tables.scenes_of(result, film, poses, mends)
+    shown_s = sum(float(np.ptp(scene[0][0].t_s)) for scene in scenes)
+    terrain, radius = result.experiment.terrain, max(b.radius_m for b in result.experiment.blocks.values())
+    pace = VIDEO_S / max(shown_s, 1e-6)
+    view = tables.scenes_view(scenes, terrain, radius)
+    path = folder / VIDEO
+    try:
+        compare_video(
+            path, terrain, result.experiment.blocks, scenes, [labels[m] for m in ("measured", *poses)],
+            fps_video=VIDEO_FPS, slow_motion=float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace),
+            size_px=VIDEO_SIZE, view=view, titles=titles, hold_s=0.8, quick=True,
+        )  # fmt: skip
+    except InputError as error:  # an OpenCV without the codec
+        return {"video_missing": error.message}
+    return {"video": base64.b64encode(path.read_bytes()).decode(), "video_name": VIDEO}
+
+
+def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
+    """A quantity as strips, a row a block and place, and as a table of numbers."""
+    every = [e for row in quantity.rows for own in row.models.values() for e in own]
+    axis = axis_over([e.value for e in every]) if quantity.percentiles else Axis(0.0, 100.0)
+    rows, table, seen = [], [], set()
+    for row in quantity.rows:
+        label = " · ".join(text.spoken(part) for part in (row.block, row.place) if part)
+        short = text.spoken(row.place or row.block)
+        marks = []
+        for model, own in row.models.items():
+            if not own:
+                continue
+            said = ", ".join(f"{text.number(e.value)} ({text.interval(e.low, e.high)})" for e in own)
+            told = f"{labels[model]}: {said} {quantity.unit}"
+            if quantity.percentiles:
+                marks.append(Mark(model, own[1].value, own[0].value, own[2].value, told, "span"))
+            else:
+                marks.append(Mark(model, own[0].value, own[0].low, own[0].high, told))
+            table.append((label, labels[model], [
+                (text.number(e.value), text.interval(e.low, e.high)) for e in own
+            ], own[0].count))  # fmt: skip
+        if marks:
+            head = text.spoken(row.block) if row.place and row.block not in seen else ""
+            seen.add(row.block)
+            rows.append((head, short, strip(axis, marks)))
+    return {
+        "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": scale(axis), "table": table,
+        "percentiles": [f"{p:g} %" for p in quantity.percentiles],
+    }  # fmt: skip
+
+
+def _inline(figure: Figure) -> str:
+    """A figure as SVG for an img element's data URI; its text is drawn, so that no font is needed."""
+    import matplotlib
+
+    text = io.BytesIO()
+    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
+        figure.savefig(text, format="svg", dpi=150, metadata={"Date": None})
+    return base64.b64encode(text.getvalue()).decode()

@@ -1,0 +1,279 @@
+"""The gap in the terms of a practitioner: passing frequencies, energies, bounce heights and runout, measured and
+simulated.
+
+Simulated films have the camera's instants and noise, and are read exactly as the measured one. An impact table has no
+flights between impacts: of it only the energy after each impact is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.replay import Releases
+from rock2d.files.experiment import Experiment
+from rock2d.runs.indicators import crossing_values, wilson_interval
+from rock2d.scene.blocks import Block
+
+Array = np.ndarray
+
+PERCENTILES = (50.0, 75.0, 95.0)
+FEWEST = 8  # values below which no percentile is given
+BOOTSTRAPS = 400
+PACE_WINDOW = 0.15  # of √(radius / g): half the stretch of film that a velocity is read from
+HEIGHT, ENERGY = 9, 12  # columns of `crossing_values`
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval; `count` values went into it."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One quantity of one block, at one line or place: model -> estimates (one, or one a percentile)."""
+
+    block: str
+    place: str
+    models: dict[str, list[Estimate]]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity with all its rows; `percentiles` is empty for a frequency."""
+
+    title: str
+    unit: str
+    rows: list[Row]
+    percentiles: tuple[float, ...] = PERCENTILES
+
+
+def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
+    """The experiment's measure lines, else three upright ones on the uphill facing; and what was assumed of them."""
+    terrain = experiment.terrain
+    if terrain.measure_lines:
+        return dict(terrain.measure_lines), ""
+    rise = terrain.embankment
+    if rise is None:
+        return {}, ""
+    facing = terrain.points_m[rise.left : rise.crest + 1]
+    lines = {}
+    for name, share in (("1/3 of the facing", 1 / 3), ("2/3 of the facing", 2 / 3), ("crest", 1.0)):
+        height = facing[0, 1] + share * (facing[-1, 1] - facing[0, 1])
+        i = int(np.argmax(facing[1:, 1] >= height - 1e-12 * abs(height)))
+        (x0, y0), (x1, y1) = facing[i], facing[i + 1]
+        x = x0 + (height - y0) / (y1 - y0) * (x1 - x0)
+        lines[name] = np.array([[x, height], [x, max(top_m, height) + rise.height_m]])
+    return lines, (
+        "The experiment names no measure lines; those used stand upright with their feet on the uphill facing at 1/3 "
+        "and 2/3 of its height and at the crest."
+    )
+
+
+def film_quantities(
+    experiment: Experiment,
+    film: Releases,
+    models: Mapping[str, Array],
+    lines: Mapping[str, Array],
+    seed: int = 0,
+) -> list[Quantity]:
+    """Quantities of releases: model name -> poses (repetitions, n, k, 3) on the instants of `film`."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    blocks = list(experiment.blocks.values())
+    kinds = [b for b in range(len(blocks)) if (film.block == b).any()]
+    found = {name: _read(experiment, film, poses, lines) for name, poses in models.items()}
+
+    def rows(key: str, place: str, reach: bool = False) -> list[Row]:
+        out = []
+        for b in kinds:
+            own = film.block == b
+            row = {
+                m: _frequency(v[key][:, own], rng) if reach else _percentiles(v[key][:, own], rng)
+                for m, v in found.items()
+            }
+            out.append(Row(blocks[b].name, place, row))
+        return out
+
+    def by_block(parts: Sequence[list[Row]]) -> list[Row]:
+        return [row for own in zip(*parts, strict=True) for row in own]
+
+    quantities = []
+    if lines:
+        passing = by_block([rows(f"energy {name}", name, reach=True) for name in lines])
+        quantities.append(Quantity("Passing frequency", "%", passing, ()))
+        energy = by_block([rows(f"energy {name}", name) for name in lines])
+        quantities.append(Quantity("Kinetic energy at the lines", *_energy_unit(energy)))
+    else:
+        energy = rows("energy aloft", "")
+        quantities.append(Quantity("Kinetic energy at the top of the highest bounce", *_energy_unit(energy)))
+    quantities.append(Quantity("Bounce height", *_length_unit(rows("bounce", ""))))
+    quantities.append(Quantity("Runout", *_length_unit(rows("runout", ""))))
+    return [q for q in quantities if any(estimates for row in q.rows for estimates in row.models.values())]
+
+
+def table_quantities(
+    experiment: Experiment, data: TableData, models: Mapping[str, Array], seed: int = 0
+) -> list[Quantity]:
+    """The energy after each impact: model name -> residuals (n, 3) of the velocities along and across the ground and of
+    the spin, simulated less measured."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    blocks = list(experiment.blocks.values())
+    tx, ty = data.tangent.T
+    vx, vy, spin = data.after.T
+    seen = np.column_stack([tx * vx + ty * vy, -ty * vx + tx * vy, spin])
+    rows = []
+    for b, block in enumerate(blocks):
+        own = data.impact_block == b
+        row = {}
+        for name, left in {"measured": np.zeros_like(seen), **models}.items():
+            v = seen[own] + left[own]
+            energy = (
+                0.5 * block.mass_kg * (v[:, :2] ** 2).sum(axis=1) + 0.5 * block.inertia_kg_m2 * v[:, 2] ** 2
+            )
+            row[name] = _percentiles(energy[None], rng)
+        if own.any():
+            rows.append(Row(block.name, "", row))
+    return [Quantity("Kinetic energy after an impact", *_energy_unit(rows))]
+
+
+def _read(
+    experiment: Experiment, film: Releases, poses: Array, lines: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Values (repetitions, n) of every quantity; NaN where a release has none."""
+    blocks = list(experiment.blocks.values())
+    repetitions, n, k, _ = poses.shape
+    flat, t = poses.reshape(-1, k, 3), np.tile(film.t_s, (repetitions, 1))
+    block = np.tile(film.block, repetitions)
+    mass = np.array([b.mass_kg for b in blocks])[block]
+    inertia = np.array([b.inertia_kg_m2 for b in blocks])[block]
+    out = {}
+    windows = [_half_window(experiment, b, film.t_s) for b in blocks]
+    half = np.array(windows)[block]
+    for name, line in lines.items():
+        crossings = _crossings(t, flat, line, half)
+        energy = np.full(len(flat), np.nan)
+        for b, own_block in enumerate(blocks):
+            own = (block == b) & np.isfinite(crossings[:, 0])
+            energy[own] = crossing_values(crossings[own], line, experiment.terrain, own_block)[:, ENERGY]
+        out[f"energy {name}"] = energy
+    height = flat[..., 1] - experiment.terrain.height_m(flat[..., 0])
+    later = np.arange(k) >= np.tile(film.impact, repetitions)[:, None]
+    height = np.where(later & np.isfinite(height), height, -np.inf)
+    top = height.argmax(axis=1)
+    rows = np.arange(len(flat))
+    out["bounce"] = np.where(np.isfinite(height[rows, top]), height[rows, top], np.nan)
+    if not lines:
+        pace = _paces(t, flat, top, half)
+        energy = 0.5 * mass * (pace[:, :2] ** 2).sum(axis=1) + 0.5 * inertia * pace[:, 2] ** 2
+        out["energy aloft"] = np.where(np.isfinite(out["bounce"]), energy, np.nan)
+    last = np.isfinite(t).sum(axis=1) - 1
+    out["runout"] = np.abs(flat[rows, last, 0] - flat[rows, 0, 0])
+    return {name: values.reshape(repetitions, n) for name, values in out.items()}
+
+
+def _half_window(experiment: Experiment, block: Block, t_s: Array) -> int:
+    """Frames on either side that a velocity is read from."""
+    frame_s = float(np.nanmedian(np.diff(t_s, axis=1)))
+    stretch = PACE_WINDOW * np.sqrt(block.radius_m / max(experiment.gravity_m_s2, 1e-3))
+    return int(np.clip(round(stretch / frame_s), 2, 20))
+
+
+def _crossings(t: Array, pose: Array, line: Array, half: Array) -> Array:
+    """(n, 7) instant and state at the first crossing of a line by each release; NaN if never."""
+    origin, along = line[0], line[1] - line[0]
+    away = pose[..., :2] - origin
+    side = away[..., 1] * along[0] - away[..., 0] * along[1]
+    a, b = side[:, :-1], side[:, 1:]
+    change = (a < 0) != (b < 0)
+    share = np.divide(a, a - b, out=np.zeros_like(a), where=change & np.isfinite(a) & np.isfinite(b))
+    at = ((away[:, :-1] + share[..., None] * np.diff(away, axis=1)) @ along) / (along @ along)
+    hit = change & np.isfinite(a) & np.isfinite(b) & (at >= 0.0) & (at <= 1.0)
+    out = np.full((len(t), 7), np.nan)
+    own = np.flatnonzero(hit.any(axis=1))
+    i = hit[own].argmax(axis=1)
+    s = share[own, i]
+    out[own, 0] = t[own, i] + s * (t[own, i + 1] - t[own, i])
+    out[own, 1:4] = pose[own, i] + s[:, None] * (pose[own, i + 1] - pose[own, i])
+    out[own, 4:] = _paces(t[own], pose[own], i, half[own])
+    return out
+
+
+def _paces(t: Array, pose: Array, at: Array, half: Array) -> Array:
+    """(n, 3) velocities around frame `at` (n,), straight lines through `half` (n,) frames on either side."""
+    widest = int(half.max(initial=2))
+    frames = at[:, None] + np.arange(-widest, widest + 1)
+    rows = np.arange(len(t))[:, None]
+    inside = (frames >= 0) & (frames < t.shape[1]) & (np.abs(frames - at[:, None]) <= half[:, None])
+    frames = np.clip(frames, 0, t.shape[1] - 1)
+    use = inside & np.isfinite(t[rows, frames])
+    weight = use / np.maximum(use.sum(axis=1, keepdims=True), 1)
+    instants = np.where(use, t[rows, frames], 0.0)
+    centred = np.where(use, instants - (weight * instants).sum(axis=1, keepdims=True), 0.0)
+    values = np.where(use[..., None], pose[rows, frames], 0.0)
+    return np.einsum("nf,nfc->nc", centred, values) / np.maximum((centred**2).sum(axis=1), 1e-30)[:, None]
+
+
+def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
+    """Share in % of releases that have a value: Wilson's interval; of several repetitions, which are no independent
+    releases, widened to what a bootstrap over releases gives."""
+    passed = np.isfinite(values)
+    n = passed.shape[1]
+    low, high = wilson_interval(int(passed.sum()), passed.size)
+    if len(values) > 1:
+        draws = passed.mean(axis=0)[rng.integers(0, n, (BOOTSTRAPS, n))].mean(axis=1)
+        low, high = min(low, float(np.quantile(draws, 0.025))), max(high, float(np.quantile(draws, 0.975)))
+    return [Estimate(100 * float(passed.mean()), 100 * low, 100 * high, int(passed.sum()))]
+
+
+def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
+    """Percentiles of (repetitions, n) values with bootstrap intervals over releases; none of too few releases."""
+    count = int(np.isfinite(values).any(axis=0).sum())
+    if count < FEWEST:
+        return []
+    n = values.shape[1]
+    draws = values[:, rng.integers(0, n, (BOOTSTRAPS, n))].transpose(1, 0, 2).reshape(BOOTSTRAPS, -1)
+    spread = _quantiles(np.sort(draws, axis=1))
+    middle = _quantiles(np.sort(values.reshape(1, -1), axis=1))[0]
+    low, high = np.nanquantile(spread, [0.025, 0.975], axis=0)
+    return [Estimate(float(v), float(a), float(b), count) for v, a, b in zip(middle, low, high, strict=True)]
+
+
+def _quantiles(ranked: Array) -> Array:
+    """(m, percentiles) of rows sorted with NaN last, linear between values as numpy does it; NaN of an empty row."""
+    last = np.isfinite(ranked).sum(axis=1) - 1
+    at = np.maximum(last, 0)[:, None] * (np.array(PERCENTILES) / 100.0)
+    below = at.astype(int)
+    rows = np.arange(len(ranked))[:, None]
+    a, b = ranked[rows, below], ranked[rows, np.minimum(below + 1, np.maximum(last, 0)[:, None])]
+    return a + (at - below) * (b - a)
+
+
+def _energy_unit(rows: list[Row]) -> tuple[str, list[Row]]:
+    """(unit, rows in it) that suit the size."""
+    return _scaled(rows, ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")))
+
+
+def _length_unit(rows: list[Row]) -> tuple[str, list[Row]]:
+    return _scaled(rows, ((1.0, "m"), (1e-3, "mm")))
+
+
+def _scaled(rows: list[Row], units: Sequence[tuple[float, str]]) -> tuple[str, list[Row]]:
+    values = [e.value for row in rows for estimates in row.models.values() for e in estimates]
+    largest = max(values, default=1.0)
+    size, unit = next((u for u in units if largest >= u[0]), units[-1])
+
+    def scaled(e: Estimate) -> Estimate:
+        return Estimate(e.value / size, e.low / size, e.high / size, e.count)
+
+    return unit, [
+        Row(row.block, row.place, {name: [scaled(e) for e in own] for name, own in row.models.items()})
+        for row in rows
+    ]

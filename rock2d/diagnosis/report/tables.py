@@ -1,0 +1,224 @@
+"""What the report shows of a diagnosis: how far each impact is missed, the impacts that the effect mends most, and the
+releases that are filmed again side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.cross_validation import HeldOut
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.gap import squares
+from rock2d.diagnosis.replay import Releases, Signs, follow
+from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
+from rock2d.diagnosis.residual_regression import CLIP
+from rock2d.graphics.clips import Clip
+from rock2d.graphics.drawing import Limits
+from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
+from rock2d.kinematics.sanity import MIRRORS
+from rock2d.kinematics.states import drift
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+
+SEGMENTS = 6
+POINTS = 160  # of a predicted line
+AFTERWARDS = 2.5  # of the flight after an impact, in the stretches that its outcome was compared on
+FLIGHT_POINTS = 12
+MOST_FLIGHTS = 600
+SCENES = 3
+MODEL_COLOURS = {"measured": MEASURED_COLOUR, "base": SIMULATED_COLOUR, "effect": EFFECT_COLOUR}
+
+
+@dataclass
+class Models:
+    """The models that a report compares: the base law and, if there is one to speak of, the law with an effect."""
+
+    base: Fit
+    base_out: HeldOut
+    effect: Fit | None = None
+    effect_out: HeldOut | None = None
+
+    @property
+    def fits(self) -> dict[str, Fit]:
+        return {"base": self.base} | ({"effect": self.effect} if self.effect is not None else {})
+
+
+def compared_models(result: Diagnosis) -> Models:
+    """Base and best model of a diagnosis, the one whose gap is told; no effect where there is no gap to explain.
+
+    An effect that only widens the scatter predicts nothing else than the base: unless it is the verdict, the best one
+    that does stands for it.
+    """
+    found = result.found
+    assert found is not None
+    if found.verdict == "none":
+        return Models(found.base, found.base_held_out)
+    name = best_told(found)
+    best = found.final if name == found.best else found.candidates[name]
+    return Models(found.base, found.base_held_out, best.fit, best.held_out)
+
+
+def best_told(found: Attribution) -> str:
+    """The effect whose gap is told."""
+    told = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    return max(told, key=lambda name: found.candidates[name].total)
+
+
+def signs_of(result: Diagnosis) -> Signs:
+    """Signs that put a mirrored axis right."""
+    return MIRRORS[result.sanity.mirror]
+
+
+def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
+    """(n,) mean square of each impact's held-out residuals in standard deviations, as the gap counts them."""
+    found, data = result.found, result.data
+    assert found is not None and data is not None
+    return squares(data, out, found.final.fit.covariance())[0].mean(axis=1)
+
+
+def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
+    """Place and size of the miss of every impact."""
+    data = result.data
+    assert data is not None
+    sigma = np.sqrt(impact_squares(result, out))
+    if isinstance(data, FilmData):
+        return Misses(_touch(result, data, signs_of(result)), data.impact_block, sigma)
+    return Misses(data.before[:, :2], data.impact_block, sigma)
+
+
+def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
+    """(n, 2) centroid half-way between the ends of the flights around each impact, with every axis put right."""
+    seen = replace(result.bench, view=replace(result.bench.view, mirror=signs))
+    impacts, states = data.impacts, data.states(seen).middle
+    ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    leaves = drift(seen, impacts.block, states[impacts.before], ends)
+    arrives = drift(seen, impacts.block, states[impacts.after], impacts.begin_s)
+    return 0.5 * (leaves + arrives)[:, :2]
+
+
+def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
+    """(k, 2) positions of a few frames of the measured flights; of very many flights, some."""
+    flights = data.cut.flights
+    chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
+    paths = []
+    for i in chosen:
+        rows = np.unique(
+            np.linspace(flights.first[i], flights.last[i] - 1, FLIGHT_POINTS).round().astype(int)
+        )
+        paths.append(data.film.pose[rows, :2] * signs[:2])
+    return paths
+
+
+def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]:
+    """The impacts that the effect mends most or, if none `mends`, that the base misses most."""
+    data = result.data
+    assert isinstance(data, FilmData)
+    base = impact_squares(result, models.base_out)
+    effect = impact_squares(result, models.effect_out) if models.effect_out is not None else None
+    chosen: list[int] = []
+    for i in np.argsort(effect - base if mends and effect is not None else -base, kind="stable"):
+        if data.impacts.release[i] not in data.impacts.release[chosen]:  # six releases tell more than one
+            chosen.append(int(i))
+        if len(chosen) == SEGMENTS:
+            break
+    signs, which = signs_of(result), np.array(chosen)
+    impacts, middle = data.impacts, data.basis.middle
+    start = middle[impacts.before[which]] + impacts.start_s[which]
+    begin = middle[impacts.after[which]] + impacts.begin_s[which]
+    flights_end = data.film.t_s[data.cut.flights.last[impacts.after[which]] - 1]
+    end = np.minimum(flights_end, begin + AFTERWARDS * impacts.window_s[which])
+    t = start[:, None] + np.linspace(0.0, 1.0, POINTS) * (end - start)[:, None]
+    poses = {
+        name: follow(
+            data, fit.model.world(fit.p, impacts.order[which]), impacts.before[which], t, start, signs
+        )
+        for name, fit in models.fits.items()
+    }
+    blocks, zones = list(result.experiment.blocks.items()), result.experiment.terrain.zone_names
+    segments = []
+    for k, i in enumerate(which):
+        film = data.film
+        rows = np.flatnonzero(
+            (film.release == impacts.release[i]) & (film.t_s >= start[k]) & (film.t_s <= end[k])
+        )
+        name, block = blocks[impacts.block[i]]
+        place = f"{name} {film.release_names[impacts.release[i]]}, {zones[impacts.zone[i]]}".replace("_", " ")
+        miss = f"missed by {_sigma(base[i])}" + (f", then {_sigma(effect[i])}" if effect is not None else "")
+        segments.append(Segment(
+            f"{place}\n{miss}", block, np.column_stack([film.t_s[rows], film.pose[rows] * signs]),
+            {m: np.column_stack([t[k], own[k]]) for m, own in poses.items()},
+        ))  # fmt: skip
+    return segments
+
+
+def _sigma(square: float) -> str:
+    """Residuals count as CLIP at most, so a miss of that size may be any larger one."""
+    root = float(np.sqrt(square))
+    return f"{root:.1f} σ" if root < 0.98 * CLIP else f"≥ {CLIP:g} σ"
+
+
+def distances(film: Releases, poses: Array) -> Array:
+    """(n,) root mean square distance in m between simulated (n, k, 3) and measured releases."""
+    gap = poses[..., :2] - film.pose[..., :2]
+    return np.sqrt(np.nanmean((gap**2).sum(axis=-1), axis=1))
+
+
+def scenes_of(
+    result: Diagnosis, film: Releases, models: dict[str, Array], mends: bool
+) -> tuple[list[list[list[Clip]]], list[str]]:
+    """Clips of a release a block, measured and of every model (n, k, 3), and a title each.
+
+    That release of a block is taken that the effect brings nearest to the film or, if none `mends`, the one that the
+    base follows as well as it follows most.
+    """
+    far = {name: distances(film, poses) for name, poses in models.items()}
+    gain = far["base"] - far["effect"] if mends else -np.abs(far["base"] - np.median(far["base"]))
+    scenes, titles = [], []
+    blocks = list(result.experiment.blocks)
+    best_first = sorted(set(film.block.tolist()), key=lambda b: -float(np.median(gain[film.block == b])))
+    assert isinstance(result.data, FilmData)
+    names = result.data.film.release_names
+    for b in best_first[:SCENES]:
+        own = np.flatnonzero(film.block == b)
+        i = own[np.argmax(gain[own])]
+        shown = _until_still(film.t_s[i], film.pose[i], result.experiment.blocks[blocks[b]].radius_m)
+        t = film.t_s[i, shown]
+        lost = 6.0 * float(np.median(np.diff(t)))
+        clips = []
+        for name, pose in {"measured": film.pose[i], **{m: p[i] for m, p in models.items()}}.items():
+            gap = lost if name == "measured" else np.inf
+            x, y, theta = pose[shown].T
+            clips.append([Clip(blocks[b], t - t[0], x, y, theta, name, MODEL_COLOURS[name], gap)])
+        scenes.append(clips)
+        titles.append(f"{blocks[b]}, release {names[film.release[i]]}".replace("_", " "))
+    return scenes, titles
+
+
+def scenes_view(scenes: list[list[list[Clip]]], terrain: Terrain, radius_m: float) -> Limits:
+    """What a video of scenes shows: the way of the measured blocks, the others' half as far beyond, the ground."""
+    every = [clip for scene in scenes for panel in scene for clip in panel]
+    filmed = [scene[0][0] for scene in scenes]
+    limits = []
+    for key in ("x_m", "y_m"):
+        low, high = min(np.min(getattr(c, key)) for c in filmed), max(np.max(getattr(c, key)) for c in filmed)
+        room = 0.5 * (high - low)
+        limits.append(max(low - room, min(np.min(getattr(c, key)) for c in every)) - 2.0 * radius_m)
+        limits.append(min(high + room, max(np.max(getattr(c, key)) for c in every)) + 2.0 * radius_m)
+    left, right, low, high = map(float, limits)
+    ground = terrain.height_m(np.linspace(left, right, 50))
+    low = min([low, *ground[np.isfinite(ground)]])
+    return left, right, low - 0.15 * (high - low), high + 0.1 * (high - low)  # room for names
+
+
+def _until_still(t: Array, pose: Array, radius_m: float) -> Array:
+    """Frames up to a little after the block last moved by a tenth of its radius."""
+    known = np.flatnonzero(np.isfinite(t))
+    away = np.hypot(*(pose[known, :2] - pose[known[-1], :2]).T)
+    moving = np.flatnonzero(away > 0.1 * radius_m)
+    last = int(moving[-1]) if len(moving) else len(known) - 1
+    return known[: min(len(known), last + max(2, len(known) // 20))]

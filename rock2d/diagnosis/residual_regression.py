@@ -1,0 +1,77 @@
+"""What any model could still explain: a flexible regression of the residuals on everything measured.
+
+An effect is only the right one if it leaves nothing that can be predicted. A ridge regression on the terms that forces
+would make, then extremely randomised trees on what is left, are fitted on some releases and judged on others; they
+know no mechanics, so that what they find is the lower bound of the gap that some cause would close.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.cross_validation import FOLDS, folds
+from rock2d.diagnosis.fitting import Data, Residuals
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+TREES = 120
+CLIP = 5.0  # residuals in units of their standard deviation
+FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight: what accelerations and their change leave
+
+
+@dataclass
+class Leftover:
+    """Whitened residuals before and after the regression, on releases that it was not fitted to.
+
+    Attributes
+    ----------
+    impacts, flights : (n, 6) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
+    impacts_left, flights_left : the same less what was predicted
+    """
+
+    impacts: Array
+    impacts_left: Array
+    flights: Array
+    flights_left: Array
+
+
+def regress(world: World, data: Data, left: Residuals, covariance: Array, seed: int = 0) -> Leftover:
+    """Predict what is left of impacts and flights from what was measured of them; `world` is where it is measured."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+    impacts = clipped(left.impacts / scale)
+    flights = clipped(left.flights[:, :, :FLIGHT_DEGREES]).reshape(len(left.flights), 3 * FLIGHT_DEGREES)
+    fold = folds(data)
+    impacts_left, flights_left = impacts.copy(), flights.copy()
+    if len(impacts):
+        impacts_left -= _cross_predict(data.impact_features(world), impacts, fold[data.impact_release], seed)
+    if len(flights):
+        flights_left -= _cross_predict(data.flight_features(world), flights, fold[data.flight_release], seed)
+    return Leftover(impacts, impacts_left, flights, flights_left)
+
+
+def clipped(z: Array) -> Array:
+    """Residuals in standard deviations, at most CLIP; what could not be simulated counts as that."""
+    return np.clip(np.nan_to_num(z, nan=CLIP), -CLIP, CLIP)
+
+
+def _cross_predict(features: Array, target: Array, fold: Array, seed: int) -> Array:
+    from sklearn.ensemble import ExtraTreesRegressor
+    from sklearn.linear_model import RidgeCV
+    from sklearn.preprocessing import StandardScaler
+
+    predicted = np.zeros_like(target)
+    for k in range(FOLDS):
+        train, test = fold != k, fold == k
+        if train.sum() < 20 or not test.any():
+            continue
+        scaler = StandardScaler().fit(features[train])
+        x, own = scaler.transform(features[train]), scaler.transform(features[test])
+        ridge = RidgeCV(np.logspace(0, 5, 11)).fit(x, target[train])
+        trees = ExtraTreesRegressor(
+            TREES, min_samples_leaf=4, max_features=0.6, random_state=seed, n_jobs=1
+        ).fit(x, target[train] - ridge.predict(x))
+        predicted[test] = ridge.predict(own) + trees.predict(own)
+    return predicted

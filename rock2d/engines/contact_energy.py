@@ -1,0 +1,91 @@
+"""What the block has and its contacts hold: energy, pressure, and how long a contact step may be, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.effects.forces import ACTS
+from rock2d.engines.contact_state import (
+    ACTING,
+    ACTIVE,
+    DEPTH,
+    DEPTH_MAX,
+    OFFSET,
+    RATE,
+    ROTATION,
+    STRETCH,
+    ZONE,
+)
+from rock2d.laws.contact import (
+    K_L,
+    K_T,
+    K_UL,
+    MU,
+    elastic_energy,
+    normal_force,
+    rolling_energy,
+    tangential_force,
+)
+
+EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
+
+
+@kernel
+def kinetic_energy(q, block):
+    """Kinetic energy in J."""
+    return 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
+
+
+@kernel
+def stored_energy(ints, reals, params):
+    """Energy in J that the springs of all contacts hold."""
+    total = 0.0
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            p = params[ints[j, ZONE]]
+            force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
+            force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
+            if p[ACTS] != 0.0:
+                force_t = (
+                    p[K_T] * reals[j, STRETCH]
+                )  # kept within what friction was when it was last stretched
+            total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
+    return total
+
+
+@kernel
+def pressure(ints, reals, params):
+    """(sum of normal forces, and of what effects add, in N, largest penetration in m, number of active contacts)."""
+    force, deepest, active = 0.0, 0.0, 0
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            p = params[ints[j, ZONE]]
+            if p[ACTS] != 0.0:
+                force += reals[j, ACTING]
+            else:
+                force += normal_force(
+                    reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL]
+                )
+            deepest = max(deepest, reals[j, DEPTH])
+            active += 1
+    return force, deepest, active
+
+
+@kernel
+def ease(reference_energy, block, ints, reals, params):
+    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the oscillation in the contacts dies down.
+
+    The energy that a step errs by is of order energy × step⁵, so a step ∝ 1/√energy, once a sixteenth is left, lets it
+    shrink; steady rolling and sliding take no part in it.
+    """
+    energy, touching = stored_energy(ints, reals, params), False
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            energy += 0.5 * block.mass * reals[j, RATE] * reals[j, RATE]
+            touching = True
+    if not touching:
+        return 1.0
+    if energy <= 0.0:
+        return EASE_LIMIT
+    return min(EASE_LIMIT, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))

@@ -1,0 +1,214 @@
+"""Where within a trial step the law has a kink, or a contact begins, ends or changes its feature, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.effects.forces import ACTS, FIRST, normal
+from rock2d.engines.contact_state import (
+    ACTIVE,
+    DEPTH,
+    DEPTH_MAX,
+    INDEX,
+    KEY,
+    KIND,
+    NOWHERE,
+    OFFSET,
+    PART,
+    RATE,
+    ZONE,
+)
+from rock2d.engines.geometry import (
+    CORNER_VERTEX,
+    CORNER_X,
+    CORNER_Y,
+    POINT_X,
+    POINT_Y,
+    SMOOTH_FACET,
+    SMOOTH_VERTEX,
+    TANGENT_X,
+    TANGENT_Y,
+    beyond_corner,
+    contact_point,
+)
+from rock2d.laws.contact import K_L, K_UL, normal_force, residual
+
+
+@kernel
+def hermite_root(g0, r0, g1, r1, h):
+    """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""
+    a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
+    low, high = 0.0, 1.0
+    s = g0 / (g0 - g1)
+    for _ in range(60):
+        value = g0 + s * (a1 + s * (a2 + s * a3))
+        if (value > 0.0) == (g1 > 0.0):
+            high = s
+        else:
+            low = s
+        rate = a1 + s * (2.0 * a2 + 3.0 * a3 * s)
+        ahead = s - value / rate if rate != 0.0 else -1.0
+        if not low <= ahead <= high:
+            ahead = 0.5 * (low + high)
+        if abs(ahead - s) < 1e-14:
+            break
+        s = ahead
+    return min(1.0, ahead + 1e-14) * h
+
+
+@kernel
+def law_kink(d0, r0, d1, r1, peak, gone, h):
+    """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its crater; h if
+    it does not. Afloat also the top of a hop: the way back must not be missed.
+
+    d, r : penetration in m and its rate before and after the step; peak, gone : the deepest so far, and the depth at
+    which the unloading force vanishes
+    """
+    if d0 >= peak and r0 > 0.0 and r1 < 0.0:
+        return h * r0 / (r0 - r1)
+    if (d0 > gone) != (d1 > gone):
+        return hermite_root(d0 - gone, r0, d1 - gone, r1, h)
+    if d0 < peak < d1:
+        return hermite_root(d0 - peak, r0, d1 - peak, r1, h)
+    if d0 <= gone and r0 < 0.0 < r1:
+        return h * r0 / (r0 - r1)
+    return h
+
+
+@kernel
+def hold_kink(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
+    """Time in (0, h] at which a pressing contact with effects begins or ceases to be kept from pulling; h if it does
+    not. `row`, `first` as in `forces.ground_forces`; force0, force1: the law's normal force before and after."""
+    if d0 < bottom or d1 < bottom:
+        return h
+    whole0 = force0 + normal(row, first, d0, r0, peak, bottom, force0)
+    whole1 = force1 + normal(row, first, d1, r1, max(peak, d1), bottom, force1)
+    if (whole0 > 0.0) == (whole1 > 0.0):
+        return h
+    return h * whole0 / (whole0 - whole1)
+
+
+@kernel
+def _gap_to_found(j, q, ints, found_i, block, terrain):
+    """What changes sign where slot j passes from its feature to the one found for it, and its rate.
+
+    Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
+    lies from the facet's end (their depths touch there without crossing).
+    """
+    c, s = np.cos(q[2]), np.sin(q[2])
+    d0, nx, ny, rx, ry = contact_point(
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
+    )
+    vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
+    if ints[j, KIND] != found_i[j, KIND]:
+        facet, vertex = ints[j, INDEX], found_i[j, INDEX]
+        if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
+            facet, vertex = vertex, facet
+        if ints[j, KIND] == SMOOTH_VERTEX:
+            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, terrain)
+        elif ints[j, KIND] <= CORNER_VERTEX:  # the centre of a rounded corner, above the foot
+            rx, ry = rx + block.rounding * nx, ry + block.rounding * ny
+            vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
+        facets = terrain.facets
+        tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
+        dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
+        if ints[j, KIND] >= SMOOTH_FACET:
+            # the foot moves with the profile's centre, not with the material
+            vx = q[3] - q[5] * (s * block.centre_x + c * block.centre_y)
+            vy = q[4] + q[5] * (c * block.centre_x - s * block.centre_y)
+        return dx * tx + dy * ty, vx * tx + vy * ty
+    r0 = vx * nx + vy * ny
+    d1, nx, ny, rx, ry = contact_point(
+        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], q[0], q[1], c, s, block, terrain
+    )
+    r1 = (q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny
+    return d0 - d1, r1 - r0
+
+
+@kernel
+def _corner_kink(j, q0, q1, h, terrain, block, ints, found_i):
+    """Time in (0, h] just behind which a terrain corner passes between a rounded corner of the block (a corner's slot)
+    and the flat part of a face next to it (a vertex's slot): the contact changes hands there, see `slots.hand_over`."""
+    n = block.sides.shape[0]
+    corner, vertex = j, found_i[j, INDEX]
+    if j >= n:
+        vertex, corner = ints[j, INDEX], ints[j, PART]
+        if not _nearer_start(corner, vertex, q1, terrain, block):
+            corner = corner + 1 if corner + 1 < n else 0
+    elif found_i[j, KIND] != CORNER_VERTEX:
+        return h
+    g0, s0 = _beyond(corner, vertex, q0, terrain, block)
+    g1, s1 = _beyond(corner, vertex, q1, terrain, block)
+    if (g0 > 0.0) == (g1 > 0.0):
+        return h
+    t = hermite_root(g0, s0, g1, s1, h) + 1e-5 * h
+    return t if 1e-3 * h < t < h else h
+
+
+@kernel
+def _nearer_start(face, vertex, q, terrain, block):
+    """Whether a terrain corner lies nearer to the first corner of a face than to its second."""
+    sides, facets = block.sides, terrain.facets
+    end = face + 1 if face + 1 < sides.shape[0] else 0
+    dx, dy = facets[vertex, POINT_X] - q[0], facets[vertex, POINT_Y] - q[1]
+    c, s = np.cos(q[2]), np.sin(q[2])
+    bx, by = c * dx + s * dy, -s * dx + c * dy
+    start_x, start_y = bx - sides[face, CORNER_X], by - sides[face, CORNER_Y]
+    end_x, end_y = bx - sides[end, CORNER_X], by - sides[end, CORNER_Y]
+    return start_x * start_x + start_y * start_y < end_x * end_x + end_y * end_y
+
+
+@kernel
+def _beyond(corner, vertex, q, terrain, block):
+    """`beyond_corner` of a terrain corner, and its rate."""
+    c, s = np.cos(q[2]), np.sin(q[2])
+    px, py = terrain.facets[vertex, POINT_X], terrain.facets[vertex, POINT_Y]
+    past, tx, ty = beyond_corner(corner, px, py, q[0], q[1], c, s, block.sides)
+    vx, vy = q[3] - q[5] * (py - q[1]), q[4] + q[5] * (px - q[0])  # of the block's material there
+    return past, -(vx * (c * tx - s * ty) + vy * (s * tx + c * ty))
+
+
+@kernel
+def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r):
+    """Time in (0, h] of the first kink of the law within a trial step; h if there is none."""
+    first = h
+    for j in range(ints.shape[0]):
+        d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
+        d0, r0 = reals[j, DEPTH], reals[j, RATE]
+        if d0 == NOWHERE or d1 == NOWHERE:
+            if ints[j, ACTIVE] and block.rounding > 0.0:
+                first = min(first, _corner_kink(j, q0, q1, h, terrain, block, ints, found_i))
+            continue
+        t = h
+        if not ints[j, ACTIVE]:
+            if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
+                # a landing may fall short by rounding: the touch must not wait for the end of the next step
+                t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
+        else:
+            p = params[ints[j, ZONE]]
+            # land a little behind the surface: there is no force on either side, and the cubic errs by less
+            clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * h if d1 <= 0.0 < d0 else h
+            d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
+            peak = reals[j, DEPTH_MAX]
+            gone = residual(peak, p[K_L], p[K_UL])
+            t = law_kink(d0, r0, d1, r1, peak, gone, h)
+            t = min(t, clear)
+            if p[ACTS] != 0.0:
+                force0 = normal_force(d0, peak, p[K_L], p[K_UL])
+                force1 = normal_force(d1, peak, p[K_L], p[K_UL])
+                held = hold_kink(p, FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+                t = held if 1e-3 * h < held < t else t
+            if (
+                ints[j, INDEX] != found_i[j, INDEX]
+                or ints[j, PART] != found_i[j, PART]
+                or ints[j, KIND] != found_i[j, KIND]
+            ):
+                # another feature has become the nearest: land just behind the change
+                g0, s0 = _gap_to_found(j, q0, ints, found_i, block, terrain)
+                g1, s1 = _gap_to_found(j, q1, ints, found_i, block, terrain)
+                if (g0 > 0.0) != (g1 > 0.0):
+                    t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
+        if 1e-3 * h < t < first:
+            first = t
+    return first

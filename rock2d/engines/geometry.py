@@ -1,0 +1,361 @@
+"""Contact geometry: how deep a block's contact points lie, compiled.
+
+Five kinds of contact point, each with a depth δ (positive inside) whose rate is minus the normal velocity of
+the block's material there, so that a force k δ along the normal is conservative:
+
+- CORNER_FACET: a block corner below a facet; CORNER_VERTEX: the same where a vertex is nearest (a re-entrant one, or
+  a convex one if the corner is rounded)
+- VERTEX_FACE: a convex corner of the terrain inside a polygon, measured to the nearest block face
+- SMOOTH_FACET, SMOOTH_VERTEX: a circle's or ellipse's lowest point against a facet, or a vertex against it
+
+Depths come from the nearest feature only, so they are continuous over joints: a facet cut in ten is the same. A
+rounded corner is a circle; convex terrain corners meet it or the flat part of a face, never both.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import SMOOTH_TURN_RAD, Terrain
+
+Array = np.ndarray
+
+CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
+
+
+FEW = 8  # facets that are looked at one by one
+RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
+# columns of a row of TerrainArrays.facets
+(
+    POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST,
+) = range(12)  # fmt: skip
+# columns of a row of BlockArrays.sides
+CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
+
+
+class TerrainArrays(NamedTuple):
+    """What compiled code reads of a cross-section; its end facets are prolonged.
+
+    One array for all facets: passing and indexing many arrays costs more than the arithmetic.
+    """
+
+    facets: (
+        Array  # (n + 1, 12): start point, tangent, normal, length, zone id, patch, start is a convex corner,
+        # first and last facet of the run of facets that are all but in line
+    )
+    first: Array  # (bins,) lowest facet that overlaps this bin of x or a later one
+    last: Array  # (bins,) highest facet that overlaps this bin of x or an earlier one
+    x_start: float
+    bins_per_m: float
+    x_low: float  # the true ends of the cross-section
+    x_high: float
+    facet_m: float  # mean length of a facet along x
+
+
+class BlockArrays(NamedTuple):
+    """What compiled code reads of a block; its axes begin in the centre of mass.
+
+    The corners of a polygon are circles of radius `rounding` (0: sharp) about centres so far inside that they touch
+    the faces.
+    """
+
+    sides: Array  # (n, 5) centre of a corner, outward normal and distance from the centre of mass of the face behind it
+    air: Array  # columns of the laws of flight, none without them
+    semi_a: float
+    semi_b: float
+    mass: float
+    inertia: float
+    radius: float  # of the smallest circle about the centre of mass that holds the block
+    rounding: float
+    centre_x: float  # of a smooth profile, in the block's axes
+    centre_y: float
+
+
+def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
+    """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`.
+
+    Facets joined by turns below SMOOTH_TURN_RAD share a patch; by turns below RUN_TURN_RAD, and of one zone, a run.
+    """
+    points = terrain.points_m.copy()
+    points[0] -= terrain.tangents[0] * prolong_m
+    points[-1] += terrain.tangents[-1] * prolong_m
+    n = len(points) - 1
+    turns = terrain.turns_rad
+    facets = np.zeros((n + 1, 12))
+    facets[:, :2] = points
+    facets[:n, 2:4], facets[:n, 4:6] = terrain.tangents, terrain.normals
+    facets[:n, LENGTH] = np.hypot(*np.diff(points, axis=0).T)
+    facets[:n, ZONE_ID] = terrain.zone_ids
+    facets[:n, PATCH] = np.concatenate([[0], np.cumsum(np.abs(turns[1:-1]) > SMOOTH_TURN_RAD)])
+    facets[:, CONVEX] = turns < -SMOOTH_TURN_RAD
+    broken = (np.abs(turns[1:-1]) > RUN_TURN_RAD) | (np.diff(terrain.zone_ids) != 0)
+    begins = np.concatenate([[0], np.flatnonzero(broken) + 1])
+    run = np.concatenate([[0], np.cumsum(broken)])
+    facets[:n, RUN_FIRST], facets[:n, RUN_LAST] = begins[run], np.append(begins[1:], n)[run] - 1
+    low = np.minimum(points[:-1, 0], points[1:, 0])
+    high = np.maximum(points[:-1, 0], points[1:, 0])
+    x_start, bins = float(low.min()), max(8, 2 * n)
+    bins_per_m = bins / (float(high.max()) - x_start)
+    first, last = np.full(bins, n), np.full(bins, -1)
+    begin = np.clip(((low - x_start) * bins_per_m).astype(int) - 1, 0, bins - 1)
+    end = np.clip(((high - x_start) * bins_per_m).astype(int) + 1, 0, bins - 1)
+    np.minimum.at(first, end, np.arange(n))
+    np.maximum.at(last, begin, np.arange(n))
+    first = np.minimum.accumulate(first[::-1])[::-1]
+    last = np.maximum.accumulate(last)
+    x_low, x_high = float(terrain.points_m[0, 0]), float(terrain.points_m[-1, 0])
+    return TerrainArrays(
+        facets,
+        first.astype(np.int64),
+        last.astype(np.int64),
+        x_start,
+        bins_per_m,
+        x_low,
+        x_high,
+        (x_high - x_low) / n,
+    )
+
+
+def block_arrays(block: Block) -> BlockArrays:
+    """Arrays of a block."""
+    ex, ey = block.centre_of_mass_m
+    corners = np.asarray(block.corners_m, float).reshape(-1, 2) - np.array([ex, ey])
+    edge = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.maximum(np.hypot(*edge.T), 1e-300)[:, None]
+    before = np.roll(normals, 1, axis=0)
+    inward = -(before + normals) / (1.0 + (before * normals).sum(axis=1))[:, None]
+    centres = corners + block.rounding_m * inward if block.rounding_m > 0.0 else corners
+    sides = np.column_stack([centres, normals, (normals * corners).sum(axis=1)])
+    a, b = block.semi_axes_m
+    air = np.array(block.air if any(block.air) else (), float)
+    return BlockArrays(
+        sides, air, a, b, block.mass_kg, block.inertia_kg_m2, block.reach_m, block.rounding_m, -ex, -ey
+    )
+
+
+@kernel(inline="always")
+def is_ball(block):
+    """Whether the block looks the same at any angle."""
+    round_about = block.centre_x == 0.0 and block.centre_y == 0.0
+    return block.sides.shape[0] == 0 and block.semi_a == block.semi_b and round_about
+
+
+@kernel
+def facet_range(terrain, x_low, x_high):
+    """First and one-past-last index of the facets that can lie in [x_low, x_high]."""
+    bins = terrain.first.size
+    b0 = min(max(int((x_low - terrain.x_start) * terrain.bins_per_m), 0), bins - 1)
+    b1 = min(max(int((x_high - terrain.x_start) * terrain.bins_per_m), 0), bins - 1)
+    return terrain.first[b0], terrain.last[b1] + 1
+
+
+@kernel
+def point_depth(px, py, facets, f0, f1):
+    """Depth of a point below the surface (negative: height above it), and the nearest feature.
+
+    Returns (depth in m, kind, index): CORNER_FACET with a facet, or CORNER_VERTEX with a vertex.
+    """
+    best, kind, index, sign = np.inf, CORNER_FACET, f0, 1.0
+    for f in range(f0, f1):
+        dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        if above * above >= best:
+            continue
+        if 0.0 <= along <= facets[f, LENGTH]:
+            best, kind, index = above * above, CORNER_FACET, f
+            sign = 1.0 if above >= 0.0 else -1.0
+            continue
+        v = f if along < 0.0 else f + 1
+        dx, dy = px - facets[v, POINT_X], py - facets[v, POINT_Y]
+        if dx * dx + dy * dy < best:
+            best, kind, index = dx * dx + dy * dy, CORNER_VERTEX, v
+            # inside or outside by the mean normal of the two facets
+            nx, ny = facets[v, NORMAL_X], facets[v, NORMAL_Y]  # zero behind the last facet
+            if v > 0:
+                nx, ny = nx + facets[v - 1, NORMAL_X], ny + facets[v - 1, NORMAL_Y]
+            sign = 1.0 if nx * dx + ny * dy >= 0.0 else -1.0
+    return -sign * np.sqrt(best), kind, index
+
+
+@kernel
+def near_depth(px, py, terrain, f0, f1, reach):
+    """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
+    facets = terrain.facets
+    if f1 - f0 <= FEW:
+        return point_depth(px, py, facets, f0, f1)
+    g0, g1 = facet_range(terrain, px, px)
+    g0, g1 = max(f0, g0), min(f1, g1)
+    depth, kind, index = point_depth(px, py, facets, g0, g1)
+    width = min(-depth, reach) if depth < 0.0 else depth
+    h0, h1 = facet_range(terrain, px - width, px + width)
+    h0, h1 = max(f0, h0), min(f1, h1)
+    if h0 >= g0 and h1 <= g1:
+        return depth, kind, index
+    return point_depth(px, py, facets, h0, h1)
+
+
+@kernel
+def polygon_depth(px, py, x, y, c, s, sides):
+    """Depth of a point inside a polygon at pose (x, y, cos, sin) and its nearest face; negative outside."""
+    bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
+    depth, face = np.inf, 0
+    for k in range(sides.shape[0]):
+        d = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
+        if d < depth:
+            depth, face = d, k
+    return depth, face
+
+
+@kernel
+def under_face(face, px, py, x, y, c, s, sides):
+    """Whether a point's foot on a face of the polygon lies between the circles of its corners."""
+    bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
+    tx, ty = -sides[face, FACE_Y], sides[face, FACE_X]
+    end = face + 1 if face + 1 < sides.shape[0] else 0
+    from_start = (bx - sides[face, CORNER_X]) * tx + (by - sides[face, CORNER_Y]) * ty
+    from_end = (bx - sides[end, CORNER_X]) * tx + (by - sides[end, CORNER_Y]) * ty
+    return from_start >= 0.0 >= from_end
+
+
+@kernel
+def beyond_corner(i, px, py, x, y, c, s, sides):
+    """How far in m a point lies beyond the end of a face next to corner i, and the direction (block's axes) in which
+    that grows. Positive beyond the ends of both faces: there the corner's circle is what is nearest."""
+    bx = c * (px - x) + s * (py - y) - sides[i, CORNER_X]
+    by = -s * (px - x) + c * (py - y) - sides[i, CORNER_Y]
+    before = i - 1 if i > 0 else sides.shape[0] - 1
+    in_x, in_y = -sides[before, FACE_Y], sides[before, FACE_X]
+    out_x, out_y = sides[i, FACE_Y], -sides[i, FACE_X]
+    past, short = bx * in_x + by * in_y, bx * out_x + by * out_y
+    if past < short:
+        return past, in_x, in_y
+    return short, out_x, out_y
+
+
+@kernel
+def repeats(sides, i):
+    """Whether corner i is the circle of a corner before it: rounded until a face between two of them has vanished."""
+    other = i - 1
+    if i == 0:
+        return False
+    for _ in range(2):
+        dx, dy = sides[i, CORNER_X] - sides[other, CORNER_X], sides[i, CORNER_Y] - sides[other, CORNER_Y]
+        if dx * dx + dy * dy < 1e-18 * sides[i, FACE_OFFSET] ** 2:
+            return True
+        if i < sides.shape[0] - 1:
+            break
+        other = 0
+    return False
+
+
+@kernel
+def nearest_on_ellipse(px, py, a, b):
+    """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration.
+
+    Converges quadratically for points near the boundary, inside or outside (A. Kemper's method).
+    """
+    qx, qy = abs(px), abs(py)
+    tx, ty = np.sqrt(0.5), np.sqrt(0.5)
+    for _ in range(30):
+        ex, ey = (a * a - b * b) * tx**3 / a, (b * b - a * a) * ty**3 / b
+        rx, ry = a * tx - ex, b * ty - ey
+        dx, dy = qx - ex, qy - ey
+        r, d = np.sqrt(rx * rx + ry * ry), np.sqrt(dx * dx + dy * dy)
+        if d == 0.0:
+            break
+        nx, ny = max(0.0, (dx * r / d + ex) / a), max(0.0, (dy * r / d + ey) / b)
+        norm = np.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / norm, ny / norm
+        change = abs(nx - tx) + abs(ny - ty)
+        tx, ty = nx, ny
+        if change < 1e-15:
+            break
+    return np.copysign(a * tx, px), np.copysign(b * ty, py)
+
+
+@kernel
+def contact_point(kind, index, part, x, y, c, s, block, terrain):
+    """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
+
+    `part` is the block's corner or face; `index` the terrain's facet or vertex; (x, y, c, s) the pose.
+    """
+    return place_feature(kind, load_feature(kind, index, part, block, terrain.facets), x, y, c, s)
+
+
+@kernel(inline="always")
+def load_feature(kind, index, part, block, facets):
+    """What `place_feature` needs of a feature: terrain point, facet normal, and four numbers: of a corner its centre,
+    its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
+    and centre."""
+    px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
+    if kind in (CORNER_FACET, SMOOTH_FACET):
+        nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]
+    sides = block.sides
+    if kind <= CORNER_VERTEX:
+        side = 1.0
+        if kind == CORNER_VERTEX and block.rounding > 0.0:
+            side = vertex_side(facets, index)
+        return px, py, nx, ny, sides[part, CORNER_X], sides[part, CORNER_Y], block.rounding, side
+    if kind == VERTEX_FACE:
+        return px, py, nx, ny, sides[part, FACE_X], sides[part, FACE_Y], sides[part, FACE_OFFSET], 0.0
+    return px, py, nx, ny, block.semi_a, block.semi_b, block.centre_x, block.centre_y
+
+
+@kernel
+def vertex_side(facets, v):
+    """-1 if a point nearest to vertex v lies outside the ground (the ground is convex there), 1 if inside."""
+    if v == 0:
+        return 1.0
+    turn = facets[v - 1, TANGENT_X] * facets[v, TANGENT_Y] - facets[v - 1, TANGENT_Y] * facets[v, TANGENT_X]
+    return -1.0 if turn < 0.0 else 1.0
+
+
+@kernel(inline="always")
+def place_feature(kind, feature, x, y, c, s):
+    """`contact_point` of a loaded feature."""
+    px, py, nx, ny, w1, w2, w3, w4 = feature
+    if kind <= CORNER_VERTEX:
+        rx, ry = c * w1 - s * w2, s * w1 + c * w2
+        dx, dy = x + rx - px, y + ry - py
+        if kind == CORNER_FACET:
+            return w3 - (dx * nx + dy * ny), nx, ny, rx - w3 * nx, ry - w3 * ny
+        distance = np.sqrt(dx * dx + dy * dy)
+        if distance == 0.0:
+            return w3, 0.0, 1.0, rx, ry - w3
+        nx, ny = -w4 * dx / distance, -w4 * dy / distance
+        return w3 + w4 * distance, nx, ny, rx - w3 * nx, ry - w3 * ny
+    if kind == VERTEX_FACE:
+        nx, ny = -(c * w1 - s * w2), -(s * w1 + c * w2)
+        rx, ry = px - x, py - y
+        return w3 + nx * rx + ny * ry, nx, ny, rx, ry
+    a, b = w1, w2
+    mx, my = 0.0, 0.0
+    if w3 != 0.0 or w4 != 0.0:
+        mx, my = c * w3 - s * w4, s * w3 + c * w4  # from the centre of mass to that of the profile
+        x, y = x + mx, y + my
+    if kind == SMOOTH_FACET:
+        if a == b:
+            rx, ry = -a * nx, -a * ny
+        else:
+            ux, uy = -(c * nx + s * ny), -(-s * nx + c * ny)
+            h = np.sqrt(a * a * ux * ux + b * b * uy * uy)
+            bx, by = a * a * ux / h, b * b * uy / h
+            rx, ry = c * bx - s * by, s * bx + c * by
+        return -((x + rx - px) * nx + (y + ry - py) * ny), nx, ny, mx + rx, my + ry
+    dx, dy = px - x, py - y
+    if a == b:
+        distance = np.sqrt(dx * dx + dy * dy)
+        nx, ny = -dx / distance, -dy / distance
+        return a - distance, nx, ny, mx - a * nx, my - a * ny
+    qx, qy = c * dx + s * dy, -s * dx + c * dy
+    bx, by = nearest_on_ellipse(qx, qy, a, b)
+    ux, uy = bx / (a * a), by / (b * b)
+    norm = np.sqrt(ux * ux + uy * uy)
+    ux, uy = ux / norm, uy / norm
+    depth = (bx - qx) * ux + (by - qy) * uy
+    return depth, -(c * ux - s * uy), -(s * ux + c * uy), mx + c * bx - s * by, my + s * bx + c * by

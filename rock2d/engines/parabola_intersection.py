@@ -1,0 +1,229 @@
+"""The cross-section as flying points meet it: the next impact of a parabola, found through a tree of boxes, compiled.
+
+No block gets through the ground: the facet just left counts as touched exactly (its root is 2 v_n / (g n_y),
+no distance is compared), every impact puts the point back onto its facet, and facets reach `Surface.reach_m`
+(1e-12 of the coordinates: rounding, not physics) past their ends and to their rear, so a parabola through
+a joint meets one of the two.
+
+What the ensembles run in parallel handles numbers and whole arrays only: a view of a row counts references, and
+all threads would queue for that count.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.compiled import njit
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+
+LEAF = 4
+
+
+class Surface(NamedTuple):
+    """A cross-section as the compiled core reads it.
+
+    facets : (n, 5) start x, y, unit tangent x, y, length; zones : (n,) zone ids
+    boxes : (2 leaves - 1, 6) x_low, x_high, slope m and the greatest y - m x in them: boxes that lie along the
+        ground, without a floor; then the x between which there are facets of this box only. The children of
+        box i are 2i+1 and 2i+2; the last `leaves` hold LEAF facets each
+    x_low_m, x_high_m : beyond them a block has left; reach_m : see the module
+    """
+
+    facets: Array
+    zones: Array
+    boxes: Array
+    x_low_m: float
+    x_high_m: float
+    reach_m: float
+
+
+_latest: tuple[Terrain, Surface] | None = None
+
+
+def make_surface(terrain: Terrain) -> Surface:
+    """Prepare a cross-section for the compiled core; the latest is kept, for release after release on it."""
+    global _latest
+    known = _latest
+    if known is not None and known[0] is terrain:
+        return known[1]
+    points = terrain.points_m
+    length = np.hypot(*np.diff(points, axis=0).T)
+    facets = np.ascontiguousarray(np.column_stack([points[:-1], terrain.tangents, length]))
+    reach = 1e-12 * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
+    leaves = 1
+    while leaves * LEAF < len(facets):
+        leaves *= 2
+    left, right = float(points[:, 0].min()) - reach, float(points[:, 0].max()) + reach
+    surface = Surface(facets, terrain.zone_ids, _tree(points, leaves, reach), left, right, reach)
+    _latest = terrain, surface
+    return surface
+
+
+@njit
+def _tree(points, leaves, reach):
+    """The boxes of a Surface; those beyond the last facet are empty."""
+    boxes = np.empty((2 * leaves - 1, 6))
+    last = len(points) - 1
+    before, after = points[:, 0].copy(), points[:, 0].copy()  # greatest x up to a point, least x from it on
+    for j in range(last):
+        before[j + 1] = max(before[j], before[j + 1])
+        after[last - j - 1] = min(after[last - j], after[last - j - 1])
+    held, first = leaves * LEAF, 0  # facets a box holds, first box of the level
+    while held >= LEAF:
+        for i in range(first, 2 * first + 1):
+            start = (i - first) * held
+            stop = min(start + held, last)
+            box = boxes[i]
+            box[0], box[1], box[2], box[3] = np.inf, -np.inf, 0.0, -np.inf
+            box[4], box[5] = -np.inf, np.inf
+            if start >= stop:
+                continue
+            across, rise = points[stop, 0] - points[start, 0], points[stop, 1] - points[start, 1]
+            slope = rise / across if abs(rise) < 4.0 * across else 0.0
+            for j in range(start, stop + 1):
+                height = points[j, 1] - slope * points[j, 0]
+                box[0], box[1] = min(box[0], points[j, 0]), max(box[1], points[j, 0])
+                box[3] = max(box[3], height)
+            margin = 2.0 * (1.0 + abs(slope)) * reach
+            box[0], box[1], box[2], box[3] = box[0] - margin, box[1] + margin, slope, box[3] + margin
+            if start > 0:
+                box[4] = before[start] + margin
+            if stop < last:
+                box[5] = after[stop] - margin
+        held, first = held // 2, 2 * first + 1
+    return boxes
+
+
+@njit
+def next_impact(surface, stack, x, y, vx, vy, gravity, current, limit):
+    """(time to the next impact, facet), or (limit, -1) if there is none within `limit`.
+
+    `current` is the facet on which the point sits, -1 if it starts in the air.
+    """
+    facets, boxes = surface.facets, surface.boxes
+    first_leaf = len(boxes) // 2
+    best, found = limit, -1
+    best_v_n = 0.0
+    per_vx = 1.0 / vx if abs(vx) > 1e-300 else 0.0
+    first_child = 1 if vx >= 0.0 else 2  # the one that the flight gets to first
+    # most flights are short: search the leaf where this one starts, then wider and wider around it
+    searched = 0 if current < 0 else first_leaf + current // LEAF
+    box, top, met = searched, 0, True
+    while True:
+        # both children are looked at, without a branch between them: the processor could not guess it
+        while met and box < first_leaf:
+            near, far = 2 * box + first_child, 2 * box + 3 - first_child
+            near_met = _meets(boxes, near, x, y, vx, vy, per_vx, gravity, best)
+            far_met = _meets(boxes, far, x, y, vx, vy, per_vx, gravity, best)
+            stack[top] = far
+            top += near_met & far_met
+            met = near_met | far_met
+            box = near if near_met else far
+        if met:
+            start = (box - first_leaf) * LEAF
+            for j in range(start, min(start + LEAF, len(facets))):
+                tau, v_n = facet_impact(facets, j, x, y, vx, vy, gravity, j == current, surface.reach_m)
+                # of two facets met at once, at a joint, the one that is hit harder
+                if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
+                    best, found = tau, j
+                    best_v_n = v_n
+            end = x + vx * best
+            if (vx >= 0.0 and end < boxes[box, 5]) or (vx < 0.0 and end > boxes[box, 4]):
+                top = 0  # what waits lies beyond the end of the flight
+        if top > 0:
+            top -= 1
+            box = stack[top]
+            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
+            continue
+        end = x + vx * best
+        left, right = min(x, end), max(x, end)
+        met = False
+        while searched > 0 and not met and (boxes[searched, 4] >= left or boxes[searched, 5] <= right):
+            box = ((searched + 1) ^ 1) - 1  # the other child of its parent
+            searched = (searched - 1) // 2
+            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
+        if not met:
+            return best, found
+
+
+@njit
+def _meets(boxes, i, x, y, vx, vy, per_vx, gravity, limit):
+    """Whether the flight can touch box `i` within `limit`; never wrongly no. `per_vx` is 1/vx, 0 for none."""
+    t0, t1 = 0.0, limit
+    if per_vx == 0.0:
+        if x < boxes[i, 0] or x > boxes[i, 1]:
+            return False
+    else:
+        a, b = (boxes[i, 0] - x) * per_vx, (boxes[i, 1] - x) * per_vx
+        t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    y, vy = y - boxes[i, 2] * x, vy - boxes[i, 2] * vx  # sheared, the flight is a parabola still
+    y0, y1 = y + (vy - 0.5 * gravity * t0) * t0, y + (vy - 0.5 * gravity * t1) * t1
+    return (t0 <= t1) & (min(y0, y1) <= boxes[i, 3])
+
+
+@njit
+def facet_impact(facets, j, x, y, vx, vy, gravity, touching, reach):
+    """(time, v_n) at which the flight comes down onto the front of facet `j`, (-1, 0) if it does not.
+
+    The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0.
+    """
+    x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
+    b = vy * tx - vx * ty
+    a = gravity * tx
+    if touching:
+        c = 0.0
+    else:
+        c = (y - y0) * tx - (x - x0) * ty
+        if -reach <= c < 0.0:
+            c = 0.0
+    square = b * b + 2.0 * a * c
+    if square < 0.0:
+        return -1.0, 0.0
+    root = np.sqrt(square)
+    if b < 0.0:
+        tau = 2.0 * c / (root - b)
+    elif a > 0.0:
+        tau = (b + root) / a
+    else:
+        return -1.0, 0.0
+    along = (x + vx * tau - x0) * tx + (y + (vy - 0.5 * gravity * tau) * tau - y0) * ty
+    if tau < 0.0 or along < -reach or along > length + reach:
+        return -1.0, 0.0
+    return tau, -root
+
+
+@njit
+def lifted(surface, stack, x, y):
+    """`y`, or the height of the surface above (x, y) if that point lies in the ground.
+
+    It does if, of the facets straight above, one more has the ground below it than above it.
+    """
+    facets, boxes = surface.facets, surface.boxes
+    first_leaf = len(boxes) // 2
+    inside, height = 0, np.inf
+    stack[0], top = 0, 1
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        if x < boxes[i, 0] or x > boxes[i, 1] or y - boxes[i, 2] * x > boxes[i, 3]:
+            continue
+        if i < first_leaf:
+            stack[top], stack[top + 1] = 2 * i + 1, 2 * i + 2
+            top += 2
+            continue
+        start = (i - first_leaf) * LEAF
+        for j in range(start, min(start + LEAF, len(facets))):
+            x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
+            x1 = x0 + length * tx
+            if tx == 0.0 or not min(x0, x1) <= x < max(x0, x1):
+                continue
+            above = y0 + (x - x0) * ty / tx
+            if above > y + surface.reach_m:
+                inside += 1 if tx > 0.0 else -1
+                if tx > 0.0:
+                    height = min(height, above)
+    return height if inside > 0 else y

@@ -1,0 +1,317 @@
+"""The experiment folder: releases and what was measured of them, filmed or simulated. Read, check, write.
+
+A folder holds `experiment.yaml` and one CSV, trajectories or impacts. Reading refuses what cannot be true,
+with file and line; a frame that the camera lost is a missing row or empty cells, which become NaN.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import Field, model_validator
+
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, read_text, shown
+from rock2d.files.folders import atomic_folder, path_inside
+from rock2d.files.setup_keys import BlockKeys, CrossSection, Name, block_keys
+from rock2d.records.track import IMPACT_COLUMNS
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TRAJECTORY_COLUMNS = ("release", "block", "t_s", "x_m", "y_m", "theta_rad")
+REQUIRED_IMPACT_COLUMNS = (
+    "release", "block", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s",
+    "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
+)  # fmt: skip
+LARGEST = 1.0e9  # no measured number is larger
+LARGEST_RELEASE = 10**9
+
+
+class Camera(Checked):
+    """The camera and its noise (1 sigma)."""
+
+    fps: float = Field(gt=0, le=1.0e7, description="Frames per second")
+    position_noise_m: float = Field(ge=0, le=1.0e3, description="Position noise, 1 sigma, each axis, in m")
+    angle_noise_rad: float = Field(ge=0, le=1.0e3, description="Angle noise, 1 sigma, in rad")
+
+
+class ExperimentKeys(Checked):
+    """`experiment.yaml`. SI units; x to the right, y up, angles counter-clockwise positive."""
+
+    name: Name = Field(description="Name of the experiment")
+    gravity_m_s2: float = Field(ge=0, le=1000, description="Gravity in m/s²")
+    camera: Camera
+    cross_section: CrossSection
+    blocks: dict[Name, BlockKeys] = Field(min_length=1, description="Block name -> its profile and mass")
+    trajectories: str | None = Field(
+        default=None, description="CSV inside the folder with columns " + ",".join(TRAJECTORY_COLUMNS)
+    )
+    impacts: str | None = Field(
+        default=None, description="CSV inside the folder with columns " + ",".join(REQUIRED_IMPACT_COLUMNS)
+    )
+
+    @model_validator(mode="after")
+    def _one_table(self) -> ExperimentKeys:
+        if self.trajectories is None and self.impacts is None:
+            raise mistake("missing key 'trajectories' (or 'impacts'): the CSV of what was measured")
+        if self.trajectories is not None and self.impacts is not None:
+            raise mistake("give trajectories or impacts, not both", "impacts", at="key")
+        return self
+
+
+@dataclass
+class Experiment:
+    """A checked experiment.
+
+    Attributes
+    ----------
+    fps, position_noise_m, angle_noise_rad : the camera's frame rate and its noise (1 sigma)
+    blocks : name -> block
+    trajectories : rows `TRAJECTORY_COLUMNS`, NaN where a frame was lost; or None
+    impacts : rows of at least `REQUIRED_IMPACT_COLUMNS`, or None; exactly one of the two is given
+    folder : where it was read from, None if made in memory
+    """
+
+    name: str
+    gravity_m_s2: float
+    fps: float
+    position_noise_m: float
+    angle_noise_rad: float
+    terrain: Terrain
+    blocks: dict[str, Block]
+    trajectories: pd.DataFrame | None = None
+    impacts: pd.DataFrame | None = None
+    folder: Path | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if (self.trajectories is None) == (self.impacts is None):
+            raise ValueError("an experiment has either trajectories or impacts")
+
+
+def read_experiment(folder: str | Path) -> Experiment:
+    """Read and check an experiment folder; raises `InputError` on the first thing that cannot be right."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError("no such experiment folder", folder)
+    document = Document(folder / "experiment.yaml")
+    keys = document.check(ExperimentKeys)
+    terrain = keys.cross_section.make()
+    blocks = {name: block.make(name) for name, block in keys.blocks.items()}
+    tables: dict[str, pd.DataFrame] = {}
+    for kind in ("trajectories", "impacts"):
+        relative = getattr(keys, kind)
+        if relative is None:
+            continue
+        try:
+            path = path_inside(folder, relative)
+        except ValueError as error:
+            raise document.error(str(error), kind) from None
+        if not path.is_file():
+            raise document.error(f"no file {shown(relative)} in {folder}", kind)
+        if kind == "trajectories":
+            tables[kind] = read_trajectories(path, blocks)
+        else:
+            tables[kind] = read_impacts(path, blocks, terrain.zone_names)
+    return Experiment(
+        name=keys.name,
+        gravity_m_s2=keys.gravity_m_s2,
+        fps=keys.camera.fps,
+        position_noise_m=keys.camera.position_noise_m,
+        angle_noise_rad=keys.camera.angle_noise_rad,
+        terrain=terrain,
+        blocks=blocks,
+        trajectories=tables.get("trajectories"),
+        impacts=tables.get("impacts"),
+        folder=folder,
+    )
+
+
+def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:
+    """Trajectories CSV as a frame of `TRAJECTORY_COLUMNS`; raises `InputError` with file and line."""
+    import numpy as np
+    import pandas as pd
+
+    lines, table = _read_table(path, TRAJECTORY_COLUMNS, (), {"block": blocks})
+    measured = ("x_m", "y_m", "theta_rad")
+    frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
+    release, t = frame["release"].to_numpy(), frame["t_s"].to_numpy()
+    order = np.argsort(release, kind="stable")
+    stuck = np.flatnonzero((np.diff(release[order]) == 0) & (np.diff(t[order]) <= 0))
+    if stuck.size:
+        row, before = order[stuck[0] + 1], order[stuck[0]]
+        message = f"column t_s: times must increase within a release: {t[row]:g} after {t[before]:g} s"
+        raise InputError(message + f" in release {release[row]}", path, lines[row])
+    return frame[list(TRAJECTORY_COLUMNS)]
+
+
+def read_impacts(path: str | Path, blocks: Collection[str], zones: Collection[str]) -> pd.DataFrame:
+    """Impacts CSV: `REQUIRED_IMPACT_COLUMNS`, perhaps more of `IMPACT_COLUMNS`; empty cells are NaN."""
+    import pandas as pd
+
+    names = {"block": blocks, "zone": zones}
+    optional = [name for name in IMPACT_COLUMNS if name not in REQUIRED_IMPACT_COLUMNS]
+    lines, table = _read_table(path, REQUIRED_IMPACT_COLUMNS, optional, names)
+    may_be_empty = [name for name in IMPACT_COLUMNS if "after" in name or name in optional]
+    frame = pd.DataFrame(_typed(path, lines, table, names, may_be_empty))
+    return frame[[name for name in IMPACT_COLUMNS if name in frame]]
+
+
+def write_experiment(folder: str | Path, experiment: Experiment) -> None:
+    """Write a folder that `read_experiment` reads back; whole or not at all (see `atomic_folder`)."""
+    with atomic_folder(folder) as partial:
+        write_experiment_files(partial, experiment)
+
+
+def write_experiment_files(folder: Path, experiment: Experiment) -> None:
+    """Write `experiment.yaml` and its CSV into an existing folder."""
+    from ruamel.yaml import YAML
+
+    kind = "trajectories" if experiment.trajectories is not None else "impacts"
+    table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
+    assert table is not None
+    table.to_csv(folder / f"{kind}.csv", index=False, lineterminator="\n")
+    cross_section = {
+        "points_m": experiment.terrain.points_m.tolist(),
+        "zones": list(experiment.terrain.zones),
+        "measure_lines": {name: line.tolist() for name, line in experiment.terrain.measure_lines.items()},
+    }
+    keys = {
+        "name": experiment.name,
+        "gravity_m_s2": float(experiment.gravity_m_s2),
+        "camera": {
+            "fps": float(experiment.fps),
+            "position_noise_m": float(experiment.position_noise_m),
+            "angle_noise_rad": float(experiment.angle_noise_rad),
+        },
+        "cross_section": {key: value for key, value in cross_section.items() if value},
+        "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
+        kind: f"{kind}.csv",
+    }
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.width, yaml.allow_unicode = 110, True
+    text = io.StringIO()
+    text.write("# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n")
+    yaml.dump(keys, text)
+    (folder / "experiment.yaml").write_text(text.getvalue(), encoding="utf-8")
+
+
+def _read_table(
+    path: str | Path, required: Sequence[str], optional: Sequence[str], texts: Collection[str]
+) -> tuple[list[int], dict[str, list[str]]]:
+    """Line number of each row and the cells of each column, as text. One line is one row."""
+    text = read_text(path).replace("\r\n", "\n").replace("\r", "\n")
+    rows = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+    if not rows:
+        raise InputError(f"the file is empty; expected the columns {','.join(required)}", path, 1)
+    if '"' in text:
+        rows = [(number, _without_quotes(line, path, number)) for number, line in rows]
+    (top, line), rows = rows[0], rows[1:]
+    header = [cell.strip() for cell in line.split(",")]
+    known = [*required, *optional]
+    if len(header) == 1 and (";" in line or "\t" in line):
+        raise InputError("cells must be separated by commas", path, top)
+    for i, name in enumerate(header):
+        if name in header[:i]:
+            raise InputError(f"column {shown(name)} stands twice", path, top)
+        if name not in known:
+            free = [column for column in known if column not in header]
+            hint = did_you_mean(name, free)
+            raise InputError(f"unknown column {shown(name)}{hint}; expected {','.join(required)}", path, top)
+    for name in required:
+        if name not in header:
+            raise InputError(f"column {name} is missing; expected {','.join(required)}", path, top)
+    if not rows:
+        raise InputError("there is no row below the header", path, top)
+    for number, line in rows:
+        if line.count(",") != len(header) - 1:
+            cells = line.count(",") + 1
+            raise InputError(f"expected {len(header)} cells, found {cells}", path, number)
+    columns = zip(*[line.split(",") for _, line in rows], strict=True)
+    table = dict(zip(header, ([cell.strip() for cell in column] for column in columns), strict=True))
+    return [number for number, _ in rows], table
+
+
+def _without_quotes(line: str, path: str | Path, number: int) -> str:
+    try:
+        cells = next(csv.reader([line], strict=True))
+    except (csv.Error, StopIteration):
+        raise InputError("a quote that does not close on its line", path, number) from None
+    if any("," in cell for cell in cells):
+        raise InputError("a cell must not contain a comma", path, number)
+    return ",".join(cells)
+
+
+def _typed(
+    path: str | Path,
+    lines: list[int],
+    table: dict[str, list[str]],
+    texts: Mapping[str, Collection[str]],
+    may_be_empty: Collection[str],
+) -> dict[str, object]:
+    """Columns as int, float and checked text; `texts` names the allowed words of each text column."""
+    import numpy as np
+
+    columns: dict[str, object] = {}
+    for name, cells in table.items():
+        if "" in cells and name not in may_be_empty:
+            raise InputError(f"column {name}: an empty cell", path, lines[cells.index("")])
+        if name in texts:
+            known = {*texts[name], ""}
+            for word in set(cells) - known:
+                message = f"column {name}: {shown(word)} is not in experiment.yaml"
+                message += did_you_mean(word, texts[name])
+                raise InputError(message, path, lines[cells.index(word)])
+            columns[name] = cells
+        elif name == "release":
+            columns[name] = np.array(_numbers(path, lines, name, cells, _release), np.int64)
+        else:
+            columns[name] = np.array(_numbers(path, lines, name, cells, _real), float)
+    block_of: dict[int, str] = {}
+    for line, release, block in zip(lines, map(int, table["release"]), table["block"], strict=True):
+        before = block_of.setdefault(release, block)
+        if before != block:
+            raise InputError(f"column block: release {release} was {before!r}, here {block!r}", path, line)
+    return columns
+
+
+def _numbers(
+    path: str | Path, lines: list[int], name: str, cells: list[str], convert: Callable[[str], float]
+) -> list[float]:
+    try:
+        return [convert(cell) for cell in cells]
+    except ValueError:
+        pass
+    for number, cell in zip(lines, cells, strict=True):
+        try:
+            convert(cell)
+        except ValueError:
+            expected = "a whole number >= 0" if convert is _release else "a finite number"
+            message = f"column {name}: expected {expected}, found {shown(cell)}"
+            raise InputError(message, path, number) from None
+    raise AssertionError("unreachable")
+
+
+def _release(cell: str) -> int:
+    if not (cell.isascii() and cell.isdigit() and len(cell) <= 10 and int(cell) <= LARGEST_RELEASE):
+        raise ValueError
+    return int(cell)
+
+
+def _real(cell: str) -> float:
+    if not cell:
+        return math.nan  # a frame that was lost
+    value = float(cell)
+    # float() also takes nan, infinity and 1_000
+    if not abs(value) <= LARGEST or "_" in cell or not cell.isascii():
+        raise ValueError
+    return value

@@ -1,0 +1,270 @@
+"""Scenario YAML: what to release, onto what, with which laws and parameters. Loaded, checked, completed.
+
+`load_scenario` returns a `Scenario` whose names all resolve; a mistake raises `InputError` with its place.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field, PrivateAttr
+
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, shown
+from rock2d.files.experiment import Experiment, read_experiment
+from rock2d.files.folders import path_inside
+from rock2d.files.scenario_keys import Incident, Laws, Outputs
+from rock2d.files.setup_keys import BlockKeys, CrossSection, Name
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+if TYPE_CHECKING:
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
+
+DATA_VARIABLE = "ROCK2D_DATA"
+
+
+class Scenario(Checked):
+    """A rock2d scenario. SI units; x to the right, y up, angles counter-clockwise positive."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$", description="Name, also of the results folder"
+    )
+    about: str = Field(default="", description="One sentence on what this scenario is")
+    assumed: list[str] = Field(
+        default=[], description="Each value that is assumed, not published or measured"
+    )
+    gravity_m_s2: float = Field(default=9.81, ge=0, le=1000, description="Gravity in m/s²")
+    engine: Literal["pymunk", "batch", "point_mass"] = Field(
+        default="pymunk",
+        description="pymunk: deterministic rigid bodies; batch: the same law, compiled; "
+        "point_mass: probabilistic rebound",
+    )
+    releases: int = Field(default=50, ge=1, le=1_000_000, description="Releases of each block")
+    seed: int = Field(default=1, ge=0, le=2**63 - 1, description="Seed of every random draw")
+    time_limit_s: float = Field(
+        default=10.0, gt=0, le=3600, description="A release ends after this time in s"
+    )
+    cross_section: CrossSection | None = Field(
+        default=None,
+        description="The ground; may be left out when the incident states come from an experiment",
+    )
+    blocks: dict[Name, BlockKeys] | None = Field(
+        default=None, min_length=1, description="Block name -> its profile; may be left out likewise"
+    )
+    model: Laws = Field(description="Parameters of the impact laws, by zone")
+    incident: dict[str, Incident] = Field(
+        min_length=1, description="Block name, or default, -> state at the start of a release"
+    )
+    outputs: Outputs = Field(default_factory=Outputs, description="How the releases are recorded")
+
+    _document: Document | None = PrivateAttr(default=None)
+    _experiment: Experiment | None = PrivateAttr(default=None)
+
+    @property
+    def experiment(self) -> Experiment | None:
+        """The filmed experiment whose releases are restarted, or None."""
+        return self._experiment
+
+    def terrain(self) -> Terrain:
+        """The cross-section: the scenario's own, else the experiment's."""
+        if self.cross_section is not None:
+            return self.cross_section.make()
+        if self._experiment is None:
+            raise InputError("missing key 'cross_section'", self._file)
+        return self._experiment.terrain
+
+    def make_blocks(self) -> dict[str, Block]:
+        """Name -> block: the scenario's own, else the experiment's."""
+        if self.blocks is not None:
+            return {name: keys.make(name) for name, keys in self.blocks.items()}
+        if self._experiment is None:
+            raise InputError("missing key 'blocks'", self._file)
+        return dict(self._experiment.blocks)
+
+    def incident_of(self, block: str) -> Incident:
+        """The block's own incident states, else the default's."""
+        return self.incident.get(block) or self.incident["default"]
+
+    def contact_parameters(self) -> dict[str, ContactParameters]:
+        """Zone name -> parameters of the deterministic law; "default" serves every other zone."""
+        from rock2d.laws.contact import ContactParameters
+
+        if self.model.deterministic is None:
+            raise self._error("missing key 'deterministic', which engine pymunk needs", "model")
+        table = self.model.deterministic.named()
+        start: dict[str, Any] = {"rolling_cap": False, "rolling_in_crater": False}
+        out = {}
+        for zone, keys in table.items():
+            values = _merged(start, table["default"], keys)
+            out[zone] = self._parameters(ContactParameters, values, ("model", "deterministic", zone))
+        return out
+
+    def rebound_parameters(self, block: str) -> dict[str, ReboundParameters]:
+        """Zone name -> parameters of the probabilistic law for `block`; "default" serves every other zone."""
+        from rock2d.laws.rebound import ReboundParameters
+
+        if self.model.probabilistic is None:
+            raise self._error("missing key 'probabilistic', which engine point_mass needs", "model")
+        blocks = self.model.probabilistic.named()
+        common = blocks["default"].named()
+        owner = block if block in blocks else "default"
+        own = blocks[owner].named()
+        start: dict[str, Any] = {"slope_reduction_deg": 0.0, "slope_reduction": "constant"}
+        out = {}
+        for zone in {**common, **own}:
+            layers = [common["default"], common.get(zone), own["default"], own.get(zone)]
+            values = _merged(start, *(layer for layer in layers if layer is not None))
+            path = (owner, zone) if zone in own else ("default", zone)
+            out[zone] = self._parameters(ReboundParameters, values, ("model", "probabilistic", *path))
+        return out
+
+    @property
+    def _file(self) -> Path | None:
+        return self._document.file if self._document else None
+
+    def _error(self, message: str, *path: str | int, at: str = "value") -> InputError:
+        if self._document is None:
+            return InputError(f"{'.'.join(map(str, path))}: {message}")
+        return self._document.error(message, *path, at=at)
+
+    def _parameters(self, kind: Any, values: dict[str, Any], path: tuple[str, ...]) -> Any:
+        for name in kind.__dataclass_fields__:
+            if name not in values:
+                raise self._error(f"{name} is given neither here nor under default", *path, at="key")
+        try:
+            return kind(**values)
+        except ValueError as error:
+            named = [name for name in values if f"{name} " in f"{error} "]
+            raise self._error(str(error), *path, *named[:1]) from None
+
+
+def _merged(start: Mapping[str, Any], *layers: Checked) -> dict[str, Any]:
+    values = dict(start)
+    for layer in layers:
+        values |= layer.model_dump(exclude_none=True)
+    return values
+
+
+def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scenario:
+    """Load and check a scenario file.
+
+    `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
+    Raises `InputError` with file, line and column of the first mistake.
+    """
+    document = Document(path)
+    scenario = document.check(Scenario)
+    scenario._document = document
+    _load_experiment(scenario, data_root)
+    for key in ("cross_section", "blocks"):
+        if getattr(scenario, key) is None and scenario.experiment is None:
+            raise document.error(f"missing key {key!r}")
+    _check_names(scenario)
+    _check_parameters(scenario)
+    _check_incident(scenario)
+    return scenario
+
+
+def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
+    given = scenario.incident.items()
+    sources = {name: item.from_experiment for name, item in given if item.from_experiment}
+    if not sources:
+        return
+    if list(scenario.incident) != ["default"]:
+        name = next(iter(sources))
+        message = "from_experiment serves all blocks: put it under incident.default, alone"
+        raise scenario._error(message, "incident", name, at="key")
+    source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
+    root = data_root or os.environ.get(DATA_VARIABLE)
+    if not root:
+        message = f"the data are not here: say where {source.folder!r} lies with --data or {DATA_VARIABLE}"
+        raise scenario._error(message, *where)
+    try:
+        folder = path_inside(root, source.folder)
+    except ValueError as error:
+        raise scenario._error(str(error), *where) from None
+    if not folder.is_dir():
+        message = f"no folder {source.folder!r} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
+        raise scenario._error(message, *where)
+    experiment = read_experiment(folder)
+    if experiment.trajectories is None:
+        raise scenario._error("this experiment has impacts only, no frames to start from", *where)
+    most = int(experiment.trajectories.groupby("block")["release"].nunique().max())
+    if "releases" not in scenario.model_fields_set:
+        scenario.releases = most
+    elif scenario.releases > most:
+        raise scenario._error(f"the experiment has {most} releases of a block at most", "releases")
+    if "gravity_m_s2" not in scenario.model_fields_set:
+        scenario.gravity_m_s2 = experiment.gravity_m_s2
+    if scenario.blocks is not None:
+        for name in sorted(set(experiment.trajectories["block"]) - set(scenario.blocks)):
+            raise scenario._error(f"block {shown(name)} of the experiment is missing", "blocks", at="key")
+    scenario._experiment = experiment
+
+
+def _check_names(scenario: Scenario) -> None:
+    zones = {"default", *scenario.terrain().zone_names}
+    blocks = {"default", *scenario.make_blocks()}
+    laws = scenario.model
+
+    def known(names: Any, among: set[str], what: str, *path: str) -> None:
+        for name in names:
+            if name not in among:
+                choices = ", ".join(sorted(among - {"default"}))
+                message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
+                raise scenario._error(message, *path, name, at="key")
+
+    if "default" in scenario.terrain().zone_names:
+        raise scenario._error("a zone must not be called default", "cross_section", "zones")
+    if "default" in scenario.make_blocks():
+        raise scenario._error("a block must not be called default", "blocks", "default", at="key")
+    if laws.deterministic is not None:
+        known(laws.deterministic.named(), zones, "zone", "model", "deterministic")
+    if laws.probabilistic is not None:
+        known(laws.probabilistic.named(), blocks, "block", "model", "probabilistic")
+        for block, table in laws.probabilistic.named().items():
+            known(table.named(), zones, "zone", "model", "probabilistic", block)
+    known(scenario.incident, blocks, "block", "incident")
+    for name in sorted(blocks - {"default"} - set(scenario.incident)):
+        if "default" not in scenario.incident:
+            message = f"block {shown(name)} has no incident state, neither its own nor a default"
+            raise scenario._error(message, "incident", at="key")
+
+
+def _check_parameters(scenario: Scenario) -> None:
+    laws = scenario.model
+    if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
+        scenario.contact_parameters()
+    if laws.probabilistic is not None or scenario.engine == "point_mass":
+        for block in scenario.make_blocks():
+            scenario.rebound_parameters(block)
+
+
+def _check_incident(scenario: Scenario) -> None:
+    """Refuse a fixed start below the ground or beside the cross-section."""
+    import shapely
+
+    points = scenario.terrain().points_m
+    extent = float((points.max(axis=0) - points.min(axis=0)).max())
+    floor = float(points[:, 1].min()) - extent
+    ground = shapely.Polygon([*points, (points[-1, 0], floor), (points[0, 0], floor)])
+    left, right = points[:, 0].min(), points[:, 0].max()
+    for name, item in scenario.incident.items():
+        if item.fixed is None:
+            continue
+        path = ("incident", name, "fixed")
+        if not left <= item.fixed.x_m <= right:
+            message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
+            raise scenario._error(message, *path, "x_m")
+        if ground.is_valid and ground.covers(shapely.Point(item.fixed.x_m, item.fixed.y_m)):
+            raise scenario._error("below the ground", *path, "y_m")
+
+
+def scenario_json_schema() -> dict[str, Any]:
+    """JSON Schema of a scenario file, for editors: every key with its description and unit."""
+    schema = Scenario.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "rock2d scenario"}

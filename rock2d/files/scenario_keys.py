@@ -1,0 +1,242 @@
+"""The keys of a scenario's `model`, `incident` and `outputs`, with their units and bounds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from rock2d.files.checked_yaml import Checked, Table, did_you_mean, mistake, shown
+from rock2d.files.setup_keys import Coordinate
+
+STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
+
+
+class ContactKeys(Checked):
+    """Parameters of the deterministic contact law in one zone."""
+
+    k_l_N_m: Stiffness | None = Field(default=None, description="Loading stiffness in N/m")
+    k_ul_N_m: Stiffness | None = Field(
+        default=None, description="Unloading stiffness in N/m, at least k_l_N_m"
+    )
+    k_t_N_m: float | None = Field(default=None, ge=0, le=1.0e15, description="Tangential stiffness in N/m")
+    friction_angle_deg: float | None = Field(
+        default=None, ge=0, le=90, description="Friction angle in degrees; 90 never slips"
+    )
+    k_r_Nm_rad: float | None = Field(
+        default=None, ge=0, le=1.0e15, description="Rolling stiffness in N m/rad"
+    )
+    rolling_cap: bool | None = Field(
+        default=None, description="Limit the rolling moment to arm x normal force (the paper does not); false"
+    )
+    rolling_in_crater: bool | None = Field(
+        default=None,
+        description="The rolling spring acts until the block is clear of the ground; false: while pressed",
+    )
+
+
+class ReboundKeys(Checked):
+    """Parameters of the probabilistic rebound law in one zone."""
+
+    friction_angle_deg: float | None = Field(
+        default=None, ge=0, lt=90, description="Friction angle in degrees"
+    )
+    momentum_half_kg_m_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=1.0e12,
+        description="Normal momentum at which restitution is one half, in kg m/s",
+    )
+    tangential_restitution: float | None = Field(default=None, ge=0, le=1, description="r_t, without unit")
+    slope_reduction_deg: float | None = Field(
+        default=None, ge=0, lt=90, description="Local reduction of the slope angle in degrees"
+    )
+    slope_reduction: Literal["constant", "uniform"] | None = Field(
+        default=None,
+        description="Reduce by slope_reduction_deg always, or by U(0, slope_reduction_deg); constant",
+    )
+
+
+class ContactTable(Table):
+    """Zone name, or default, -> parameters; a zone may give some of them, the rest come from default."""
+
+    default: ContactKeys = Field(description="Parameters of every zone that does not give its own")
+    __pydantic_extra__: dict[str, ContactKeys] = Field(init=False)
+
+
+class ReboundTable(Table):
+    """Zone name, or default, -> parameters."""
+
+    default: ReboundKeys = Field(default_factory=ReboundKeys, description="Parameters of every other zone")
+    __pydantic_extra__: dict[str, ReboundKeys] = Field(init=False)
+
+
+class BlockReboundTable(Table):
+    """Block name, or default, -> zone -> parameters. A block and zone may give some; the rest come from the
+    block's default, then default's zone, then default's default."""
+
+    default: ReboundTable = Field(description="Zones of every block that does not give its own")
+    __pydantic_extra__: dict[str, ReboundTable] = Field(init=False)
+
+
+class Laws(Checked):
+    """Parameters of either impact law, or of both."""
+
+    deterministic: ContactTable | None = Field(
+        default=None, description="Elasto-plastic contact (engine pymunk)"
+    )
+    probabilistic: BlockReboundTable | None = Field(
+        default=None, description="Bourrier-Hungr rebound (engine point_mass)"
+    )
+
+
+class Fixed(Checked):
+    """One state for every release."""
+
+    x_m: Coordinate = Field(description="Centroid, to the right, in m")
+    y_m: Coordinate = Field(description="Centroid, up, in m")
+    theta_rad: float = Field(
+        default=0.0, ge=-1e3, le=1e3, description="Orientation, counter-clockwise, in rad"
+    )
+    vx_m_s: float = Field(ge=-1e3, le=1e3, description="Velocity to the right in m/s")
+    vy_m_s: float = Field(ge=-1e3, le=1e3, description="Velocity up in m/s")
+    omega_rad_s: float = Field(default=0.0, ge=-1e5, le=1e5, description="Spin, counter-clockwise, in rad/s")
+
+
+class NormalKeys(Checked):
+    """Mean and standard deviation, in the unit of the key."""
+
+    mean: Coordinate = Field(description="Mean, in the unit of the key")
+    sd: float = Field(ge=0, le=1e6, description="Standard deviation, in the unit of the key")
+
+
+class UniformKeys(Checked):
+    """Bounds, in the unit of the key."""
+
+    low: Coordinate = Field(description="Lower bound, in the unit of the key")
+    high: Coordinate = Field(description="Upper bound, in the unit of the key")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> UniformKeys:
+        if self.low > self.high:
+            raise mistake(f"high must not be below low: {self.high:g} < {self.low:g}", "high")
+        return self
+
+
+class Normal(Checked):
+    """Normal distribution."""
+
+    normal: NormalKeys = Field(description="Mean and standard deviation")
+
+
+class Uniform(Checked):
+    """Uniform distribution."""
+
+    uniform: UniformKeys = Field(description="Lower and upper bound")
+
+
+def _known_draw(value: Any) -> Any:
+    if isinstance(value, (Normal, Uniform)) or (
+        isinstance(value, (int, float)) and not isinstance(value, bool)
+    ):
+        return value
+    if isinstance(value, dict) and len(value) == 1 and value.keys() <= {"normal", "uniform"}:
+        return value
+    found = shown(value)
+    if isinstance(value, dict) and value:
+        word = next((key for key in value if key not in ("normal", "uniform")), None)
+        found = f"key {shown(word)}{did_you_mean(word, ['normal', 'uniform'])}" if word else "both"
+    raise mistake(f"expected a number, {{normal: {{mean, sd}}}} or {{uniform: {{low, high}}}}, found {found}")
+
+
+def _draw_kind(value: Any) -> str:
+    if isinstance(value, dict):
+        return "<normal>" if "normal" in value else "<uniform>"
+    return (
+        "<normal>" if isinstance(value, Normal) else "<uniform>" if isinstance(value, Uniform) else "<number>"
+    )
+
+
+Draw = Annotated[
+    Annotated[Coordinate, Tag("<number>")]
+    | Annotated[Normal, Tag("<normal>")]
+    | Annotated[Uniform, Tag("<uniform>")],
+    Discriminator(_draw_kind),
+    BeforeValidator(_known_draw),
+]
+
+
+class Distribution(Checked):
+    """Six draws for each release: a number, {normal: {mean, sd}} or {uniform: {low, high}} each."""
+
+    x_m: Draw = Field(description="Centroid, to the right, in m")
+    y_m: Draw = Field(description="Centroid, up, in m")
+    theta_rad: Draw = Field(default=0.0, description="Orientation, counter-clockwise, in rad")
+    vx_m_s: Draw = Field(description="Velocity to the right in m/s")
+    vy_m_s: Draw = Field(description="Velocity up in m/s")
+    omega_rad_s: Draw = Field(default=0.0, description="Spin, counter-clockwise, in rad/s")
+
+
+class FromExperiment(Checked):
+    """Each filmed release restarts from its own first frames."""
+
+    folder: str = Field(description="Experiment folder, relative to the data root (--data or ROCK2D_DATA)")
+    frames: int = Field(default=10, ge=3, le=10_000, description="At most so many first frames are fitted")
+
+
+class Incident(Checked):
+    """The state at the start of a release: exactly one of the three."""
+
+    fixed: Fixed | None = Field(default=None, description="The same state for every release")
+    distribution: Distribution | None = Field(default=None, description="A state drawn for each release")
+    from_experiment: FromExperiment | None = Field(
+        default=None, description="The measured states of filmed releases"
+    )
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Incident:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise mistake(
+                "expected exactly one of fixed, distribution, from_experiment, found "
+                + (" and ".join(given) or "none"),
+                at="key",
+            )
+        return self
+
+    def draw(self, generator: Any, count: int) -> Any:
+        """(count, 6) states in the order of `STATE_KEYS`, drawn with a numpy Generator.
+
+        Raises ValueError for from_experiment.
+        """
+        import numpy as np
+
+        source = self.fixed or self.distribution
+        if source is None:
+            raise ValueError("measured incident states are fitted, not drawn")
+        states = np.empty((count, len(STATE_KEYS)))
+        for i, key in enumerate(STATE_KEYS):
+            value = getattr(source, key)
+            if isinstance(value, Normal):
+                value = generator.normal(value.normal.mean, value.normal.sd, count)
+            elif isinstance(value, Uniform):
+                value = generator.uniform(value.uniform.low, value.uniform.high, count)
+            states[:, i] = value
+        return states
+
+
+class Outputs(Checked):
+    """How the simulated releases are recorded."""
+
+    fps: float = Field(
+        default=250.0, gt=0, le=1.0e5, description="Frames per second of the written trajectories"
+    )
+    position_noise_m: float = Field(
+        default=0.0, ge=0, le=1e3, description="Noise added to positions, 1 sigma, in m"
+    )
+    angle_noise_rad: float = Field(
+        default=0.0, ge=0, le=1e3, description="Noise added to angles, 1 sigma, in rad"
+    )
+    slow_motion: float = Field(default=10.0, gt=0, le=1e4, description="The video plays so many times slower")
+    video_releases: int = Field(default=3, ge=1, le=1000, description="Releases of each block in the video")

@@ -1,0 +1,98 @@
+"""Clips: the motion of one block, simulated or measured, as video draws it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.graphics.palette import MEASURED_COLOUR
+from rock2d.records.track import T, Track
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Clip:
+    """The motion of one block for drawing.
+
+    Attributes
+    ----------
+    block : name of the block
+    t_s, x_m, y_m, theta_rad : (n,) samples, times not decreasing; straight lines are drawn between them
+    label, colour : what the legend says, "#rrggbb" (default: the block's name and colour)
+    max_gap_s : the block is hidden between samples farther apart than this (lost frames)
+    """
+
+    block: str
+    t_s: Array
+    x_m: Array
+    y_m: Array
+    theta_rad: Array
+    label: str = ""
+    colour: str = ""
+    max_gap_s: float = np.inf
+
+    def pose(self, t_s: float) -> tuple[float, float, float] | None:
+        """x_m, y_m, theta_rad at a time; None before the first sample and where frames are lost; after the
+        last sample the last pose."""
+        t = self.t_s
+        if t_s < t[0] - 1e-9:
+            return None
+        i = int(np.clip(np.searchsorted(t, t_s, side="right") - 1, 0, len(t) - 1))
+        j = min(i + 1, len(t) - 1)
+        if t_s > t[i] + 1e-9 and t[j] > t_s + 1e-9 and t[j] - t[i] > self.max_gap_s:
+            return None
+        x, y, theta = (float(np.interp(t_s, t, a)) for a in (self.x_m, self.y_m, self.theta_rad))
+        return x, y, theta
+
+    def path(self, start_s: float, end_s: float) -> list[Array]:
+        """The way of the centroid between two times: pieces of (n, 2) m, cut where frames are lost."""
+        start, end = max(start_s, float(self.t_s[0])), min(end_s, float(self.t_s[-1]))
+        if end <= start:
+            return []
+        t = np.concatenate([[start], self.t_s[(self.t_s > start) & (self.t_s < end)], [end]])
+        i = np.clip(np.searchsorted(self.t_s, 0.5 * (t[:-1] + t[1:]), side="right") - 1, 0, len(self.t_s) - 2)
+        lost = self.t_s[i + 1] - self.t_s[i] > self.max_gap_s
+        points = np.column_stack([np.interp(t, self.t_s, self.x_m), np.interp(t, self.t_s, self.y_m)])
+        pieces = np.split(np.arange(len(t)), np.flatnonzero(lost) + 1)
+        shown = [p for p in pieces if len(p) > 1]
+        return [points[p] for p in shown]
+
+
+def clip_from_track(track: Track, *, label: str = "", colour: str = "", step_s: float = 1e-3) -> Clip:
+    """A clip of a simulated release, sampled every `step_s` and at every knot (straight lines between samples
+    err by g step²/8, a micrometre)."""
+    start, end = float(track.knots[0, T]), track.end_s
+    count = int(np.ceil((end - start) / step_s)) + 1
+    t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, T])
+    states = track.states(t)
+    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], label, colour)
+
+
+def clip_from_measured(
+    rows: pd.DataFrame, *, label: str = "measured", colour: str = MEASURED_COLOUR, max_gap_frames: float = 6.0
+) -> Clip:
+    """A clip of one filmed release from its rows `block, t_s, x_m, y_m, theta_rad`.
+
+    Lost frames (missing rows or empty cells) are bridged for drawing up to `max_gap_frames` frame intervals.
+    Raises InputError if fewer than two frames are left, or rows of two releases are mixed.
+    """
+    if rows[[c for c in ("release", "block") if c in rows]].drop_duplicates().shape[0] > 1:
+        raise InputError("a clip shows one release of one block; the rows given hold several")
+    seen = rows[["t_s", "x_m", "y_m", "theta_rad"]].dropna().sort_values("t_s").to_numpy(float)
+    if len(seen) < 2:
+        raise InputError(f"release {_named(rows)} has {len(seen)} measured frames, at least 2 are needed")
+    frame_s = float(np.median(np.diff(seen[:, 0])))
+    theta = np.unwrap(seen[:, 3])
+    gap = (max_gap_frames + 1e-3) * frame_s
+    return Clip(str(rows["block"].iloc[0]), seen[:, 0], seen[:, 1], seen[:, 2], theta, label, colour, gap)
+
+
+def _named(rows: pd.DataFrame) -> str:
+    return f"{rows['release'].iloc[0]}" if len(rows) and "release" in rows else "(no rows)"

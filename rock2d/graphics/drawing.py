@@ -1,0 +1,420 @@
+"""Drawing a cross-section and blocks on a pixel canvas (OpenCV; BGR, anti-aliased, sub-pixel).
+
+A `View` maps metres to pixels; pixel centres lie at whole numbers, row 0 is at the top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rock2d.graphics.palette import (
+    DEEP_GROUND,
+    INK,
+    LEADER_INK,
+    LINE_INK,
+    NAME_INK,
+    SKY,
+    ZONE_TONES,
+    mixed,
+    rgb,
+)
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+Limits = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in m
+Box = tuple[float, float, float, float]  # left, top, right, bottom in px
+
+_SHIFT = 6  # fractional bits of cv2's fixed-point coordinates: 1/64 px
+
+
+@dataclass(frozen=True)
+class View:
+    """A rectangle of `width_px` x `height_px` whose top left corner shows (left_m, top_m), equal aspect."""
+
+    left_m: float
+    top_m: float
+    px_per_m: float
+    width_px: int
+    height_px: int
+
+    def pixels(self, points_m: Array) -> Array:
+        """Pixel coordinates (n, 2) of points (n, 2) in m."""
+        points = np.asarray(points_m, float).reshape(-1, 2)
+        return np.column_stack([points[:, 0] - self.left_m, self.top_m - points[:, 1]]) * self.px_per_m - 0.5
+
+    @property
+    def limits_m(self) -> Limits:
+        """x_min, x_max, y_min, y_max."""
+        right = self.left_m + self.width_px / self.px_per_m
+        return self.left_m, right, self.top_m - self.height_px / self.px_per_m, self.top_m
+
+    def around(self, x_m: float, y_m: float, px_per_m: float, side_px: int) -> View:
+        """A square view of `side_px` centred on (x_m, y_m)."""
+        half = 0.5 * side_px / px_per_m
+        return View(x_m - half, y_m + half, px_per_m, side_px, side_px)
+
+
+def motion_limits(terrain: Terrain, x_m: Array, y_m: Array, radius_m: float) -> Limits:
+    """The part of the cross-section worth seeing: motion, measure lines and the ground's near corners.
+
+    Far ends of long facets are left out, so a small motion on a wide floor stays large.
+    """
+    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
+    seen = np.isfinite(x) & np.isfinite(y)
+    points = [np.column_stack([x[seen], y[seen]]), *terrain.measure_lines.values()]
+    points = [p for p in points if len(p)]
+    if not points:
+        points = [terrain.points_m]
+    low = np.min([p.min(axis=0) for p in points], axis=0) - radius_m
+    high = np.max([p.max(axis=0) for p in points], axis=0) + radius_m
+    low, high = np.minimum(low, high - 5 * radius_m), np.maximum(high, low + 5 * radius_m)
+    reach = 0.5 * float((high - low).max())
+    ground = terrain.points_m
+    near = ((ground >= low - reach) & (ground <= high + reach)).all(axis=1)
+    here = terrain.height_m(np.linspace(low[0], high[0], 9))
+    heights = np.concatenate([ground[near, 1], here[np.isfinite(here)]])
+    if near.any():
+        low[0], high[0] = min(low[0], ground[near, 0].min()), max(high[0], ground[near, 0].max())
+    if len(heights):
+        low[1], high[1] = min(low[1], heights.min()), max(high[1], heights.max())
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def fitted_view(limits: Limits, width_px: int, height_px: int) -> View:
+    """The view that holds `limits` at equal aspect, with room for zone names below the ground."""
+    wide, high = limits[1] - limits[0], limits[3] - limits[2]
+    px_per_m = min(0.92 * width_px / max(wide, 1e-9), 0.78 * height_px / max(high, 1e-9))
+    shown_m = height_px / px_per_m
+    below = max(0.16 * shown_m, 0.45 * (shown_m - high))
+    left = 0.5 * (limits[0] + limits[1]) - 0.5 * width_px / px_per_m
+    return View(left, limits[2] - below + shown_m, px_per_m, width_px, height_px)
+
+
+def exact_view(limits: Limits, width_px: int, height_px: int) -> View:
+    """The view centred on `limits` that just holds them, equal aspect. ValueError if they are empty."""
+    wide, high = limits[1] - limits[0], limits[3] - limits[2]
+    if not (wide > 0 and high > 0 and np.isfinite([*limits]).all()):
+        raise ValueError(f"view must be x_min < x_max, y_min < y_max in m, got {limits}")
+    px_per_m = min(width_px / wide, height_px / high)
+    x, y = 0.5 * (limits[0] + limits[1]), 0.5 * (limits[2] + limits[3])
+    return View(x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px)
+
+
+def zone_tones(terrain: Terrain) -> dict[str, str]:
+    """A muted tone a zone."""
+    return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(terrain.zone_names)}
+
+
+def ground_image(terrain: Terrain, view: View, depth_px: float, *, surface_px: float = 2.0) -> Array:
+    """The cross-section as a BGR image (height_px, width_px, 3): sky, ground tinted by the zone of the
+    nearest facet down to about `depth_px`, surface line.
+
+    By nearest facet, so that vertical facings and overhangs are tinted as well as slopes.
+    """
+    fine = 2  # supersampled, then averaged: cv2 fills have no anti-aliased edge between tones
+    pad = int(fine * 1.8 * depth_px) + 2
+    high, wide = fine * view.height_px, fine * view.width_px
+    surface = (view.pixels(terrain.points_m) + 0.5) * fine - 0.5 + pad
+    canvas = (high + 2 * pad, wide + 2 * pad)
+    ids = np.full(canvas, len(terrain.zone_names), np.int32)
+    for i, zone in enumerate(terrain.zone_ids):
+        cv2.polylines(ids, [_fixed(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, _SHIFT)
+    empty = (ids == len(terrain.zone_names)).astype(np.uint8)
+    if empty.all():
+        near, depth = np.zeros(canvas, np.int32), np.full(canvas, 1e9, np.float32)
+    else:
+        depth, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        on_line = empty == 0
+        zone_of = np.zeros(int(label.max()) + 1, np.int32)
+        zone_of[label[on_line]] = ids[on_line]
+        near = zone_of[label]
+    seen = np.s_[pad : pad + high, pad : pad + wide]
+
+    floor = np.array([[surface[-1, 0], canvas[0] + pad], [surface[0, 0], canvas[0] + pad]])
+    inside = np.zeros(canvas, np.uint8)
+    cv2.fillPoly(inside, [_fixed(np.vstack([surface, floor]))], 1, cv2.LINE_8, _SHIFT)
+    solid = inside[seen].astype(bool)
+
+    tones = np.array([bgr(t) for t in zone_tones(terrain).values()], np.float32)
+    share = np.clip(1.6 - depth[seen] / (fine * depth_px), 0.0, 1.0)[..., None]
+    earth = share * tones[near[seen]] + (1 - share) * np.array(bgr(DEEP_GROUND), np.float32)
+    image = np.where(solid[..., None], earth, np.array(bgr(SKY), np.float32)).astype(np.uint8)
+    size = (view.width_px, view.height_px)
+    image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    polyline(image, view.pixels(terrain.points_m), INK, surface_px)
+    return image
+
+
+def draw_measure_lines(image: Array, terrain: Terrain, view: View, thick_px: float) -> None:
+    """Dashed measure lines."""
+    for line in terrain.measure_lines.values():
+        a, b = view.pixels(line)
+        length = float(np.hypot(*(b - a)))
+        dash = max(2.0, 4.0 * thick_px)
+        for start in np.arange(0.0, length, 2 * dash):
+            ends = np.array([start, min(start + dash, length)])[:, None] / length
+            polyline(image, a + ends * (b - a), LINE_INK, thick_px)
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name in its place: the box its text fills and, where it lies apart from what it names, a leader."""
+
+    text: str
+    box: Box
+    colour: str
+    leader_px: Array | None = None
+
+
+def placed_names(terrain: Terrain, view: View, size_px: int, avoid_px: Array | None = None) -> list[Name]:
+    """Places for the names of zones (under the ground) and of measure lines (beside their ends, off the
+    points `avoid_px` where possible). A zone's name that finds no room in the view is left out."""
+    names: list[Name] = []
+    taken: list[Box] = []
+    gap = 0.4 * size_px
+    surface = view.pixels(terrain.points_m)
+    bounds = (gap, gap, view.width_px - gap, view.height_px - gap)
+    for zone, at in _visible_runs(terrain, surface, view):
+        text = zone.replace("_", " ")
+        size = text_size(text, size_px)
+        x = float(np.clip(at[0] - 0.5 * size[0], bounds[0], bounds[2] - size[0]))
+        y = _lowest(surface, x, x + size[0], at[1]) + 1.2 * gap
+        box = (x, y, x + size[0], y + size[1])
+        while any(_overlap(box, other, 0.5 * gap) for other in taken):
+            y += 0.5 * size_px
+            box = (x, y, x + size[0], y + size[1])
+        if box[3] > bounds[3]:
+            continue
+        taken.append(box)
+        apart = y - at[1] > 1.5 * size_px
+        leader = np.array([[at[0], at[1] + 0.4 * gap], [at[0], y - 0.1 * gap]]) if apart else None
+        names.append(Name(text, box, NAME_INK, leader))
+    busy = np.empty((0, 2)) if avoid_px is None else avoid_px
+    for name, line in terrain.measure_lines.items():
+        text = name.replace("_", " ")
+        box = _line_label(view.pixels(line), surface, text_size(text, size_px), gap, taken, bounds, busy)
+        taken.append(box)
+        names.append(Name(text, box, LINE_INK))
+    return names
+
+
+def draw_names(image: Array, names: Sequence[Name], size_px: int) -> None:
+    """Names on a canvas; those of measure lines, which lie in the air, with a halo."""
+    for name in names:
+        if name.leader_px is not None:
+            polyline(image, name.leader_px, LEADER_INK, 1.0)
+        halo = SKY if name.colour == LINE_INK else None
+        draw_text(image, name.box[:2], name.text, size_px, name.colour, halo=halo)
+
+
+def draw_block(
+    image: Array, view: View, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
+) -> None:
+    """Draw `block` at `pose` (x_m, y_m, theta_rad): "solid" with an orientation mark (a pale half and a dot
+    on a smooth profile, a pale corner on a polygon), "ghost" (translucent) or "hollow" (outline)."""
+    x, y, theta = pose
+    turn = np.array([[np.cos(theta), np.sin(theta)], [-np.sin(theta), np.cos(theta)]])
+
+    def placed(body: Array) -> Array:
+        return view.pixels(body @ turn + (x, y))
+
+    edge = placed(block.outline(64))
+    if not _in_image(edge, image):
+        return
+    size = block.size_m * view.px_per_m
+    line_px = float(np.clip(size / 28, 1.0, 3.0))
+    if style == "ghost":
+        veil = image.copy()
+        fill(veil, edge, colour)
+        cv2.addWeighted(veil, 0.3, image, 0.7, 0, dst=image)
+        polyline(image, edge, colour, max(line_px, 1.5), closed=True)
+        return
+    if style == "hollow":
+        polyline(image, edge, mixed(colour, SKY, 0.35), line_px, closed=True)
+        return
+    fill(image, edge, colour)
+    pale = mixed(colour, "#ffffff", 0.75)
+    if block.smooth:
+        half = np.array(block.semi_axes_m) * 0.86
+        angle = np.linspace(0.0, np.pi, 33)
+        fill(image, placed(np.column_stack([np.cos(angle), np.sin(angle)]) * half), pale)
+        dot = np.array([0.62 * block.semi_axes_m[0], 0.0])
+        radius = 0.16 * min(block.semi_axes_m)
+    else:
+        corners = block.corners_m
+        to_next, to_last = corners[1] - corners[0], corners[-1] - corners[0]
+        reach = 0.62 * min(np.hypot(*to_next), np.hypot(*to_last))
+        tip = [to_next / np.hypot(*to_next) * reach, 0 * to_next, to_last / np.hypot(*to_last) * reach]
+        fill(image, placed(corners[0] * 0.88 + np.array(tip) * 0.88), pale)
+        dot, radius = np.zeros(2), 0.05 * block.size_m
+    angle = np.linspace(0.0, 2 * np.pi, 20)
+    if size > 12:
+        spot = dot + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        fill(image, placed(spot), mixed(colour, "#000000", 0.45))
+    polyline(image, edge, mixed(colour, "#000000", 0.45), line_px, closed=True)
+
+
+# --- primitives ---------------------------------------------------------------------------------------
+
+
+def bgr(colour: str) -> tuple[int, int, int]:
+    """ "#rrggbb" in OpenCV's order."""
+    return rgb(colour)[::-1]
+
+
+def fill(image: Array, points_px: Array, colour: str) -> None:
+    """Filled polygon, (n, 2) pixel coordinates."""
+    cv2.fillPoly(image, [_fixed(points_px)], bgr(colour), cv2.LINE_AA, _SHIFT)
+
+
+def polyline(image: Array, points_px: Array, colour: str, thick_px: float, *, closed: bool = False) -> None:
+    """Line through (n, 2) pixel coordinates."""
+    thick = max(1, round(thick_px))
+    cv2.polylines(image, [_fixed(points_px)], closed, bgr(colour), thick, cv2.LINE_AA, _SHIFT)
+
+
+def text_size(text: str, size_px: int, bold: bool = False) -> tuple[float, float]:
+    """Width and height of a line of text, px."""
+    return float(_font(size_px, bold).getlength(text)), 1.2 * size_px
+
+
+def draw_text(
+    image: Array,
+    at: Sequence[float],
+    text: str,
+    size_px: int,
+    colour: str = INK,
+    *,
+    bold: bool = False,
+    halo: str | None = None,
+) -> None:
+    """A line of text whose top left corner is `at`."""
+    from PIL import Image, ImageDraw
+
+    width, height = text_size(text, size_px, bold)
+    left, top = round(at[0]), round(at[1])
+    x0, y0 = max(left - 3, 0), max(top - 3, 0)
+    part = image[y0 : top + int(height) + 4, x0 : left + int(width) + 4]
+    if part.size == 0:
+        return
+    picture = Image.fromarray(
+        np.ascontiguousarray(part)
+    )  # PIL's "RGB" holds our BGR: order is kept throughout
+    style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": bgr(halo)} if halo else {}
+    ImageDraw.Draw(picture).text(
+        (left - x0, top - y0 + 0.5 * height), text, bgr(colour), _font(size_px, bold), anchor="lm", **style
+    )
+    part[:] = np.asarray(picture)
+
+
+@lru_cache(maxsize=32)
+def _font(size_px: int, bold: bool) -> Any:
+    import matplotlib
+    from PIL import ImageFont
+
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"  # comes with matplotlib: no system font needed
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size_px)
+
+
+def _fixed(points_px: Array) -> Array:
+    limit = 2.0**23  # keeps coordinates far outside the canvas within cv2's integers
+    return np.rint(np.clip(points_px, -limit, limit) * 2**_SHIFT).astype(np.int32)
+
+
+def _in_image(points_px: Array, image: Array) -> bool:
+    high, wide = image.shape[:2]
+    low, top = points_px.min(axis=0), points_px.max(axis=0)
+    return bool(low[0] < wide and low[1] < high and top[0] > 0 and top[1] > 0)
+
+
+def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
+    return a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
+
+
+def _visible_runs(terrain: Terrain, surface: Array, view: View) -> list[tuple[str, Array]]:
+    """Zone name and anchor (middle of what is seen, px) of each stretch of facets of one zone."""
+    runs: list[tuple[str, list[Array]]] = []
+    for i, zone in enumerate(terrain.zones):
+        a, b = surface[i], surface[i + 1]
+        ends = [0.0, 1.0]
+        for axis, limit in ((0, view.width_px), (1, view.height_px)):
+            slope = b[axis] - a[axis]
+            if abs(slope) < 1e-12:
+                inside = 0 <= a[axis] <= limit
+                ends = ends if inside else [1.0, 0.0]
+                continue
+            cut = sorted([-a[axis] / slope, (limit - a[axis]) / slope])
+            ends = [max(ends[0], cut[0]), min(ends[1], cut[1])]
+        if not runs or runs[-1][0] != zone:
+            runs.append((zone, []))
+        if ends[0] < ends[1]:
+            runs[-1][1].extend([a + ends[0] * (b - a), a + ends[1] * (b - a)])
+    found = []
+    for zone, points in runs:
+        if points:
+            path = np.array(points)
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+            middle = np.array([np.interp(0.5 * along[-1], along, path[:, k]) for k in (0, 1)])
+            found.append((zone, middle))
+    return found
+
+
+def _lowest(surface: Array, left: float, right: float, default: float) -> float:
+    """Lowest point (largest row) of the surface between two columns."""
+    rows = [default]
+    for a, b in pairwise(surface):
+        x0, x1 = sorted([a[0], b[0]])
+        if x1 < left or x0 > right:
+            continue
+        for x in (max(left, x0), min(right, x1)):
+            rows.append(a[1] if x1 == x0 else a[1] + (x - a[0]) / (b[0] - a[0]) * (b[1] - a[1]))
+            if x1 == x0:
+                rows.append(b[1])
+    return float(max(rows))
+
+
+def _line_label(
+    ends: Array,
+    surface: Array,
+    size: tuple[float, float],
+    gap: float,
+    taken: Sequence[Box],
+    bounds: Box,
+    busy: Array,
+) -> Box:
+    """Where a measure line's name goes: near its end farther from the ground, off other names and `busy`."""
+    away = [_distance(surface, end) for end in ends]
+    tip, root = (ends[0], ends[1]) if away[0] >= away[1] else (ends[1], ends[0])
+    along = (tip - root) / max(1e-9, float(np.hypot(*(tip - root))))
+    best, least = None, np.inf
+    for order, turn in enumerate((0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)):
+        c, s = np.cos(turn), np.sin(turn)
+        way = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1]])
+        x, y = tip + way * (gap + 0.5 * (abs(way[0]) * size[0] + abs(way[1]) * size[1]))
+        box = (x - 0.5 * size[0], y - 0.5 * size[1], x + 0.5 * size[0], y + 0.5 * size[1])
+        outside = box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]
+        hidden = _lowest(surface, box[0], box[2], -1e9) < box[3]  # reaches into the ground
+        crossed = ((busy > (box[0] - 3, box[1] - 3)) & (busy < (box[2] + 3, box[3] + 3))).all(axis=1).sum()
+        on_line = _distance(ends, np.array([x, y])) < 0.6 * size[1]
+        cost = 1e6 * outside + 1e5 * sum(_overlap(box, other) for other in taken) + 1e4 * (hidden or on_line)
+        cost += 10.0 * min(crossed, 500) + order
+        if cost < least:
+            best, least = box, cost
+    assert best is not None
+    return best
+
+
+def _distance(surface: Array, point: Array) -> float:
+    a, b = surface[:-1], surface[1:]
+    edge = b - a
+    t = np.clip(((point - a) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
+    return float(np.hypot(*(a + t[:, None] * edge - point).T).min())

@@ -1,0 +1,34 @@
+"""The world of an experiment before anything is known of it: its bench with the paper's law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.files.experiment import Experiment
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+# where the search for the base law begins: the paper's Table 4; k_l, k_ul / k_l, k_t, tan phi, k_r
+START = np.array([1.0e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
+TABLE_MASS_KG = 0.0226  # mean mass of the blocks that Table 4 is for
+
+
+def bench_world(experiment: Experiment) -> World:
+    """The world of an experiment without effects, with the paper's Table 4 as its law."""
+    table = parameter_table(ContactParameters(), experiment.terrain.zone_names)[None]
+    return World(experiment.blocks, experiment.terrain, table, experiment.gravity_m_s2)
+
+
+def base_start(experiment: Experiment) -> Array:
+    """Where the fit of the base law begins: Table 4, scaled to the blocks' mass and gravity.
+
+    With lengths in units of the block's size L and times in units of √(L / g), stiffness scales with m g / L; the
+    rolling stiffness with m g L.
+    """
+    size = float(np.mean([b.size_m for b in experiment.blocks.values()]))
+    mass = float(np.mean([b.mass_kg for b in experiment.blocks.values()]))
+    weight = mass / TABLE_MASS_KG * experiment.gravity_m_s2 / 9.81
+    scale = np.array([weight * 0.025 / size, 1.0, weight * 0.025 / size, 1.0, weight * size / 0.025])
+    return START * scale

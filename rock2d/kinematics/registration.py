@@ -1,0 +1,105 @@
+"""The bench as a film shows it, roughly, where what is stated of it would put the blocks inside the ground.
+
+A film can only be cut into flights and impacts on a ground that the blocks come down to. A camera that is scaled or
+turned, or a cross-section that was built otherwise than surveyed, is found here well enough for the cut and for a first
+fit of the law; the diagnosis then works it out, beside every other cause.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.effects import catalogue
+from rock2d.effects.changes import image
+from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.kinematics.flights import Film, clearances
+from rock2d.scene.world import View, World
+
+Array = np.ndarray
+
+AXES = 21  # places of the camera's axis that are tried along x and y each, within the image's width
+TURNS = 9  # values of each parameter of the cross-section that are tried
+MOST_FRAMES = 5000  # of all releases that their lowest points are sought in
+UNSURE = 0.03  # of scale and tilt (rad) as gravity tells them
+CLEAR = 0.05  # share of the frames with the centre in the ground that may be
+SEATED = 0.5  # block radii between the ground and where most releases come down, at most
+
+
+def below_ground(world: World, film: Film) -> float:
+    """Share of frames with the centroid inside the ground."""
+    import shapely
+
+    points = world.terrain.points_m
+    low = float(points[:, 1].min()) - 10 * float(np.ptp(points, axis=0).max())
+    ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
+    shapely.prepare(ground)
+    step = max(1, len(film.t_s) // 20000)
+    pose = world.view.true(film.pose[::step])
+    return float(shapely.contains_xy(ground, pose[:, 0], pose[:, 1]).mean())
+
+
+def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | None:
+    """The camera or the cross-section for which most releases come down to the ground and no farther, and what it says;
+    None if there is none.
+
+    fall : (2,) acceleration in m/s² of flights as recorded, None if it is not known
+    """
+    step = max(1, len(film.t_s) // MOST_FRAMES)
+    frames = [film.pose[film.release == r][::step] for r in range(len(film.release_names))]
+    blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
+    reach = 10 * max(radius for _, radius in blocks)
+
+    def miss(other: World) -> float:
+        """Median over releases of the distance in block radii of the lowest point from the ground."""
+        ground = terrain_arrays(other.terrain, reach)
+        gaps = [
+            abs(clearances(blocks[b][0], ground, other.view.true(own)).min()) / blocks[b][1]
+            for b, own in zip(film.release_block, frames, strict=True)
+        ]
+        return float(np.median(gaps))
+
+    best, words = min([*_cameras(world, fall), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
+    return (best, words) if miss(best) < SEATED and below_ground(best, film) < CLEAR else None
+
+
+def _cameras(world: World, fall: Array | None) -> Iterator[tuple[World, str]]:
+    """Worlds seen by a camera that records gravity as it was recorded, aimed anywhere; none if no effect of the
+    catalogue could be so large."""
+    if fall is None:
+        return
+    (x, y), width = image(world.terrain)
+    scale = float(np.hypot(*fall)) / max(world.gravity_m_s2, 1e-9)
+    tilt = float(np.arctan2(fall[0], -fall[1]))
+    for name, value in (("scale_error", scale), ("camera_tilt", tilt)):
+        size = catalogue()[name].parameters[0]
+        if not size.low - UNSURE <= value <= size.high + UNSURE:
+            return
+    words = (
+        f"an image turned by {np.degrees(tilt):.1f}° (camera_tilt) and {scale:.3f} times as large as stated "
+        "(scale_error)"
+    )
+    grid = width * np.linspace(-1.0, 1.0, AXES)
+    for right in grid:
+        for up in grid:
+            yield replace(world, view=View(tilt, scale, centre_m=(x + right, y + up))), words
+
+
+def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
+    """Worlds on a cross-section that was built otherwise than surveyed."""
+    effect = catalogue()["geometry_error"]
+    what, unit = ("facing", "ditch"), "embankment heights"
+    if world.terrain.embankment is None:
+        what, unit = ("ground", "ground"), "block sizes"
+    turns, rises = (np.linspace(p.low, p.high, TURNS) for p in effect.parameters)
+    for turn, rise in itertools.product(turns, rises):
+        words = (
+            f"a {what[0]} turned by about {np.degrees(turn):.0f}° and a {what[1]} raised by about {rise:.2f} {unit} "
+            "(geometry_error)"
+        )
+        with contextlib.suppress(ValueError):  # a cross-section that would cross itself
+            yield effect.apply(world, [turn, rise]), words

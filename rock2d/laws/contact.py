@@ -1,0 +1,160 @@
+"""The deterministic contact law: elasto-plastic normal, regularised Coulomb, rolling resistance.
+
+Source: the paper's section "DEM modelling" and its Table 4. Pure functions of one contact point; every engine
+calls these and no other. SI units. δ is the penetration, δmax its largest value since the contact began,
+s the stretch of the tangential spring, ρ the rotation that the rolling spring has taken up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.scene.cross_section import by_zone
+
+# columns of a parameter row
+K_L, K_UL, K_T, MU, K_R, CAP, CRATER = range(7)
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Parameters of the law in one zone (defaults: the paper's Table 4).
+
+    `friction_angle_deg` may be 90 (never slips). `rolling_cap` limits the rolling moment to (arm) × F_n,
+    which the paper does not ask for. `rolling_in_crater`: the rolling spring acts until the block is clear of the
+    original surface, not only while the ground presses on it: the paper's "rotation since this contact began" can be
+    read either way. Raises ValueError on values for which the law makes no sense.
+    """
+
+    k_l_N_m: float = 1.0e4
+    k_ul_N_m: float = 6.0e4
+    k_t_N_m: float = 2.5e3
+    friction_angle_deg: float = 30.0
+    k_r_Nm_rad: float = 0.025
+    rolling_cap: bool = False
+    rolling_in_crater: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.k_l_N_m <= self.k_ul_N_m < np.inf:
+            raise ValueError(
+                f"need 0 < k_l_N_m <= k_ul_N_m, got {self.k_l_N_m:g} and {self.k_ul_N_m:g} "
+                "(unloading cannot be softer than loading: it would create energy)"
+            )
+        if not 0 <= self.k_t_N_m < np.inf:
+            raise ValueError(f"k_t_N_m must not be negative, got {self.k_t_N_m:g}")
+        if not 0 <= self.friction_angle_deg <= 90:
+            raise ValueError(f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}")
+        if not 0 <= self.k_r_Nm_rad < np.inf:
+            raise ValueError(f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
+
+    def row(self) -> np.ndarray:
+        """(7,) k_l, k_ul, k_t, tan φ (inf at 90°), k_r, cap and crater (0 or 1): what the compiled law reads."""
+        angle = self.friction_angle_deg
+        mu = np.inf if angle == 90 else np.tan(np.deg2rad(angle))
+        return np.array(
+            [
+                self.k_l_N_m,
+                self.k_ul_N_m,
+                self.k_t_N_m,
+                mu,
+                self.k_r_Nm_rad,
+                float(self.rolling_cap),
+                float(self.rolling_in_crater),
+            ]
+        )
+
+
+def parameter_table(
+    parameters: Mapping[str, ContactParameters] | ContactParameters, zone_names: tuple[str, ...]
+) -> np.ndarray:
+    """(zones, 7) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+
+    Raises ValueError if a zone has neither its own parameters nor a default.
+    """
+    if isinstance(parameters, ContactParameters):
+        parameters = {"default": parameters}
+    return np.array([own.row() for own in by_zone(parameters, zone_names, "contact")])
+
+
+@kernel(inline="always")
+def normal_force(delta, delta_max, k_l, k_ul):
+    """F_n in N. Virgin loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
+    if delta <= 0.0:
+        return 0.0
+    if delta >= delta_max:
+        return k_l * delta
+    return max(0.0, min(k_l * delta, k_ul * (delta - residual(delta_max, k_l, k_ul))))
+
+
+@kernel(inline="always")
+def residual(delta_max, k_l, k_ul):
+    """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
+    return delta_max * (1.0 - k_l / k_ul)
+
+
+@kernel(inline="always")
+def tangential_force(stretch, force_n, k_t, mu):
+    """Force of the tangential spring along +stretch in N: k_t s, but never beyond tan φ F_n."""
+    force = k_t * stretch
+    if force_n <= 0.0:
+        return 0.0
+    if mu == np.inf:
+        return force
+    limit = mu * force_n
+    return min(max(force, -limit), limit)
+
+
+@kernel(inline="always")
+def rolling_moment(rotation, force_n, arm, k_r, cap, crater):
+    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `crater`, as long as the
+    contact lasts; cap: at most arm × F_n."""
+    if force_n <= 0.0 and crater == 0.0:
+        return 0.0
+    moment = k_r * rotation
+    if cap > 0.0:
+        limit = arm * force_n
+        moment = min(max(moment, -limit), limit)
+    return moment
+
+
+@kernel
+def plastic_work(delta_max, k_l, k_ul):
+    """Energy in J that plasticity has taken since the contact began: ½ k_l δmax² (1 - k_l/k_ul)."""
+    return 0.5 * k_l * delta_max * delta_max * (1.0 - k_l / k_ul)
+
+
+@kernel
+def elastic_energy(force_n, force_t, p):
+    """Energy in J stored by the normal and tangential springs at these forces; `p` is a parameter row."""
+    energy = 0.5 * force_n * force_n / p[K_UL]
+    if p[K_T] > 0.0:
+        energy += 0.5 * force_t * force_t / p[K_T]
+    return energy
+
+
+@kernel
+def rolling_energy(rotation, p):
+    """Energy in J stored by the rolling spring: ½ k_r ρ²."""
+    return 0.5 * p[K_R] * rotation * rotation
+
+
+@kernel
+def cross_zone(force_n, force_t, rotation, old, new):
+    """Memory (δmax, s, ρ) in a new zone for a contact that slides into it still pressed; δ is then counted
+    from where δmax says (fresh soil loaded to the force that acts).
+
+    Forces are carried over, and lowered where a softer zone would otherwise store more energy at that force;
+    so no crossing creates energy. What is lost counts as plastic work.
+    """
+    force = force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL]))
+    stretch = 0.0
+    if new[K_T] > 0.0 and old[K_T] > 0.0:
+        kept = force_t * min(1.0, np.sqrt(new[K_T] / old[K_T]))
+        stretch = tangential_force(kept / new[K_T], force, new[K_T], new[MU]) / new[K_T]
+    turned = 0.0
+    if new[K_R] > 0.0:
+        turned = rotation * min(old[K_R] / new[K_R], np.sqrt(old[K_R] / new[K_R]))
+    return force / new[K_L], stretch, turned

@@ -1,0 +1,149 @@
+"""The probabilistic rebound law: a point mass that carries the spin of a ball.
+
+Source: the paper's section "Probabilistic impact modelling" and its Table 3; Bourrier & Hungr (2011), with
+the hyperbolic normal restitution of PIERRE. Pure functions of one impact; they draw nothing: where the slope
+reduction is random, the caller hands the random number in. SI units. With t along the facet, n out of the
+ground, v_n < 0 on entry and ω counter-clockwise positive, the foot of the ball moves at u = v_t + r ω.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.compiled import njit
+from rock2d.scene.cross_section import by_zone
+
+# columns of a parameter row
+TAN_PHI, M_HALF, R_T, ALPHA, UNIFORM = range(5)
+
+BALL = 0.4  # I / (m r²) of the ball whose spin the point carries
+
+
+@dataclass(frozen=True)
+class ReboundParameters:
+    """Parameters of the law in one zone.
+
+    Attributes
+    ----------
+    friction_angle_deg : φ, in [0, 90]; 0 always slips
+    momentum_half_kg_m_s : M½ > 0, the normal momentum at which r_n = 1/2
+    tangential_restitution : r_t, in [0, 1]
+    slope_reduction_deg : α, in [0, 90)
+    slope_reduction : "constant" (α at every impact) or "uniform" (drawn from U(0, α) at every impact). The
+        paper's text fits both.
+
+    Raises ValueError on values for which the law makes no sense.
+    """
+
+    friction_angle_deg: float
+    momentum_half_kg_m_s: float
+    tangential_restitution: float
+    slope_reduction_deg: float = 0.0
+    slope_reduction: str = "constant"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.friction_angle_deg <= 90:
+            raise ValueError(f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}")
+        if not 0 < self.momentum_half_kg_m_s < np.inf:
+            raise ValueError(f"momentum_half_kg_m_s must be positive, got {self.momentum_half_kg_m_s:g}")
+        if not 0 <= self.tangential_restitution <= 1:
+            raise ValueError(
+                f"tangential_restitution must lie in [0, 1], got {self.tangential_restitution:g}"
+            )
+        if not 0 <= self.slope_reduction_deg < 90:
+            raise ValueError(f"slope_reduction_deg must lie in [0, 90), got {self.slope_reduction_deg:g}")
+        if self.slope_reduction not in ("constant", "uniform"):
+            raise ValueError(f"slope_reduction must be constant or uniform, got {self.slope_reduction!r}")
+
+    @property
+    def random(self) -> bool:
+        """True if an impact needs a random number."""
+        return self.slope_reduction == "uniform" and self.slope_reduction_deg > 0
+
+    def row(self) -> np.ndarray:
+        """(5,) tan φ, M½, r_t, α in rad, 1 if α is drawn else 0: what the compiled law reads."""
+        return np.array(
+            [
+                np.tan(np.deg2rad(self.friction_angle_deg)),
+                self.momentum_half_kg_m_s,
+                self.tangential_restitution,
+                np.deg2rad(self.slope_reduction_deg),
+                float(self.slope_reduction == "uniform"),
+            ]
+        )
+
+
+def rebound_table(parameters: Mapping[str, ReboundParameters], zone_names: tuple[str, ...]) -> np.ndarray:
+    """(zones, 5) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+
+    Raises ValueError if a zone has neither its own parameters nor a default.
+    """
+    return np.array([own.row() for own in by_zone(parameters, zone_names, "rebound")])
+
+
+@njit
+def normal_restitution(v_n, mass, m_half):
+    """r_n = M½ / (M½ + m |v_n|): 1 for the faintest touch, 1/2 at m |v_n| = M½, toward 0 for hard impacts."""
+    return m_half / (m_half + mass * abs(v_n))
+
+
+@njit
+def rebound_local(v_t, v_n, omega, mass, radius, p):
+    """(v_t', v_n', ω') after an impact at v_n < 0 on a facet as it lies; `p` is a parameter row.
+
+    With r_n as above, J = tan φ (1 + r_n) |v_n| and tan ψ = 2 r_t |u| / (7 (1 + r_n) |v_n|):
+
+    - v_n' = -r_n v_n
+    - no slip (ψ < φ): v_t' = r_t (5/7 v_t - 2/7 r ω),  r ω' = -v_t'
+    - slip: v_t' = r_t v_t - sgn(u) J,  ω' = r_t ω - sgn(u) (5/2) J / r
+
+    The no-slip formula is the slip formula with J = 2/7 r_t |u|, and ψ < φ says that this is the smaller of
+    the two; so one line serves both. v_t - (2/5) r ω comes out multiplied by r_t, u by at most r_t in size:
+    the kinetic energy ½ m (v_n² + 2/7 u² + 5/7 (v_t - 2/5 r ω)²) can only fall.
+    """
+    hit = max(-v_n, 0.0)
+    r_n = normal_restitution(hit, mass, p[M_HALF])
+    u = v_t + radius * omega
+    jump = min(p[TAN_PHI] * (1.0 + r_n) * hit, 2.0 / 7.0 * p[R_T] * abs(u)) * np.sign(u)
+    return p[R_T] * v_t - jump, r_n * hit, p[R_T] * omega - 2.5 * jump / radius
+
+
+@njit
+def slope_reduction(p, draw):
+    """The α of one impact, in rad: constant, or U(0, α) from `draw` in [0, 1)."""
+    return p[ALPHA] * draw if p[UNIFORM] > 0.0 else p[ALPHA]
+
+
+@njit
+def rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p):
+    """(vx', vy', ω') after an impact on the facet with unit tangent (tx, ty), reduced by `alpha` (rad).
+
+    α lowers the slope as the travelling block meets it: the facet is turned against the motion, counter-
+    clockwise for v_x > 0 and clockwise for v_x < 0 (a vertical fall travels down the facet). Two cases that
+    the paper leaves open (assumed):
+
+    - the block would not hit the turned facet (v_n >= 0 in its frame): it meets the facet as it lies, α = 0;
+    - it leaves the turned facet into the true one: a second rebound at once, on the true facet with α = 0.
+
+    Each rebound takes energy or none, so neither case can create any.
+    """
+    travel = np.sign(vx)
+    if travel == 0.0:
+        travel = np.sign(vy * ty * tx)
+    c, s = np.cos(alpha), np.sin(alpha) * travel
+    ax, ay = c * tx - s * ty, s * tx + c * ty
+    if vy * ax - vx * ay >= 0.0:
+        ax, ay = tx, ty
+    vx, vy, omega = _on_facet(vx, vy, omega, ax, ay, mass, radius, p)
+    if alpha != 0.0 and vy * tx - vx * ty < 0.0:
+        vx, vy, omega = _on_facet(vx, vy, omega, tx, ty, mass, radius, p)
+    return vx, vy, omega
+
+
+@njit
+def _on_facet(vx, vy, omega, tx, ty, mass, radius, p):
+    v_t, v_n, omega = rebound_local(vx * tx + vy * ty, vy * tx - vx * ty, omega, mass, radius, p)
+    return v_t * tx - v_n * ty, v_t * ty + v_n * tx, omega

@@ -1,0 +1,266 @@
+"""Campaigns: ensembles too large for full tracks in memory, computed in chunks that survive an interruption.
+
+A campaign is cut into chunks of a fixed number of releases of one block, however many processes share them.
+The folder holds campaign.json (what determines the result), chunks/<output>/<number>.parquet, and tables that
+are read from these in the end: identical bytes however the chunks were computed, and in how many attempts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rock2d.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.files.scenario import Scenario
+    from rock2d.runs.campaigns.chunks import Chunk, Job
+
+MOST_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
+CHUNK_RELEASES = 10_000
+DEFAULT_KEEP = ("ends", "crossings")
+MANIFEST = "campaign.json"
+EXTRA = "pip install 'rock2d[scale]'"
+# what neither a chunk file nor a table depends on, or what the manifest names beside the scenario
+NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs"}
+
+
+def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
+    """Whether a run of `releases` of each block (default: the scenario's) is too large for memory."""
+    each = releases or scenario.releases
+    if scenario.experiment is None:
+        return each * len(scenario.make_blocks()) > MOST_IN_MEMORY
+    films = scenario.experiment.trajectories
+    assert films is not None
+    return int(films.groupby("block")["release"].nunique().clip(upper=each).sum()) > MOST_IN_MEMORY
+
+
+def run_campaign(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    engine: str | None = None,
+    seed: int | None = None,
+    releases: int | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    keep: Sequence[str] = (),
+    chunk_releases: int = CHUNK_RELEASES,
+    progress: bool = True,
+    tell: Callable[[str], Any] = print,
+) -> dict[str, pd.DataFrame]:
+    """Run a campaign into `folder`, or go on with it; returns its tables by name.
+
+    Parameters
+    ----------
+    engine, seed, releases : override the scenario's; releases are those of each block
+    workers : processes of a local Dask cluster; default: this process, on all threads
+    scheduler : address of a Dask scheduler, whose workers must see `folder` (a shared file system) and should
+        have one thread each
+    keep : names of `chunks.OUTPUTS`, default ends and crossings. Where only crossings are kept a release
+        stops as soon as it lacks the energy to reach another measure line
+    tell : hears what a person should know, a line at a time
+
+    Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
+    `folder` holds anything else or a campaign that is determined otherwise, or if files cannot be written.
+    KeyboardInterrupt says how far it came.
+    """
+    from tqdm import tqdm
+
+    from rock2d.files.folders import write_whole
+    from rock2d.runs.campaigns.chunks import OUTPUTS, is_done
+    from rock2d.runs.campaigns.streaming import campaign_tables, files_read
+
+    keep = tuple(name for name in OUTPUTS if name in (keep or DEFAULT_KEEP))
+    job, about = _prepare(scenario, folder, engine or scenario.engine, seed, releases, keep, chunk_releases)
+    on_cluster = _on_cluster(workers, scheduler, tell)
+    chunks = _plan(len(job.blocks), releases or scenario.releases, chunk_releases)
+    total = sum(chunk.count for chunk in chunks)
+    _claim(folder, about, job)
+    tell(
+        f"campaign: {total} releases in {len(chunks)} chunks, kept: {', '.join(keep)}; "
+        "no full tracks, so no trajectories, figures or video"
+    )
+    if "samples" in keep:
+        most = total * job.time_limit_s * job.fps * 32 / 1e9
+        tell(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
+    todo = [chunk for chunk in chunks if not is_done(job, chunk)]
+    if len(todo) < len(chunks):
+        tell(f"{len(chunks) - len(todo)} of {len(chunks)} chunks are done already")
+    title = f"{scenario.name} ({job.engine})"
+    try:
+        first = total - sum(chunk.count for chunk in todo)
+        with tqdm(total=total, initial=first, desc=title, unit="release", disable=not progress) as bar:
+            _compute(job, todo, on_cluster, workers, scheduler, bar.update)
+        with tqdm(total=files_read(job, chunks), desc="tables", unit="file", disable=not progress) as bar:
+            tables = campaign_tables(job, chunks, bar.update)
+        for name, table in tables.items():
+            write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        for left in job.folder.glob("*/.*"):  # half-written by processes that were killed
+            left.unlink(missing_ok=True)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_how_far(job, chunks)) from None
+    except OSError as error:
+        message = f"cannot be written or read: {error.strerror or error}; {_how_far(job, chunks)}"
+        raise InputError(message, error.filename or folder) from None
+    return tables
+
+
+def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
+    from rock2d.runs.campaigns.chunks import is_done
+
+    done = sum(is_done(job, chunk) for chunk in chunks)
+    return f"{done} of {len(chunks)} chunks are done, the same command goes on from there"
+
+
+def _prepare(
+    scenario: Scenario,
+    folder: Path,
+    engine: str,
+    seed: int | None,
+    releases: int | None,
+    keep: tuple[str, ...],
+    chunk_releases: int,
+) -> tuple[Job, dict[str, Any]]:
+    """The campaign's job and its manifest; InputError if it cannot be a campaign."""
+    if engine == "pymunk":
+        raise InputError(
+            "engine pymunk is for single releases; run a campaign with the same law, compiled: --engine batch"
+        )
+    if scenario.experiment is not None:
+        raise InputError(
+            "campaigns draw their releases; these start from the measured states of an experiment"
+        )
+    if engine == "point_mass" and "samples" in keep:
+        raise InputError("engine point_mass keeps no samples: between its impacts a block flies a parabola")
+    terrain, blocks = scenario.terrain(), scenario.make_blocks()
+    if keep == ("crossings",) and not terrain.measure_lines:
+        raise InputError("only crossings are kept, but the cross-section has no measure lines")
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise InputError(f"a campaign writes parquet files, for which pyarrow is missing: {EXTRA}") from None
+    from rock2d.runs.campaigns.chunks import Job, versions
+
+    if engine == "batch":
+        from rock2d.laws.contact import parameter_table
+
+        table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
+        parameters: tuple[Any, ...] = (table,) * len(blocks)
+    else:
+        parameters = tuple(scenario.rebound_parameters(name) for name in blocks)
+    seed = scenario.seed if seed is None else seed
+    fps = scenario.outputs.fps
+    determined_by = {
+        "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),
+        "engine": engine,
+        "seed": seed,
+        "releases": releases or scenario.releases,
+        "chunk_releases": chunk_releases,
+        "keep": list(keep),
+        **({"fps": fps} if "samples" in keep else {}),
+        "versions": versions(),
+    }
+    fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
+    job = Job(
+        folder.absolute() / "chunks", fingerprint, keep, engine, seed, terrain, tuple(blocks.values()),
+        tuple(scenario.incident_of(name) for name in blocks), parameters,
+        scenario.gravity_m_s2, scenario.time_limit_s, fps, versions(),
+    )  # fmt: skip
+    about = {"about": scenario.about, "assumed": scenario.assumed}
+    return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
+
+
+def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
+    """Make the campaign's folders; refuse those that hold anything else."""
+    from rock2d.files.folders import write_whole
+
+    path = folder / MANIFEST
+    try:
+        if path.is_file():
+            _refuse_another(path, manifest)
+        elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError("exists and is no campaign; choose another output folder", folder)
+        for output in job.keep:
+            (job.folder / output).mkdir(parents=True, exist_ok=True)
+        write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", folder) from None
+
+
+def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
+    try:
+        there = json.loads(path.read_text(encoding="utf-8"))
+        fingerprint, other = there["fingerprint"], dict(there["determined_by"])
+    except (ValueError, KeyError, TypeError):
+        raise InputError("is damaged; choose another output folder", path) from None
+    if fingerprint != manifest["fingerprint"]:
+        own = manifest["determined_by"]
+        differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
+        message = f"another campaign, which differs in {', '.join(differ)}; choose another output folder"
+        raise InputError(message, path)
+
+
+def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
+    from rock2d.runs.campaigns.chunks import Chunk
+
+    places = [(block, first) for block in range(blocks) for first in range(0, releases, chunk_releases)]
+    return [
+        Chunk(number, block, first, min(chunk_releases, releases - first), block * releases)
+        for number, (block, first) in enumerate(places)
+    ]
+
+
+def _on_cluster(workers: int | None, scheduler: str | None, tell: Callable[[str], Any]) -> bool:
+    """Whether Dask is asked for, and there; InputError if a scheduler is given in vain."""
+    if workers is None and scheduler is None:
+        return False
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        if scheduler is not None:
+            raise InputError(f"--scheduler needs Dask, which is missing: {EXTRA}") from None
+        tell(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers} threads")
+        return False
+    return True
+
+
+def _compute(
+    job: Job,
+    todo: Sequence[Chunk],
+    on_cluster: bool,
+    workers: int | None,
+    scheduler: str | None,
+    told: Callable[[int], Any],
+) -> None:
+    """Compute chunks; `told` hears the numbers of releases as they are done."""
+    if not todo:
+        return
+    if on_cluster:
+        from rock2d.runs.campaigns.cluster import run_on_cluster
+
+        run_on_cluster(job, todo, told, workers=workers, scheduler=scheduler)
+        return
+    from rock2d.runs.campaigns.chunks import run_chunk
+
+    with _numba_threads(workers):
+        for chunk in todo:
+            run_chunk(job, chunk, told)
+
+
+@contextmanager
+def _numba_threads(count: int | None) -> Iterator[None]:
+    import numba
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(count or before, before))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)

@@ -1,0 +1,128 @@
+"""The chunks of a campaign on Dask workers: processes of this machine, or those of a running scheduler.
+
+Workers write the chunk files themselves, so they must see the campaign's folder: the workers of a scheduler on
+other machines through a shared file system. A worker that dies loses no more than the chunk it was at, which
+another computes anew. A worker should have one thread: compiled code does not run beside itself in one process.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from multiprocessing import resource_tracker
+from typing import TYPE_CHECKING, Any
+
+from rock2d.errors import InputError
+from rock2d.runs.campaigns.chunks import Chunk, Job, run_chunk, versions, warm_up
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+IN_FLIGHT = 2  # tasks with the scheduler for each thread of the workers
+CONNECT_S = 10
+
+
+def run_on_cluster(
+    job: Job,
+    chunks: Sequence[Chunk],
+    told: Callable[[int], Any],
+    *,
+    workers: int | None,
+    scheduler: str | None,
+) -> None:
+    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `told` hears the
+    number of releases of each as it is done.
+
+    Raises InputError if the scheduler does not answer or is lost, if workers keep dying at the same chunk or
+    have other versions than this process; OSError if they cannot write.
+    """
+    from distributed import CancelledError, KilledWorker, as_completed
+    from distributed.comm import CommClosedError
+
+    if scheduler is None:
+        warm_up(job)  # so that workers find compiled code in the cache
+    waiting = iter(chunks)
+    with _client(min(workers or 1, len(chunks)), scheduler) as client:
+
+        def submitted(most: int) -> list[Any]:
+            return [client.submit(_on_worker, job, c, pure=False) for c in islice(waiting, max(most, 0))]
+
+        running = as_completed(submitted(_room(client)), loop=client.loop)
+        try:
+            for future in running:
+                told(future.result())
+                running.update(submitted(_room(client) - running.count()))
+        except KilledWorker:
+            raise InputError("several workers died at the same chunk; is there too little memory?") from None
+        except (CancelledError, CommClosedError):
+            raise InputError("the scheduler is gone; the same command goes on from there") from None
+
+
+def _room(client: Client) -> int:
+    """How many tasks may be with the scheduler: its workers may come and go."""
+    return IN_FLIGHT * max(1, sum(client.nthreads().values()))
+
+
+def _on_worker(job: Job, chunk: Chunk) -> int:
+    import numba
+
+    if job.versions != versions():
+        raise InputError(f"a worker has {versions()}, this process {job.versions}")
+    if not job.folder.is_dir():
+        message = "not there for a worker: workers and this process must share a file system"
+        raise InputError(message, job.folder)
+    numba.set_num_threads(1)
+    return run_chunk(job, chunk)
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
+    from distributed import Client, LocalCluster
+
+    with ExitStack() as opened:
+        if scheduler is None:
+            with _interrupts_held():
+                cluster = LocalCluster(
+                    n_workers=workers, processes=True, threads_per_worker=1, dashboard_address=None,
+                    memory_limit=None, silence_logs=logging.CRITICAL,
+                )  # fmt: skip
+                opened.enter_context(cluster)
+                client = opened.enter_context(Client(cluster, set_as_default=False))
+        else:
+            if not re.fullmatch(r"\w+://.+:\d+", scheduler):
+                raise InputError(f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}")
+            for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+            try:
+                client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+            except (OSError, ValueError) as error:
+                raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+            opened.enter_context(client)
+        yield client
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Keep Ctrl-C until the block ends: a cluster that is interrupted half way up cannot be taken down.
+
+    Its threads and processes are deaf to Ctrl-C for ever: workers leave it to this process.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    resource_tracker.ensure_running()  # else the first worker's thread starts it, and unblocks the signal
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt

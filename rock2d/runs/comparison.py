@@ -1,0 +1,113 @@
+"""Measured against simulated: residuals per channel of releases that were restarted from their film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.files.experiment import Experiment
+    from rock2d.records.track import Track
+    from rock2d.runs.run import RunResult
+
+CHANNELS = {"x": "dx_m", "y": "dy_m", "theta": "dtheta_rad"}
+
+
+def residual_table(measured: pd.DataFrame, simulated: pd.DataFrame) -> pd.DataFrame:
+    """simulated - measured at every frame: release, block, t_s (since the release's first frame), dx_m, dy_m,
+    dtheta_rad. The angle is unwrapped along the film, not folded by the block's symmetry."""
+    import pandas as pd
+
+    both = measured.dropna().merge(simulated, on=["release", "block", "t_s"], suffixes=("", "_sim"))
+    parts = []
+    for (release, block), rows in both.groupby(["release", "block"], sort=True):
+        parts.append(
+            pd.DataFrame(
+                {
+                    "release": release,
+                    "block": block,
+                    "t_s": rows["t_s"] - rows["t_s"].iloc[0],
+                    "dx_m": rows["x_m_sim"] - rows["x_m"],
+                    "dy_m": rows["y_m_sim"] - rows["y_m"],
+                    "dtheta_rad": rows["theta_rad_sim"] - np.unwrap(rows["theta_rad"]),
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def residual_summary(residuals: pd.DataFrame, tracks: list[Track], noise: dict[str, float]) -> pd.DataFrame:
+    """Residuals by stage and channel: before the first impact, from its end to the second, whole film, and at
+    the film's end. Columns stage, channel, unit, releases, median_abs, rms, noise (1 sigma of the camera)."""
+    import pandas as pd
+
+    first, after, second = {}, {}, {}
+    for track in tracks:
+        start = float(track.knots[0, 0])
+        times = [(i["t_s"] - start, i["t_after_s"] - start) for i in track.impacts]
+        first[track.release] = times[0][0] if times else np.inf
+        after[track.release] = times[0][1] if times else np.inf
+        second[track.release] = times[1][0] if len(times) > 1 else np.inf
+    t, release = residuals["t_s"], residuals["release"]
+    stages = {
+        "flight before first impact": t < release.map(first),
+        "flight after first impact": (t > release.map(after)) & (t < release.map(second)),
+        "whole film": t >= 0,
+        "last frame": ~release.duplicated(keep="last"),
+    }
+    rows = []
+    for stage, chosen in stages.items():
+        for channel, column in CHANNELS.items():
+            values = residuals.loc[chosen, column].to_numpy(float)
+            rows.append(
+                {
+                    "stage": stage,
+                    "channel": channel,
+                    "unit": column.rsplit("_", 1)[1],
+                    "releases": int(residuals.loc[chosen, "release"].nunique()),
+                    "median_abs": float(np.median(np.abs(values))) if values.size else np.nan,
+                    "rms": float(np.sqrt(np.mean(values**2))) if values.size else np.nan,
+                    "noise": noise[channel],
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def write_comparison(
+    result: RunResult, simulated: Experiment, folder: Path, *, progress: bool = True
+) -> dict[str, pd.DataFrame]:
+    """Overlay and residual figures and a side-by-side video into `folder`; returns the residual tables."""
+    from rock2d.graphics import plots
+    from rock2d.graphics.progress import frame_bar
+    from rock2d.graphics.video import clip_from_measured, clip_from_track, side_by_side
+
+    film = result.scenario.experiment
+    assert film is not None and film.trajectories is not None and simulated.trajectories is not None
+    ran = film.trajectories[film.trajectories["release"].isin([t.release for t in result.tracks])]
+    residuals = residual_table(ran, simulated.trajectories)
+    noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
+    summary = residual_summary(residuals, result.tracks, noise)
+    title = f"{film.name}: measured against simulated"
+    overlay = plots.overlay_figure(result.terrain, result.blocks, ran, result.tracks, title=title)
+    plots.save_figure(overlay, folder / "overlay.png")
+    plots.save_figure(plots.residuals_figure(residuals, title), folder / "residuals.png")
+    shown = _typical(residuals)
+    track = next(t for t in result.tracks if t.release == shown)
+    with frame_bar("side by side", progress) as show:
+        side_by_side(
+            folder / "side_by_side.webm", result.terrain, result.blocks,
+            [clip_from_measured(ran[ran["release"] == shown])], [clip_from_track(track)],
+            slow_motion=result.scenario.outputs.slow_motion, title=f"{film.name}, release {shown}", progress=show,
+        )  # fmt: skip
+    return {"residuals": residuals, "residual_summary": summary}
+
+
+def _typical(residuals: pd.DataFrame) -> int:
+    """The release whose rms distance is the median one: neither the best nor the worst."""
+    distance = residuals["dx_m"] ** 2 + residuals["dy_m"] ** 2
+    rms = distance.groupby(residuals["release"]).mean().sort_values()
+    return int(rms.index[len(rms) // 2])

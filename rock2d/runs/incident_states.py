@@ -1,0 +1,146 @@
+"""Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames.
+
+Releases are drawn in groups of `GROUP`, each group of a block whole and from its own random stream: release i
+of a block is the same however many releases there are and however they are shared out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+if TYPE_CHECKING:
+    from rock2d.files.scenario import Scenario
+    from rock2d.files.scenario_keys import Incident
+
+Array = np.ndarray
+
+GROUP = 1000  # releases drawn together
+STATES, SEEDS = range(2)  # what a random stream is for: first number of its spawn key
+CLEAR_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
+BREAK_SIGMA = 5.0  # a frame this far from the fitted flight ends it
+
+
+@dataclass(frozen=True)
+class Start:
+    """Start of one release: its number, block, time in s, state (6,) in SI, the seed of its own random stream
+    and the frames it was fitted to."""
+
+    release: int
+    block: str
+    t_s: float
+    state: Array
+    seed: int
+    frames: int = 0
+
+
+def starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
+    """Starts of all releases of a scenario, block after block."""
+    if scenario.experiment is not None:
+        return measured_starts(scenario, seed, releases)
+    count = releases or scenario.releases
+    out = []
+    for b, name in enumerate(scenario.make_blocks()):
+        states = drawn_states(scenario.incident_of(name), seed, b, 0, count)
+        seeds = drawn_seeds(seed, b, 0, count)
+        out += [Start(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
+    return out
+
+
+def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: int) -> Array:
+    """(stop - first, 6) states of releases first .. stop - 1 of the block with index `block`; first < stop.
+
+    Raises ValueError for measured incident states.
+    """
+    return _of_groups(lambda stream: incident.draw(stream, GROUP), seed, STATES, block, first, stop)
+
+
+def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
+    """(stop - first,) uint64, seeds of the own random streams of releases first .. stop - 1; first < stop."""
+
+    def draw(stream: np.random.Generator) -> Array:
+        return stream.integers(2**64, size=GROUP, dtype=np.uint64)
+
+    return _of_groups(draw, seed, SEEDS, block, first, stop)
+
+
+def _of_groups(
+    draw: Callable[[np.random.Generator], Array], seed: int, what: int, block: int, first: int, stop: int
+) -> Array:
+    groups = range(first // GROUP, (stop - 1) // GROUP + 1)
+    keys = [np.random.SeedSequence(seed, spawn_key=(what, block, group)) for group in groups]
+    drawn = np.concatenate([draw(np.random.default_rng(key)) for key in keys])
+    return drawn[first - groups.start * GROUP :][: stop - first]
+
+
+def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
+    """Starts of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
+    experiment = scenario.experiment
+    assert experiment is not None and experiment.trajectories is not None
+    source = scenario.incident["default"].from_experiment
+    assert source is not None
+    blocks, terrain = scenario.make_blocks(), scenario.terrain()
+    rows = experiment.trajectories.dropna()
+    out, taken = [], dict.fromkeys(blocks, 0)
+    films = rows["release"].nunique()
+    seeds = {name: drawn_seeds(seed, b, 0, films + 1) for b, name in enumerate(blocks)}
+    for release, film in rows.groupby("release", sort=True):
+        name = str(film["block"].iloc[0])
+        if taken[name] >= (releases or scenario.releases) or len(film) < 3:
+            continue
+        own_seed = int(seeds[name][taken[name]])
+        taken[name] += 1
+        frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
+        sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
+        state, used = fit_first_flight(frames, blocks[name], terrain, experiment.gravity_m_s2, sigma)
+        out.append(Start(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))
+    return out
+
+
+def fit_first_flight(
+    frames: Array, block: Block, terrain: Terrain, gravity_m_s2: float, sigma: tuple[float, float]
+) -> tuple[Array, int]:
+    """State (6,) at the first of `frames` (n, 4: t, x, y, theta) and the number of frames that were used.
+
+    Least squares of free flight, x + v t - g t²/2 and θ + ω t, over the leading frames in which the block is
+    clear of the ground and which still lie on that flight (within BREAK_SIGMA of `sigma`: position in m, angle
+    in rad). A film that starts on the ground is fitted to its first three frames.
+    """
+    t = frames[:, 0] - frames[0, 0]
+    q = frames[:, 1:].copy()
+    q[:, 2] = np.unwrap(q[:, 2])
+    flat = q.copy()
+    flat[:, 1] += 0.5 * gravity_m_s2 * t**2
+    noise = np.maximum([sigma[0], sigma[0], sigma[1]], 1e-9)
+    count = 3
+    while count < len(t) and _clear(q[count], block, terrain, CLEAR_SIGMA * noise[0]):
+        guess, covariance = _line(t[:count], flat[:count])
+        ahead = np.array([1.0, t[count]])
+        spread = np.sqrt(1 + ahead @ covariance @ ahead)
+        miss = flat[count] - guess[0] - guess[1] * t[count]
+        if (np.abs(miss) > BREAK_SIGMA * noise * spread).any():
+            break
+        count += 1
+    fit, _ = _line(t[:count], flat[:count])
+    return fit.reshape(-1), count
+
+
+def _line(t: Array, values: Array) -> tuple[Array, Array]:
+    """Least-squares (2, k) intercepts and slopes, and their (2, 2) covariance for unit noise."""
+    design = np.column_stack([np.ones_like(t), t])
+    covariance = np.linalg.inv(design.T @ design)
+    return covariance @ design.T @ values, covariance
+
+
+def _clear(pose: Array, block: Block, terrain: Terrain, margin_m: float) -> bool:
+    import shapely
+
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    outline = block.outline() @ np.array([[c, s], [-s, c]]) + pose[:2]
+    return bool(shapely.Polygon(outline).distance(shapely.LineString(terrain.points_m)) > margin_m)

@@ -1,0 +1,66 @@
+"""Tables of a run as a person reads them in a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.files.scenario import Scenario
+    from rock2d.runs.run import RunResult
+
+
+def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
+    """Passing frequencies, stops, residuals and the energy audit of one run."""
+    print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
+    passing = tables["passing"]
+    if len(passing):
+        print(passing_text(passing))
+    stops = tables["stops"].groupby(["block", "stop"]).size().unstack(fill_value=0)
+    print(stops.to_string())
+    if "residual_summary" in tables:
+        print(residual_text(tables["residual_summary"]))
+    if "energy" in tables:
+        energy = tables["energy"]
+        worst = (energy["residual_J"].abs() / energy["initial_J"]).max()
+        print(f"energy audit: closes to {worst:.1e} of the initial energy at worst")
+    for sentence in result.scenario.assumed:
+        print(f"  assumed: {sentence}")
+
+
+def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFrame]) -> None:
+    """Passing frequencies and stops of a campaign."""
+    print(f"\n{scenario.name}: {scenario.about} [{engine}]")
+    if len(tables.get("passing", ())):
+        print(passing_text(tables["passing"], digits=2))
+    if "stops" in tables:
+        stops = tables["stops"].pivot_table(
+            index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
+        )
+        print(stops.to_string())
+    for sentence in scenario.assumed:
+        print(f"  assumed: {sentence}")
+
+
+def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
+    """Passing frequency in % with its 95 % Wilson interval, one row a block."""
+    cells = passing.assign(
+        cell=[
+            f"{100 * f:.{digits}f} [{100 * lo:.{digits}f}, {100 * hi:.{digits}f}]"
+            for f, lo, hi in zip(passing["frequency"], passing["low95"], passing["high95"], strict=True)
+        ]
+    )
+    table = cells.pivot(index="block", columns="line", values="cell")
+    return "passing frequency in % [95 % Wilson interval]\n" + str(table.to_string())
+
+
+def residual_text(summary: pd.DataFrame) -> str:
+    """Residuals by stage and channel, in mm and degrees."""
+    scale = {"m": (1e3, "mm"), "rad": (57.29577951308232, "deg")}
+    rows = summary.copy()
+    for column in ("median_abs", "rms", "noise"):
+        rows[column] = [v * scale[u][0] for v, u in zip(rows[column], rows["unit"], strict=True)]
+    rows["unit"] = [scale[u][1] for u in rows["unit"]]
+    text = rows.to_string(index=False, float_format=lambda v: f"{v:.3g}")
+    return "simulated - measured\n" + str(text)

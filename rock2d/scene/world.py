@@ -1,0 +1,103 @@
+"""The world that a simulation stands on: blocks, bench, soil, camera. What an effect of the catalogue changes.
+
+A World without effects is the paper's model. Effects return changed copies (`rock2d.effects`), engines and the
+diagnosis read it; nothing in here knows a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class View:
+    """How the camera's record differs from the world; the default is a perfect camera.
+
+    A point at a distance r from the camera's axis, which meets the plane at `centre_m`, is recorded there, in this
+    order: turned by `tilt_rad` and scaled, both about the axis, distorted by 1 + `lens_per_m2` r², and mirrored (the
+    last about the origin). An instant t is recorded as t / `time_scale`; an angle with the tilt and `theta_offset_rad`
+    added.
+    """
+
+    tilt_rad: float = 0.0
+    scale: float = 1.0
+    time_scale: float = 1.0
+    lens_per_m2: float = 0.0
+    centre_m: tuple[float, float] = (0.0, 0.0)
+    theta_offset_rad: float = 0.0
+    mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def record(self, pose: Array) -> Array:
+        """What the camera records of true poses (..., 3: x_m, y_m, theta_rad)."""
+        x, y, theta = np.moveaxis(np.asarray(pose, float), -1, 0)
+        cx, cy = self.centre_m
+        c, s = self.scale * np.cos(self.tilt_rad), self.scale * np.sin(self.tilt_rad)
+        dx, dy = x - cx, y - cy
+        dx, dy = c * dx - s * dy, s * dx + c * dy
+        swell = 1.0 + self.lens_per_m2 * (dx * dx + dy * dy)
+        theta = theta + self.tilt_rad + self.theta_offset_rad
+        return np.stack([cx + dx * swell, cy + dy * swell, theta], axis=-1) * self.mirror
+
+    def true(self, recorded: Array) -> Array:
+        """True poses (..., 3) from recorded ones: the inverse of `record`."""
+        x, y, theta = np.moveaxis(np.asarray(recorded, float) * self.mirror, -1, 0)
+        cx, cy = self.centre_m
+        dx, dy = x - cx, y - cy
+        if self.lens_per_m2:
+            far = np.hypot(dx, dy)
+            near = far
+            for _ in range(30):  # Newton on r (1 + k r²) = far
+                swollen = near * (1 + self.lens_per_m2 * near**2) - far
+                near = near - swollen / (1 + 3 * self.lens_per_m2 * near**2)
+            shrink = np.divide(near, far, out=np.ones_like(far), where=far > 0)
+            dx, dy = dx * shrink, dy * shrink
+        c, s = np.cos(self.tilt_rad) / self.scale, np.sin(self.tilt_rad) / self.scale
+        theta = theta - self.tilt_rad - self.theta_offset_rad
+        return np.stack([cx + c * dx + s * dy, cy - s * dx + c * dy, theta], axis=-1)
+
+    def true_per_recorded(self, pose: Array, direction: Array) -> Array:
+        """(n,) standard deviation along true unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
+        of what is 1 recorded in every direction: the true length of a recorded one."""
+        scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.centre_m)
+        # the record's Jacobian, but for turns and `scale`, is a I + b r rᵀ: the inverse is symmetric, too
+        swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
+        b = 2.0 * self.lens_per_m2
+        along = (scaled * direction).sum(axis=1, keepdims=True)
+        out = direction - b * along / (swell + b * (scaled**2).sum(axis=1, keepdims=True)) * scaled
+        return np.asarray(np.linalg.norm(out / swell, axis=1) / self.scale)
+
+
+@dataclass(frozen=True)
+class World:
+    """Blocks, bench, soil and camera of n releases (n = 1 if all are alike).
+
+    Attributes
+    ----------
+    blocks : name -> block
+    terrain : the cross-section
+    contact : (1 or n, zones, columns) rows of the contact law, see `rock2d.laws.contact` and `effects.columns`
+    view : what the camera makes of it
+    order : (1 or n,) how many releases of the same block were filmed before
+    slope_rad : (1 or n,) slope of the ground under the next impact in excess of the facet's
+    """
+
+    blocks: Mapping[str, Block]
+    terrain: Terrain
+    contact: Array
+    gravity_m_s2: float = 9.81
+    view: View = View()
+    order: Array = field(default_factory=lambda: np.zeros(1))
+    slope_rad: Array = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def mean_size_m(self) -> float:
+        """Mean size of the blocks: what scales lengths from the laboratory to the slope."""
+        return float(np.mean([block.size_m for block in self.blocks.values()]))

@@ -1,0 +1,74 @@
+"""The posterior sampler against posteriors that are known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.calibration.sequential_monte_carlo import Quantity, Space, posterior, prior_draws
+
+MEAN, SD = np.array([0.3, 0.6, 0.5]), np.array([0.03, 0.05, 0.04])
+
+
+def gaussian(u):
+    return -0.5 * (((u - MEAN) / SD) ** 2).sum(axis=1)
+
+
+def sample(seed=0, **options):
+    rng = np.random.default_rng(seed)
+    return posterior(gaussian, prior_draws(4000, 3, rng), 1000, rng, **options)
+
+
+def test_a_gaussian_likelihood_gives_its_mean_its_spread_and_its_integral():
+    found = sample(moves=6)
+    error = SD / np.sqrt(1000)
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(4 * error.max()))
+    assert found.u.std(axis=0) == pytest.approx(SD, rel=0.12)
+    integral = np.log(np.prod(SD * np.sqrt(2 * np.pi)))  # nothing of it lies outside the unit cube
+    assert found.log_evidence == pytest.approx(integral, abs=0.25)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+
+
+def test_without_data_the_prior_stays():
+    rng = np.random.default_rng(1)
+    found = posterior(lambda u: np.zeros(len(u)), prior_draws(2000, 2, rng), 2000, rng, moves=5)
+    shares = np.histogram(found.u[:, 0], 10, (0.0, 1.0))[0] / 2000
+    assert shares == pytest.approx(0.1, abs=0.03)  # walks reflected at the walls keep it flat up to the walls
+    assert found.log_evidence == pytest.approx(0.0, abs=1e-12)
+
+
+def test_only_free_columns_move():
+    found = sample(free=np.array([0, 1]))
+    rng = np.random.default_rng(0)
+    assert np.isin(found.u[:, 2], prior_draws(4000, 3, rng)[:, 2]).all()
+
+
+def test_a_choice_among_models_gets_its_posterior_probability():
+    """Two models whose likelihoods differ by a factor 3, chosen by one half of a redrawn column each."""
+
+    def likelihood(u):
+        return np.where(u[:, 0] < 0.5, np.log(3.0), 0.0) + gaussian(u[:, 1:])
+
+    rng = np.random.default_rng(2)
+    found = posterior(likelihood, prior_draws(8000, 4, rng), 2000, rng, redrawn=np.array([0]), moves=6)
+    assert (found.u[:, 0] < 0.5).mean() == pytest.approx(0.75, abs=0.05)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    first, second, other = sample(), sample(), sample(seed=3)
+    assert (first.u == second.u).all() and not (first.u == other.u).all()
+
+
+def test_an_impossible_prior_is_said():
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match="no draw of the prior is possible"):
+        posterior(lambda u: np.full(len(u), -np.inf), prior_draws(64, 1, rng), 16, rng)
+
+
+def test_values_of_a_space():
+    space = Space((Quantity("a_m", 2.0, 4.0), Quantity("b_N_m", 1.0, 100.0, log=True)))
+    values = space.values(np.array([[0.5, 0.5]]))
+    assert values["a_m"] == pytest.approx(3.0) and values["b_N_m"] == pytest.approx(10.0)
+    assert space.columns(["b_N_m"]).tolist() == [1]
+    with pytest.raises(KeyError):
+        space.columns(["c"])

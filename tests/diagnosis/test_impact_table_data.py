@@ -1,0 +1,83 @@
+"""Impact tables: the law run through each impact from the state before it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.impact_table_data import table_data
+from rock2d.effects import catalogue
+from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.files.experiment import Experiment
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
+
+FLOOR = Terrain([[-2.0, 0.0], [2.0, 0.0]], ["floor"])
+SQUARE = {"square": make_block("square", "square", 0.05, side_m=0.06)}
+HARD = ContactParameters(4e5, 1.6e6, 3e5, 20.0, 0.0)
+
+
+def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
+    """A table of `n` first impacts on a flat floor, velocities with relative noise."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    states = np.column_stack([
+        rng.uniform(-0.3, 0.3, n), np.full(n, 0.06), rng.uniform(-np.pi, np.pi, n),
+        rng.normal(0.3, 0.3, n), rng.normal(-1.5, 0.2, n), rng.normal(0.0, 6.0, n),
+    ])  # fmt: skip
+    ensemble, tables = world_ensemble(world)
+    row = run_batch(ensemble, states, table_ids=tables, impact_limit=1, impact_room=1).impacts[:, 0]
+    before, after = row[:, 2:8], row[:, 9:15]
+    after[:, 3:] *= 1 + noise * rng.normal(size=(n, 3))
+    columns = {"release": np.arange(n), "block": "square"}
+    names = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+    columns |= {name: before[:, k] for k, name in enumerate(names)}
+    columns |= {
+        n: after[:, 3 + k] for k, n in enumerate(("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"))
+    }
+    return Experiment("table", 9.81, 250.0, 1e-4, 1e-3, FLOOR, SQUARE, impacts=pd.DataFrame(columns))
+
+
+def plain_world() -> World:
+    return World(SQUARE, FLOOR, parameter_table(HARD, FLOOR.zone_names)[None])
+
+
+def test_true_law_reproduces_the_table():
+    experiment = impacts(plain_world(), 40, seed=1, noise=0.0)
+    left = table_data(experiment).left(plain_world()).impacts
+    assert np.quantile(np.abs(left), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
+
+
+def test_only_the_ratio_of_stiffnesses_is_told():
+    experiment = impacts(plain_world(), 120, seed=2, noise=0.01)
+    content = diagnosis_json(
+        diagnose(experiment, effects={n: catalogue()[n] for n in ("inertia_error", "angle_offset")})
+    )
+    base = content["base"]
+    assert base["k_ul_N_m"] / base["k_l_N_m"] == pytest.approx(4.0, rel=0.15)
+    assert base["friction_angle_deg"] == pytest.approx(20.0, abs=1.5)
+    assert content["verdict"] == "none"
+
+
+def test_effect_is_found_in_a_table():
+    world = catalogue()["inertia_error"].apply(plain_world(), [1.3])
+    names = ("inertia_error", "angle_offset", "surface_roughness")
+    content = diagnosis_json(
+        diagnose(impacts(world, 150, seed=3, noise=0.01), effects={n: catalogue()[n] for n in names})
+    )
+    assert content["verdict"] == "inertia_error"
+    assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(
+        1.3, rel=0.06
+    )
+
+
+def test_columns_the_wrong_way_round_are_said():
+    experiment = impacts(plain_world(), 30, seed=4, noise=0.0)
+    table = experiment.impacts
+    pairs = [("vx_m_s", "vx_after_m_s"), ("vy_m_s", "vy_after_m_s"), ("omega_rad_s", "omega_after_rad_s")]
+    experiment.impacts = table.rename(columns=dict(pairs) | {b: a for a, b in pairs})
+    result = diagnose(experiment)
+    assert "exchanged" in result.sanity.faults[0]

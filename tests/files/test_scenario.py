@@ -1,0 +1,247 @@
+"""Scenario files: they say what they mean, mistakes get their place, what ships runs as it stands."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import load_scenario, scenario_json_schema
+from tests.files.mutation import mutate_bytes, mutate_data
+
+SHIPPED = Path(__file__).parents[2] / "scenarios"
+WITHOUT_DATA = sorted(path for path in SHIPPED.glob("*.yaml") if path.stem != "real_squares")
+
+SMALL = """\
+name: small
+gravity_m_s2: 9.81
+engine: pymunk
+releases: 5
+cross_section:
+  points_m: [[-1, 0.5], [0, 0], [1, 0]]
+  zones: [slope, ditch]
+blocks:
+  sphere: {shape: circle, diameter_m: 0.025, mass_kg: 0.022, inertia: solid_sphere}
+  cube: {shape: square, side_m: 0.019, mass_kg: 0.0233}
+model:
+  deterministic:
+    default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 2.5e3, friction_angle_deg: 30, k_r_Nm_rad: 0.025}
+    ditch: {friction_angle_deg: 20}
+  probabilistic:
+    default:
+      default: {friction_angle_deg: 0, momentum_half_kg_m_s: 0.025, tangential_restitution: 0.85}
+      ditch: {friction_angle_deg: 11}
+    cube:
+      default: {slope_reduction_deg: 6, slope_reduction: uniform}
+      ditch: {momentum_half_kg_m_s: 0.04}
+incident:
+  sphere:
+    fixed: {x_m: 0.5, y_m: 0.3, vx_m_s: 1.0, vy_m_s: 0}
+  default:
+    distribution: {x_m: 0.1, y_m: {normal: {mean: 0.4, sd: 0.01}}, vx_m_s: {uniform: {low: 1, high: 2}}, vy_m_s: 0}
+outputs: {fps: 100}
+"""
+FILMED = """\
+name: filmed
+model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}
+incident: {default: {from_experiment: {folder: bench/drops, frames: 4}}}
+"""
+DROPS = """\
+name: drops
+gravity_m_s2: 9.7
+camera: {fps: 100, position_noise_m: 0, angle_noise_rad: 0}
+cross_section: {points_m: [[-1, 0], [1, 0]], zones: [floor]}
+blocks: {ball: {shape: circle, diameter_m: 0.1, mass_kg: 1}}
+trajectories: t.csv
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text: str, name: str = "scenario.yaml") -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def refusal(path, **options) -> str:
+    with pytest.raises(InputError) as caught:
+        load_scenario(path, **options)
+    return str(caught.value)
+
+
+def test_parameters_a_zone_does_not_give_come_from_the_defaults(write):
+    scenario = load_scenario(write(SMALL))
+    contact = scenario.contact_parameters()
+    assert (contact["ditch"].friction_angle_deg, contact["ditch"].k_ul_N_m) == (20, 6.0e4)
+    assert (contact["default"].friction_angle_deg, contact["default"].rolling_cap) == (30, False)
+    sphere, cube = scenario.rebound_parameters("sphere"), scenario.rebound_parameters("cube")
+    assert sphere["ditch"].friction_angle_deg == cube["ditch"].friction_angle_deg == 11
+    assert (sphere["ditch"].momentum_half_kg_m_s, cube["ditch"].momentum_half_kg_m_s) == (0.025, 0.04)
+    assert (sphere["ditch"].slope_reduction_deg, cube["ditch"].slope_reduction_deg) == (0, 6)
+    assert (sphere["default"].slope_reduction, cube["default"].slope_reduction) == ("constant", "uniform")
+
+
+def test_incident_states_are_drawn_as_described(write):
+    scenario = load_scenario(write(SMALL))
+    generator = np.random.default_rng(0)
+    assert scenario.incident_of("sphere").draw(generator, 2).tolist() == [[0.5, 0.3, 0, 1, 0, 0]] * 2
+    drawn = scenario.incident_of("cube").draw(generator, 4000)
+    assert np.ptp(drawn[:, [0, 2, 4, 5]], axis=0).max() == 0
+    assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001) and drawn[:, 1].std() == pytest.approx(
+        0.01, rel=0.1
+    )
+    assert 1 <= drawn[:, 3].min() < 1.01 and 1.99 < drawn[:, 3].max() <= 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "words"),
+    [
+        ("engine: pymunk", "engin: pymunk", "engin", "did you mean 'engine'"),
+        ("engine: pymunk", "engine: pymunc", "pymunc", "did you mean 'pymunk'"),
+        ("releases: 5", "releases: 5.5", "5.5", "expected a whole number"),
+        ("releases: 5", "releases: true", "true", "expected a whole number, found true"),
+        ("name: small", "name: ../small", "../small", "expected a name of letters"),
+        ("    ditch: {friction_angle_deg: 20}", "    dich: {}", "dich", "did you mean 'ditch'"),
+        ("    cube:\n", "    cub:\n", "cub:", "did you mean 'cube'"),
+        ("      ditch: {mom", "      ditsch: {mom", "ditsch", "did you mean 'ditch'"),
+        ("  sphere:\n", "  spher:\n", "spher:\n", "did you mean 'sphere'"),
+        ("k_ul_N_m: 6.0e4", "k_ul_N_m: 6.0e3", "1.0e4", "k_l_N_m <= k_ul_N_m"),
+        ("k_ul_N_m: 6.0e4, ", "", "default: {k_l", "k_ul_N_m is given neither here nor under default"),
+        ("    default: {k_l", "    defualt: {k_l", "defualt", "did you mean 'default'"),
+        (", tangential_restitution: 0.85", "", "default: {friction_angle_deg: 0", "restitution is given"),
+        ("restitution: 0.85", "restitution: 1.85", "1.85", "less than or equal to 1, found 1.85"),
+        ("slope_reduction: uniform", "slope_reduction: unifrom", "unifrom", "did you mean 'uniform'"),
+        ("x_m: 0.5, ", "", "fixed", "missing key 'x_m'"),
+        ("x_m: 0.5", "x_m: 5", "5, y_m", "beside the cross-section"),
+        ("y_m: 0.3", "y_m: -0.3", "-0.3", "below the ground"),
+        ("{normal: {mean", "{norml: {mean", "{norml", "did you mean 'normal'"),
+        ("sd: 0.01", "sd: -0.01", "-0.01", "greater than or equal to 0"),
+        ("high: 2", "high: 0.5", "0.5}}", "high must not be below low"),
+        ("    fixed:", "    from_experiment: {folder: x}\n    fixed:", "sphere:\n", "exactly one of"),
+        ("  default:\n    distribution", "  sphere2:\n    distribution", "sphere2", "did you mean 'sphere'"),
+        ("outputs: {fps: 100}", "outputs: {fps: 100, fsp: 3}", "fsp", "unknown key"),
+        ("[slope, ditch]", "[slope, default]", "[slope, default]", "must not be called default"),
+    ],
+)  # fmt: skip
+def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, words):
+    assert old in SMALL
+    damaged = SMALL.replace(old, new, 1)
+    before = damaged[: damaged.index(at)]
+    file = write(damaged)
+    message = refusal(file)
+    place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
+    assert words in message and message.startswith(f"{file}:{place}: "), message
+
+
+def test_a_block_without_an_incident_state_is_refused(write):
+    start = SMALL.index("  default:\n    distribution")
+    assert "block 'cube' has no incident state" in refusal(write(SMALL[:start]))
+
+
+def test_the_engine_of_the_scenario_needs_its_law(write):
+    start, end = SMALL.index("  probabilistic:"), SMALL.index("incident:")
+    only_deterministic = SMALL[:start] + SMALL[end:]
+    scenario = load_scenario(write(only_deterministic))
+    with pytest.raises(InputError, match=r"probabilistic.*point_mass"):
+        scenario.rebound_parameters("cube")
+    assert "point_mass" in refusal(write(only_deterministic.replace("engine: pymunk", "engine: point_mass")))
+
+
+def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp_path, monkeypatch):
+    monkeypatch.delenv("ROCK2D_DATA", raising=False)
+    file = write(FILMED)
+    assert "--data or ROCK2D_DATA" in refusal(file)
+    assert "no folder 'bench/drops'" in refusal(file, data_root=tmp_path / "data")
+    write(DROPS, "data/bench/drops/experiment.yaml")
+    rows = [f"{release},ball,{k / 100},0,{1 - k / 100},0" for release in (2, 5) for k in range(6)]
+    write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/bench/drops/t.csv")
+    scenario = load_scenario(file, data_root=tmp_path / "data")
+    assert scenario.gravity_m_s2 == 9.7 and scenario.releases == 2
+    assert scenario.terrain().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
+    assert scenario.experiment.trajectories["release"].nunique() == 2
+    monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
+    assert load_scenario(file).gravity_m_s2 == 9.7
+    other = "escape.yaml"
+    for escape in ("../data/bench/drops", str(tmp_path / "data/bench/drops"), "bench/../../data/bench/drops"):
+        assert "inside" in refusal(write(FILMED.replace("bench/drops", escape), other))
+    (tmp_path / "root").mkdir()
+    (tmp_path / "root" / "bench").symlink_to(tmp_path / "data" / "bench")
+    assert "leads out" in refusal(file, data_root=tmp_path / "root")
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(0, 2**32))
+def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
+    rng = random.Random(seed)
+    file = tmp_path_factory.mktemp("damaged") / "s.yaml"
+    text = rng.choice([SMALL, *(path.read_text() for path in SHIPPED.glob("*.yaml"))])
+    if rng.random() < 0.5:
+        with file.open("w") as out:
+            YAML(typ="safe").dump(mutate_data(YAML(typ="safe").load(text), rng), out)
+    else:
+        file.write_bytes(mutate_bytes(text.encode(), rng))
+    try:
+        load_scenario(file, data_root=file.parent)
+    except InputError as error:
+        assert str(file) in str(error) and "\n" not in str(error)
+    finally:
+        file.unlink()
+
+
+@pytest.mark.parametrize("path", WITHOUT_DATA, ids=lambda path: path.stem)
+def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
+    scenario = load_scenario(path)
+    assert scenario.name == path.stem and scenario.about and scenario.assumed
+    zones = set(scenario.terrain().zone_names)
+    assert len(zones) == 1 or {"ditch", "uphill_face", "crest"} <= zones
+    assert scenario.contact_parameters()
+    for block in scenario.make_blocks():
+        assert scenario.rebound_parameters(block)
+
+
+def test_the_paper_bench_has_the_paper_s_values():
+    scenario = load_scenario(SHIPPED / "paper_bench.yaml")
+    blocks = scenario.make_blocks()
+    assert {name: block.mass_kg for name, block in blocks.items()} == {
+        "sphere": 0.022, "cube": 0.0233, "parallelepiped": 0.0231
+    }  # fmt: skip
+    law = scenario.contact_parameters()["default"]
+    assert (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m) == (1e4, 6e4, 2.5e3)
+    assert (law.friction_angle_deg, law.k_r_Nm_rad) == (30, 0.025)
+    for block, alpha in (("sphere", 0), ("cube", 6), ("parallelepiped", 40)):
+        for zone, (phi, half, restitution) in {
+            "ditch": (0, 0.025, 0.85),
+            "uphill_face": (11, 0.04, 0.89),
+        }.items():
+            row = scenario.rebound_parameters(block)[zone]
+            assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
+            assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
+    points = scenario.terrain().points_m
+    assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
+        0.055
+    )
+
+
+def test_real_squares_take_everything_measured_from_the_data(data_root):
+    scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
+    assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
+    assert scenario.terrain().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+
+
+def test_every_key_of_the_json_schema_is_described():
+    schema = scenario_json_schema()
+    for name, part in [("Scenario", schema), *schema["$defs"].items()]:
+        for key, value in part.get("properties", {}).items():
+            assert value.get("description"), f"{name}.{key}"
+    keys = schema["$defs"]["ContactKeys"]
+    assert "N/m" in keys["properties"]["k_l_N_m"]["description"] and keys["additionalProperties"] is False

@@ -1,0 +1,69 @@
+"""Films of a known world, made with the batch engine: what a diagnosis must find in them is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from rock2d.diagnosis.impact_prediction import tracked
+from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.files.experiment import Experiment
+from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import Terrain
+from rock2d.scene.world import World
+
+POINTS = [[-0.6, 0.5], [0.0, 0.0], [0.14, 0.0], [0.18, 0.083], [0.235, 0.083], [0.36, 0.0], [0.9, 0.0]]
+ZONES = ["slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out"]
+LAW = ContactParameters(1.1e4, 7.0e4, 3.0e3, 32.0, 0.03)
+BLOCKS = {
+    "sphere": make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025),
+    "cube": make_block("cube", "square", 0.0233, side_m=0.019),
+}
+
+
+def world(order: np.ndarray | None = None, law: ContactParameters = LAW) -> World:
+    """A bench like the paper's, with the base law."""
+    terrain = Terrain(POINTS, ZONES)
+    table = parameter_table(law, terrain.zone_names)[None]
+    return World(BLOCKS, terrain, table, order=np.zeros(1) if order is None else order)
+
+
+def film(
+    true: World, releases: int = 16, *, seed: int = 0, fps: float = 1000.0, duration_s: float = 0.4,
+    noise_m: float = 3e-4, noise_rad: float = 0.02, soil: float = 0.03,
+) -> Experiment:  # fmt: skip
+    """`releases` of each block filmed in a true world whose soil varies by `soil` from release to release.
+
+    The experiment that comes back states the bench without effects.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    n = releases * len(BLOCKS)
+    block = np.repeat(np.arange(len(BLOCKS)), releases)
+    states = np.column_stack([
+        rng.normal(0.005, 0.014, n), rng.normal(0.10, 0.008, n), rng.uniform(-3, 3, n),
+        rng.normal(1.2, 0.2, n), rng.normal(-1.8, 0.15, n), rng.normal(-40, 15, n),
+    ])  # fmt: skip
+    rows = np.repeat(true.contact, n, axis=0) if len(true.contact) == 1 else true.contact.copy()
+    rows[..., :2] *= np.exp(rng.normal(0.0, soil, (n, 1, 1)))
+    t = np.arange(round(duration_s * fps)) / fps
+    ensemble, _ = world_ensemble(World(**{**vars(true), "contact": rows}))
+    result = run_batch(
+        ensemble, states, block_ids=block, table_ids=np.arange(n), time_limit_s=duration_s,
+        times_s=t * true.view.time_scale,
+    )  # fmt: skip
+    pose = true.view.record(tracked(true, block, result.samples))
+    pose += rng.normal(size=pose.shape) * [noise_m, noise_m, noise_rad]
+    table = pd.DataFrame({
+        "release": np.repeat(np.arange(n), len(t)), "block": np.repeat(np.array(list(BLOCKS))[block], len(t)),
+        "t_s": np.tile(t, n), "x_m": pose[..., 0].ravel(), "y_m": pose[..., 1].ravel(),
+        "theta_rad": pose[..., 2].ravel(),
+    })  # fmt: skip
+    return Experiment(
+        "synthetic", 9.81, fps, noise_m, noise_rad, Terrain(POINTS, ZONES), dict(BLOCKS), trajectories=table
+    )
+
+
+def series_order(releases: int) -> np.ndarray:
+    """Place of each release of `film` in its block's series."""
+    return np.tile(np.arange(releases, dtype=float), len(BLOCKS))

@@ -1,0 +1,118 @@
+"""What is said before a diagnosis: units, time step, axes, ground, numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.effects import catalogue
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.sanity import check_film
+from tests.kinematics.synthetic_films import film, world
+
+NOTHING = {"angle_offset": catalogue()["angle_offset"]}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return film(world(), 8, seed=4)
+
+
+def changed(experiment, **columns):
+    """The experiment with columns of its trajectories changed."""
+    return replace(experiment, trajectories=experiment.trajectories.assign(**columns))
+
+
+def faults(experiment) -> str:
+    return " ".join(check_film(experiment, load_film(experiment)).faults)
+
+
+def test_a_sound_film_has_no_faults(plain):
+    found = check_film(plain, load_film(plain))
+    assert not found.faults and not found.remarks and found.mirror == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: {"x_m": 1e3 * t.x_m, "y_m": 1e3 * t.y_m}, "millimetres"),
+        (lambda t: {"theta_rad": np.rad2deg(t.theta_rad)}, "degrees"),
+        (lambda t: {"t_s": 4.0 * t.t_s}, "frames/s"),
+        (lambda t: {"y_m": t.y_m - 0.2}, "inside the ground"),
+        (lambda t: {"x_m": 0.0 * t.x_m, "y_m": 0.1 + 0.0 * t.y_m}, "never moved"),
+    ],
+)
+def test_faults_are_said_in_words(plain, change, said):
+    assert said in faults(changed(plain, **change(plain.trajectories)))
+
+
+def test_wrong_frame_rate_shows_in_gravity(plain):
+    slow = changed(plain, t_s=4.0 * plain.trajectories.t_s)
+    slow.fps = plain.fps / 4.0
+    assert "accelerate by" in faults(slow)
+
+
+def test_a_fault_that_an_effect_could_have_made_is_not_surely_unknown(plain):
+    slow = changed(plain, t_s=4.0 * plain.trajectories.t_s)
+    slow.fps = plain.fps / 4.0
+    content = diagnosis_json(diagnose(slow, effects=NOTHING))
+    assert content["verdict"] == "unknown"
+    assert content["probabilities"]["unknown"] == 0.5
+    assert content["probabilities"]["frame_rate_error"] == content["probabilities"]["scale_error"] == 0.25
+
+
+@pytest.mark.parametrize("column", ["x_m", "y_m"])
+def test_mirrored_axis_is_seen_and_named(plain, column):
+    mirrored = changed(plain, **{column: -plain.trajectories[column]})
+    assert check_film(mirrored, load_film(mirrored)).mirror == column[0]
+    content = diagnosis_json(
+        diagnose(mirrored, effects=NOTHING | {"mirrored_axis": catalogue()["mirrored_axis"]})
+    )
+    assert content["verdict"] == "mirrored_axis"
+    assert content["effects"]["mirrored_axis"]["parameters"]["axis"]["value"] == "xy".index(column[0]) + 1
+    assert content["gap"]["closure"] > 0.9
+
+
+def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain):
+    t, factor, axis = plain.trajectories, 1.08, np.array([0.3, 0.3])
+    x, y = axis[0] + factor * (t.x_m - axis[0]), axis[1] + factor * (t.y_m - axis[1])
+    found = check_film(scaled := changed(plain, x_m=x, y_m=y), load_film(scaled))
+    assert not found.faults and "inside the ground" in found.remarks[0]
+    assert found.seen.view.scale == pytest.approx(factor, rel=0.04)
+    back = found.seen.view.true(np.column_stack([x, y, t.theta_rad]))
+    assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
+
+
+def test_a_film_from_the_top_of_the_image_down_is_no_camera_on_its_head(plain):
+    fallen = changed(plain, y_m=0.03 - plain.trajectories.y_m)
+    assert "upwards" in faults(fallen) or "inside the ground" in faults(fallen)
+
+
+def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
+    true = catalogue()["geometry_error"].apply(world(), [0.0, -0.12])
+    experiment = film(true, 8, seed=4, duration_s=1.0)
+    found = check_film(experiment, load_film(experiment))
+    assert not found.faults and "geometry_error" in found.remarks[0]
+    ditch = [w.terrain.points_m[1, 1] for w in (true, found.seen)]
+    assert ditch[1] == pytest.approx(ditch[0], abs=0.3 * min(b.radius_m for b in true.blocks.values()))
+
+
+def test_too_little_to_diagnose_is_said(plain):
+    few = plain.trajectories[plain.trajectories.release < 4]
+    content = diagnosis_json(diagnose(replace(plain, trajectories=few)))
+    assert content["verdict"] == "unknown" and content["probabilities"]["unknown"] == 0.5
+    assert "too few" in content["sanity"]["faults"][0]
+    brief = plain.trajectories[plain.trajectories.t_s < 0.03]
+    content = diagnosis_json(diagnose(replace(plain, trajectories=brief)))
+    assert "impacts are too few" in content["sanity"]["faults"][0]
+
+
+def test_lost_frames_are_remarked(plain):
+    rng = np.random.default_rng(0)
+    kept = plain.trajectories[rng.random(len(plain.trajectories)) > 0.1]
+    lost = 100 * (1 - len(kept) / len(plain.trajectories))
+    found = check_film(plain, load_film(replace(plain, trajectories=kept)))
+    assert not found.faults and f"{lost:.0f} %" in found.remarks[0]

@@ -1,0 +1,132 @@
+"""Flights, states and noise read from a film whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.cross_validation import hold_out
+from rock2d.diagnosis.film_data import film_data
+from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.model import Model
+from rock2d.effects import catalogue
+from rock2d.kinematics.base_world import base_start, bench_world
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
+from rock2d.kinematics.states import drift
+from rock2d.scene.world import View
+from tests.kinematics.synthetic_films import film, world
+
+
+def test_partition_finds_flight_contact_and_rest():
+    rng = np.random.default_rng(1)
+    t = np.arange(160) / 1000
+    up = t[60:110] - t[60]
+    y = np.concatenate(
+        [0.1 - 2.0 * t[:50] - 4.905 * t[:50] ** 2, np.zeros(10), 0.8 * up - 4.905 * up**2, np.zeros(50)]
+    )
+    y[50:60] = np.interp(np.arange(50, 60), [49, 54, 60], [y[49], -0.02, 0.0]) + 0.003 * np.sin(
+        np.arange(10) * 2.5
+    )
+    y[110:] = 0.05
+    pose = np.column_stack([np.where(t < 0.11, 1.0 * t, 0.11), y, np.where(t < 0.11, -30 * t, -3.3)])
+    noise = np.array([3e-4, 3e-4, 0.02])
+    data = (pose + rng.normal(size=pose.shape) * noise) / noise
+    kinds, numbers = partition(
+        t, data, np.array([0, -4.905, 0]) / noise, np.array([0.75, 0.75, 1000.0]) / noise, 8
+    )
+    assert (kinds[2:48] == FLIGHT).all() and (kinds[62:108] == FLIGHT).all()
+    assert (kinds[112:] == REST).all()
+    assert (kinds[52:58] == CONTACT).any()
+    assert numbers[20] != numbers[80]
+
+
+def test_noise_is_read_from_the_flights():
+    experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
+    experiment.position_noise_m = 1e-3  # what the file says is not believed
+    read = load_film(experiment)
+    film_data(read, bench_world(experiment))
+    assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
+    assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
+
+
+@pytest.mark.parametrize("view", [View(), View(scale=1.3, time_scale=0.8), View(0.1, lens_per_m2=0.5)])
+def test_states_are_unbiased_and_as_sure_as_they_say(view):
+    """Whatever camera recorded it, if it is known: noise is taken back through it with the motion."""
+    true = replace(world(), view=view)
+    experiment = film(true, 12, seed=3)
+    clean = film(true, 12, seed=3, noise_m=0.0, noise_rad=0.0)
+    read = load_film(experiment)
+    data = film_data(read, true)
+    exact = load_film(clean)
+    exact.noise = read.noise
+    truth = replace(data, cut=replace(data.cut, film=exact)).states(true).middle
+    error = data.states(true).middle - truth
+    covariance = data.true_covariance(true, np.arange(len(truth)), np.zeros(len(truth)), truth)
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    z = error / sigma
+    assert np.abs(z.mean(axis=0)).max() < 4 / np.sqrt(len(z))
+    assert z.std(axis=0) == pytest.approx(np.ones(6), abs=0.25)
+
+
+def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
+    """Raised by a third of a block's size, the film has about the flights that it has where it lies."""
+    experiment = film(world(), 8, seed=3, fps=240.0, duration_s=0.8)
+    raised = replace(
+        experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
+    )
+    bench = bench_world(experiment)
+    count = [len(film_data(load_film(e), bench).cut.flights) for e in (experiment, raised)]
+    assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
+
+
+def test_flight_of_the_parabola_is_reversible():
+    bench = world()
+    state = np.array([[0.1, 0.2, 0.3, 1.0, -2.0, 30.0]])
+    there = drift(bench, np.zeros(1, int), state, np.array([0.05]))
+    assert drift(bench, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
+    assert there[0, 1] == pytest.approx(0.2 - 2.0 * 0.05 - 0.5 * 9.81 * 0.05**2, abs=1e-12)
+
+
+def test_true_world_leaves_only_noise():
+    true = world()
+    experiment = film(true, 12, seed=5, soil=0.0)
+    data = film_data(load_film(experiment), bench_world(experiment))
+    left = data.left(true)
+    assert len(data.impacts) > 30
+    assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
+    from rock2d.diagnosis.fitting import chi_square, slopes, spread
+    from rock2d.diagnosis.model import Model
+
+    base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
+    model = Model(true, base)
+    slope = slopes(model, np.zeros(5), data, left, np.full(5, 0.05))
+    chi2 = chi_square(left.impacts, spread(slope, np.full(5, 1e-4))) / 6
+    assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
+
+
+@pytest.mark.parametrize("edge", [0.05, -0.05])
+def test_no_lens_makes_the_noise_look_smaller(edge):
+    """Taken back through a lens noise shrinks as lengths do: degrees 4 to 6 of flights are noise in any lens."""
+    experiment = film(world(), 12, seed=5, fps=2000.0)
+    read = load_film(experiment)
+    bench = bench_world(experiment)
+    data = film_data(read, bench)
+    seen = catalogue()["lens_distortion"].apply(bench, [edge, 1.0, 0.0])
+    plain, through = (data.left(w).flights[:, :2, 2:] for w in (bench, seen))
+    told = plain != 0.0  # a short flight has fewer degrees
+    assert told.sum() > 50
+    assert (through[told] ** 2).mean() == pytest.approx((plain[told] ** 2).mean(), rel=0.07)
+
+
+def test_a_step_that_leaps_is_shortened():
+    """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
+    experiment = film(world(), 12, seed=5)
+    bench = bench_world(experiment)
+    data = film_data(load_film(experiment), bench)
+    found = fit(Model(bench, base_start(experiment)), data)
+    flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
+    lost = hold_out(found, data).score.sum() - hold_out(flat, data).score.sum()
+    assert abs(lost) < 30.0  # 138 if it is taken whole

@@ -1,0 +1,258 @@
+"""Campaigns: the same bytes whoever computed them, and however often they were stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import load_scenario
+from rock2d.runs.campaigns import chunks
+from rock2d.runs.campaigns.campaign import run_campaign
+from rock2d.runs.campaigns.streaming import PASSES, OrderStatistics
+from rock2d.runs.incident_states import GROUP, drawn_seeds, drawn_states, starts
+from rock2d.runs.indicators import (
+    crossings_table,
+    passing_table,
+    percentile_estimate,
+    percentile_ranks,
+    percentile_table,
+    stops_table,
+)
+from rock2d.runs.run import impacts_table, simulate, trajectories_table
+
+SCENARIOS = Path(__file__).parents[3] / "scenarios"
+BENCH = load_scenario(SCENARIOS / "paper_bench.yaml")
+
+
+def campaign(folder: Path, *, scenario=BENCH, engine="batch", releases=60, chunk=20, **options):
+    """A campaign of small chunks; what it told comes back beside its tables."""
+    told: list[str] = []
+    tables = run_campaign(
+        scenario, folder, engine=engine, releases=releases, chunk_releases=chunk, progress=False,
+        tell=told.append, **options,
+    )  # fmt: skip
+    return tables, told
+
+
+def digest(folder: Path) -> dict[str, str]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+def kept(folder: Path, output: str) -> pd.DataFrame:
+    files = sorted((folder / "chunks" / output).iterdir())
+    return pd.concat([pd.read_parquet(file) for file in files], ignore_index=True)
+
+
+def written(folder: Path) -> int:
+    return len(list((folder / "chunks" / "ends").glob("[0-9]*.parquet")))
+
+
+def same(table: pd.DataFrame, other: pd.DataFrame, **tolerance: float) -> None:
+    exact = tolerance or {"rtol": 0, "atol": 0}
+    pd.testing.assert_frame_equal(table, other, check_dtype=False, **exact)
+
+
+@pytest.mark.parametrize("engine", ["batch", "point_mass"])
+def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
+    monkeypatch.setattr(chunks, "IMPACT_ROOM", 3)  # so that some releases run a second time
+    outputs = ["ends", "crossings", "impacts", *(["samples"] if engine == "batch" else [])]
+    tables, _ = campaign(tmp_path / "out", engine=engine, releases=15, chunk=10, keep=outputs)
+    result = simulate(BENCH, engine=engine, releases=15, workers=1, progress=False)
+    tracks, terrain = result.tracks, result.terrain
+    # the ensemble adds up time in larger parts than a track
+    same(kept(tmp_path / "out", "ends"), stops_table(tracks, terrain))
+    impacts = impacts_table(tracks)
+    assert impacts.groupby("release").size().max() > 3
+    same(kept(tmp_path / "out", "impacts"), impacts)
+    crossings, single = kept(tmp_path / "out", "crossings"), crossings_table(tracks, terrain, result.blocks)
+    if engine == "point_mass":
+        same(crossings, single)
+    else:  # in contact a track's position is a cubic, the ensemble's a chord, of the same step
+        place = ["block", "release", "line", "t_s", "x_m", "y_m"]
+        same(crossings[place], single[place], rtol=0, atol=1e-5)
+        sampled = kept(tmp_path / "out", "samples")
+        same(sampled, trajectories_table(result)[list(sampled)], rtol=0, atol=1e-12)
+    same(tables["passing"], passing_table(tracks, terrain))
+    same(tables["percentiles"], percentile_table(crossings))
+
+
+def test_one_two_or_eight_workers_write_the_same_bytes(tmp_path):
+    campaign(tmp_path / "threads")
+    for workers in (1, 2, 8):
+        campaign(tmp_path / str(workers), workers=workers)
+        assert digest(tmp_path / str(workers)) == digest(tmp_path / "threads")
+    assert written(tmp_path / "threads") == 9
+
+
+def test_the_workers_of_a_scheduler_write_the_same_bytes(tmp_path):
+    from distributed import LocalCluster
+
+    campaign(tmp_path / "threads")
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as cluster:
+        campaign(tmp_path / "scheduler", scheduler=cluster.scheduler_address)
+    assert digest(tmp_path / "scheduler") == digest(tmp_path / "threads")
+
+
+def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
+    chunk_count, seen = 30, []
+
+    def kill_one() -> None:
+        while written(tmp_path / "killed") < 2:
+            time.sleep(0.02)
+        children = psutil.Process().children(recursive=True)
+        workers = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+        seen.append((len(workers), written(tmp_path / "killed")))
+        os.kill(workers[0].pid, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill_one, daemon=True)
+    killer.start()
+    campaign(tmp_path / "killed", releases=600, chunk=60, workers=2)
+    killer.join(timeout=1)
+    ((workers, done),) = seen
+    assert workers == 2 and done < chunk_count - 2
+    campaign(tmp_path / "undisturbed", releases=600, chunk=60)
+    assert written(tmp_path / "undisturbed") == chunk_count
+    assert digest(tmp_path / "killed") == digest(tmp_path / "undisturbed")
+
+
+def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
+    text = (SCENARIOS / "paper_bench.yaml").read_text()
+    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.1"))
+    command = [
+        sys.executable, "-m", "rock2d.cli", "run", str(tmp_path / "short.yaml"), "--engine", "batch",
+        "--releases", "10001", "--quiet", "--out",
+    ]  # fmt: skip
+    whole = subprocess.run([*command, str(tmp_path / "whole")], capture_output=True, text=True, check=True)
+    assert "campaign: 30003 releases in 6 chunks" in whole.stdout and "passing frequency" in whole.stdout
+    cut, done = tmp_path / "cut" / "paper_bench_batch", 0
+    for how in (signal.SIGINT, signal.SIGKILL):
+        process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
+        while written(cut) == done and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(how)
+        _, errors = process.communicate(timeout=60)
+        before, done = done, written(cut)
+        assert before < done < 6 and not (cut / "passing.csv").exists()
+        if how == signal.SIGINT:
+            assert process.returncode == 130
+            # the interrupt may come between a chunk's file and its being counted
+            told = [
+                f"{n} of 6 chunks are done, the same command goes on from there" in errors
+                for n in (done - 1, done)
+            ]
+            assert any(told)
+            assert "Traceback" not in errors
+            assert not list(cut.rglob(".*"))
+    again = subprocess.run([*command, str(tmp_path / "cut")], capture_output=True, text=True, check=True)
+    assert f"{done} of 6 chunks are done already" in again.stdout
+    assert digest(cut) == digest(tmp_path / "whole" / "paper_bench_batch")
+
+
+def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path):
+    campaign(tmp_path)
+    before = digest(tmp_path)
+    first, second, *_ = sorted((tmp_path / "chunks" / "ends").iterdir())
+    first.write_bytes(first.read_bytes()[:-100])
+    second.unlink()
+    _, told = campaign(tmp_path)
+    assert any("7 of 9 chunks are done already" in line for line in told)
+    assert digest(tmp_path) == before
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    campaign(tmp_path / "one")
+    with pytest.raises(InputError, match="differs in seed, keep"):
+        campaign(tmp_path / "one", seed=2, keep=["ends"])
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="no campaign"):
+        campaign(tmp_path / "notes")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"engine": "pymunk"}, "--engine batch"),
+        ({"engine": "point_mass", "keep": ["samples"]}, "no samples"),
+        ({"scheduler": "localhost"}, "tcp://host:8786"),
+        ({"scheduler": "tcp://localhost:1"}, "no Dask scheduler answers"),
+    ],
+)
+def test_what_cannot_be_a_campaign_is_said_plainly(tmp_path, options, words, monkeypatch):
+    monkeypatch.setattr("rock2d.runs.campaigns.cluster.CONNECT_S", 1)
+    with pytest.raises(InputError, match=words):
+        campaign(tmp_path / "out", **options)
+
+
+def test_measured_starts_are_not_for_campaigns(tmp_path, data_root):
+    scenario = load_scenario(SCENARIOS / "real_squares.yaml", data_root)
+    with pytest.raises(InputError, match="measured"):
+        campaign(tmp_path, scenario=scenario)
+
+
+def test_missing_extras_are_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"rock2d\[scale\]"):
+        campaign(tmp_path / "a", scheduler="tcp://localhost:8786")
+    _, told = campaign(tmp_path / "b", workers=2)
+    assert any("on 2 threads" in line for line in told)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(InputError, match=r"pyarrow.*rock2d\[scale\]"):
+        campaign(tmp_path / "c")
+
+
+def test_crossings_alone_are_those_of_whole_releases(tmp_path):
+    campaign(tmp_path / "whole")
+    campaign(tmp_path / "spent", keep=["crossings"])
+    same(kept(tmp_path / "spent", "crossings"), kept(tmp_path / "whole", "crossings"))
+
+
+def test_a_release_is_the_same_however_releases_are_shared_out():
+    incident = BENCH.incident_of("cube")
+    whole = drawn_states(incident, 1, 1, 0, 3 * GROUP)
+    assert np.array_equal(
+        drawn_states(incident, 1, 1, GROUP - 7, 2 * GROUP + 5), whole[GROUP - 7 : 2 * GROUP + 5]
+    )
+    assert np.array_equal(drawn_seeds(1, 1, 5, GROUP + 5), drawn_seeds(1, 1, 0, 2 * GROUP)[5 : GROUP + 5])
+    cube = [start for start in starts(BENCH, 1, 30) if start.block == "cube"]
+    assert np.array_equal([start.state for start in cube], whole[:30])
+    assert len(np.unique(whole, axis=0)) == 3 * GROUP
+    assert not np.array_equal(drawn_seeds(1, 0, 0, 5), drawn_seeds(1, 1, 0, 5))
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@given(st.lists(st.lists(numbers | st.sampled_from([0.0, -0.0, 1.0]), max_size=20), min_size=1, max_size=5))
+def test_order_statistics_are_those_of_sorting(parts):
+    values = np.sort(np.concatenate([np.array(part, float) for part in parts]))
+    statistics = OrderStatistics(range(len(values)))
+    for _ in range(PASSES):
+        for part in reversed(parts):
+            statistics.count(np.array(part, float))
+        statistics.settle()
+    assert list(statistics.values().values()) == values.tolist()
+
+
+@given(st.integers(1, 600), st.sampled_from([50.0, 95.0, 99.0]), st.integers(0, 2**32))
+def test_percentiles_are_numpys_and_look_at_no_more_values_than_they_say(n, percentile, seed):
+    ranked = np.sort(np.random.default_rng(seed).normal(size=n))
+    seen = {rank: float(ranked[rank]) for rank in percentile_ranks(n, percentile)}
+    assert percentile_estimate(seen, n, percentile)[0] == np.percentile(ranked, percentile)

@@ -1,0 +1,123 @@
+"""Indicators against closed forms, published intervals and simulated coverage."""
+
+import numpy as np
+import pytest
+
+from rock2d.records.track import Track
+from rock2d.runs.indicators import (
+    crossings_table,
+    passing_table,
+    percentile_interval,
+    percentile_table,
+    stops_table,
+    wilson_interval,
+)
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import Terrain
+
+G = 9.81
+CUBE = make_block("cube", "square", 0.5, side_m=0.1)
+GROUND = Terrain(
+    [[0, 0], [4, 0], [6, 2]],
+    ["ditch", "face"],
+    {"upright": [[2, 0], [2, 3]], "across_face": [[4, 2], [5, 1]]},  # the second is drawn head first
+)
+
+
+def flight(release, x, y, vx, vy, omega=0.0, seconds=1.0, stop="exit", block="cube"):
+    end = [seconds, x + vx * seconds, y + vy * seconds - 0.5 * G * seconds**2]
+    knots = np.array([[0, x, y, 0, vx, vy, omega], [*end, omega * seconds, vx, vy - G * seconds, omega]])
+    return Track(release, block, knots, np.array([True, False]), [], stop, G)
+
+
+def test_the_state_at_an_upright_line_is_that_of_the_parabola():
+    row = crossings_table([flight(3, 0, 1, 4.0, 2.0, omega=-6.0)], GROUND, {"cube": CUBE}).iloc[0]
+    vy = 2 - G * 0.5  # 2 m at 4 m/s
+    inertia = 0.5 * 0.1**2 / 6
+    want = {
+        "t_s": 0.5,
+        "passing_height_m": 1 + 2 * 0.5 - 0.5 * G * 0.25,
+        "vx_m_s": 4,
+        "vy_m_s": vy,
+        "speed_m_s": np.hypot(4, vy),
+        "omega_rad_s": -6,
+        "theta_rad": -3,
+        "incidence_angle_deg": np.degrees(np.arctan2(-vy, 4)),  # below the horizontal
+        "translational_J": 0.25 * (16 + vy**2),
+        "rotational_J": 0.5 * inertia * 36,
+        "kinetic_J": 0.25 * (16 + vy**2) + 0.5 * inertia * 36,
+    }
+    assert row[list(want)].to_dict() == pytest.approx(want, rel=1e-12)
+    assert (row["block"], row["release"], row["line"]) == ("cube", 3, "upright")
+
+
+def test_heights_and_angles_at_an_inclined_line_are_measured_from_the_face():
+    # straight down at x = 4.5: crosses the line from (5, 1) to (4, 2) half way, 45° off its normal
+    track = flight(0, 4.5, 3.0, 0.0, 0.0)
+    row = crossings_table([track], GROUND, {"cube": CUBE}).iloc[0]
+    assert row["line"] == "across_face"
+    assert row["passing_height_m"] == pytest.approx(0.5 * np.sqrt(2), rel=1e-12)
+    assert row["incidence_angle_deg"] == pytest.approx(45.0, rel=1e-12)  # toward the foot
+
+
+def test_only_the_first_crossing_counts():
+    up_and_back = flight(0, 4.5, 1.0, 0.0, 5.0)
+    table = crossings_table([up_and_back], GROUND, {"cube": CUBE})
+    assert len(table) == 1
+    assert table["vy_m_s"][0] > 0
+    assert table["incidence_angle_deg"][0] == pytest.approx(-45.0)
+
+
+def test_passing_frequencies_count_every_release():
+    tracks = [flight(i, 0, 1, 4.0 if i < 43 else 0.5, 2.0) for i in range(50)]
+    table = passing_table(tracks, GROUND).set_index("line")
+    assert table.loc["upright", ["releases", "passed", "frequency"]].tolist() == [50, 43, 0.86]
+    assert table.loc["across_face", "passed"] == 0
+    assert table.loc["across_face", ["low95", "high95"]].tolist() == pytest.approx([0, 0.0713], abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("passed", "releases", "low", "high"),  # Newcombe (1998), table I, method 3
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_intervals_as_published(passed, releases, low, high):
+    assert wilson_interval(passed, releases) == pytest.approx((low, high), abs=5e-5)
+
+
+@pytest.mark.parametrize(("percentile", "n"), [(95, 72), (95, 500), (99, 368), (99, 2000)])
+def test_percentile_intervals_cover_the_true_percentile(percentile, n):
+    rng, runs = np.random.default_rng(n), 2000
+    true = -np.log(1 - percentile / 100)
+    bounds = np.array([percentile_interval(rng.exponential(size=n), percentile) for _ in range(runs)])
+    covered = np.mean((bounds[:, 0] <= true) & (true <= bounds[:, 1]))
+    assert covered > 0.95 - 3 * np.sqrt(0.95 * 0.05 / runs)
+
+
+def test_too_few_passings_leave_the_upper_bound_open():
+    values = np.arange(1.0, 368.0)
+    assert np.isnan(percentile_interval(values, 99)[1])
+    assert np.isnan(percentile_interval(values[:71], 95)[1])
+    assert percentile_interval(values[:72], 95)[1] == 72.0
+    assert np.isnan(percentile_interval(values[:1], 5)[0])
+
+
+def test_percentiles_of_those_that_passed():
+    tracks = [flight(i, 0, 1, 4.0 + 0.01 * i, 2.0) for i in range(101)]
+    crossings = crossings_table(tracks, GROUND, {"cube": CUBE})
+    table = percentile_table(crossings).set_index(["line", "quantity", "percentile"])
+    at_line = np.sort(crossings.loc[crossings["line"] == "upright", "kinetic_J"])
+    row = table.loc[("upright", "kinetic_J", 95.0)]
+    assert row["value"] == pytest.approx(at_line[95])
+    assert row["low95"] < row["value"] < row["high95"]
+    assert percentile_table(crossings.iloc[:0]).empty
+
+
+def test_stops_name_the_zone_and_the_runout():
+    rolled = Track(0, "cube", np.array([[0, 1, 0.05, 0, 1, 0, 0], [2, 3, 0.05, 0, 0, 0, 0.0]]),
+                   np.array([False, False]), [], "rest", G)  # fmt: skip
+    on_face = Track(1, "cube", np.array([[0, 5, 1.05, 0, 0, 0, 0.0]]), np.array([False]), [], "rest", G)
+    left = flight(2, 1, 1, 9, 2)
+    table = stops_table([rolled, on_face, left], GROUND)
+    assert table["zone"].tolist()[:2] == ["ditch", "face"]
+    assert table["zone"].isna().tolist() == [False, False, True]
+    assert table["runout_m"].tolist() == pytest.approx([2, 0, 9])

@@ -1,0 +1,143 @@
+"""What a user of `rock2d run` sees: results that repeat, that are whole, and mistakes said in one line."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rock2d.files.experiment import read_experiment
+from rock2d.files.scenario import load_scenario
+from rock2d.runs.incident_states import fit_first_flight, starts
+from rock2d.runs.run import impacts_table, simulate, trajectories_table, write_results
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import Terrain
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def rock2d(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rock2d.cli", *arguments],
+        capture_output=True, text=True, env={**os.environ, **environment}, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def digest(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.glob("*.csv"))}
+
+
+def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path):
+    scenario = str(SCENARIOS / "paper_bench.yaml")
+    seen = []
+    for name, workers, hash_seed in (("a", "1", "1"), ("b", "2", "2")):
+        options = ["--releases", "2", "--workers", workers, "--quiet", "--out", str(tmp_path / name)]
+        done = rock2d("run", scenario, *options, PYTHONHASHSEED=hash_seed)
+        assert done.returncode == 0, done.stderr
+        seen.append(digest(tmp_path / name / "paper_bench_pymunk"))
+    assert seen[0] == seen[1]
+    assert "trajectories.csv" in seen[0]
+
+
+def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_many_there_are():
+    scenario = load_scenario(SCENARIOS / "paper_bench.yaml")
+    few, many = starts(scenario, 1, 2), starts(scenario, 1, 5)
+    assert np.array_equal(few[1].state, many[1].state)
+    assert not np.array_equal(few[0].state, starts(scenario, 2, 2)[0].state)
+
+
+@pytest.mark.parametrize("engine", ["pymunk", "point_mass"])
+def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
+    scenario = load_scenario(SCENARIOS / "paper_bench.yaml")
+    result = simulate(scenario, engine=engine, releases=2, workers=1, progress=False)
+    write_results(result, tmp_path / "out", progress=False)
+    back = read_experiment(tmp_path / "out")
+    table = trajectories_table(result)
+    assert back.trajectories is not None
+    assert np.allclose(back.trajectories["x_m"], table["x_m"], rtol=0, atol=1e-12)
+    # events are exact: the impact's state lies on the track itself, not on a camera frame
+    impacts = impacts_table(result.tracks)
+    first = impacts[impacts["release"] == 0].iloc[0]
+    assert np.isclose(result.tracks[0].knots[:, 0], first["t_s"], rtol=0, atol=1e-15).any()
+
+
+def test_every_scenario_runs_as_it_stands(data_root):
+    for path in sorted(SCENARIOS.glob("*.yaml")):
+        scenario = load_scenario(path, data_root)
+        assert scenario.assumed, f"{path.name} must say what it assumes"
+        result = simulate(scenario, releases=1, workers=1, progress=False)
+        assert len(result.tracks) == len(result.blocks)
+
+
+def test_missing_data_are_said_plainly():
+    done = rock2d("run", str(SCENARIOS / "real_squares.yaml"), ROCK2D_DATA="")
+    assert done.returncode == 2
+    assert "ROCK2D_DATA" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_mistake_is_one_line_with_its_place_and_exit_code_2(tmp_path):
+    text = (SCENARIOS / "flat_floor.yaml").read_text().replace("releases:", "relaeses:", 1)
+    (tmp_path / "bad.yaml").write_text(text)
+    done = rock2d("run", str(tmp_path / "bad.yaml"), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert "bad.yaml:" in done.stderr and "did you mean" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rock2d.cli", "run", str(SCENARIOS / "paper_bench.yaml"), "--releases", "2000",
+         "--out", str(tmp_path / "out"), "--workers", "1"],
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "interrupted" in errors
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+
+
+def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
+    block, terrain = make_block("cube", "square", 0.05, side_m=0.06), Terrain([[-1, 0], [1, 0]], ["floor"])
+    t = np.arange(60) / 250
+    truth = np.array([0.1, 0.15, 0.3, -0.4, 0.2, 5.0])
+    q = truth[:3] + np.outer(t, truth[3:])
+    q[:, 1] -= 0.5 * 9.81 * t**2
+    hits = int(np.argmax(q[:, 1] < block.lowest_reach(q[:, 2])))
+    q[hits:] = q[hits]  # it stops dead: these frames must not be used
+    state, used = fit_first_flight(np.column_stack([t, q]), block, terrain, 9.81, (1e-4, 1e-3))
+    assert used <= hits
+    assert np.allclose(state, truth, atol=1e-9)
+
+
+def test_first_flight_errors_are_those_of_least_squares():
+    block, terrain = (
+        make_block("ball", "circle", 0.05, diameter_m=0.02),
+        Terrain([[-9, 0], [9, 0]], ["floor"]),
+    )
+    t, truth, sigma = np.arange(20) / 1000, np.array([0.0, 1.0, 0.0, 1.0, -1.0, 3.0]), (3e-4, 2e-2)
+    exact = truth[:3] + np.outer(t, truth[3:])
+    exact[:, 1] -= 0.5 * 9.81 * t**2
+    rng = np.random.default_rng(5)
+    fits = np.array(
+        [
+            fit_first_flight(
+                np.column_stack([t, exact + rng.normal(size=exact.shape) * [sigma[0], sigma[0], sigma[1]]]),
+                block, terrain, 9.81, sigma,
+            )[0]
+            for _ in range(400)
+        ]
+    )  # fmt: skip
+    design = np.column_stack([np.ones_like(t), t])
+    spread = np.sqrt(np.linalg.inv(design.T @ design)[1, 1])
+    expected = np.array([sigma[0], sigma[0], sigma[1]]) * spread
+    assert np.allclose(fits[:, 3:].std(axis=0), expected, rtol=0.15)
+    assert (np.abs(fits.mean(axis=0) - truth)[3:] < 4 * expected / 20).all()

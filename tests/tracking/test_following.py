@@ -1,0 +1,167 @@
+"""From film to experiment: where blocks were, how they turned, how fast they went, against a film of known truth."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from rock2d_tracking.following import Path, follow
+from rock2d_tracking.recording import Record, film_of, record
+from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_writing import write_bench
+from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
+from rock2d_tracking.synthetic.film import Shot, film_frames
+from rock2d_tracking.velocities import flights_and_impacts
+
+from rock2d.files.experiment import Experiment
+from tests.tracking.falls import CAMERA, SIZE_PX, SYMMETRY, falls
+
+cv2.setNumThreads(1)
+
+
+@dataclass
+class Tracked:
+    """A film of known truth and what was made of it."""
+
+    experiment: Experiment
+    shots: list[Shot]
+    pictures: list[list[int]]  # of each release: which pictures of the film its frames are
+    paths: list[Path]
+    record: Record
+    bench: Bench
+
+    def flights_and_impacts(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """The two tables."""
+        experiment = self.record.experiment
+        return flights_and_impacts(film_of(experiment, self.bench), experiment)[:2]
+
+    def misses(self, block: str) -> tuple[np.ndarray, np.ndarray]:
+        """Distance in px and angle in rad by which each trusted frame of a block is off."""
+        far, turn = [], []
+        for path, pictures in zip(self.paths, self.pictures, strict=True):
+            if path.block != block:
+                continue
+            off = []
+            for sight, picture in zip(path.sights, pictures, strict=True):
+                truth = self.shots[picture].pose_px
+                if not sight.reason:
+                    assert truth is not None, f"picture {picture} shows no block"
+                    far.append(np.hypot(*(sight.pose[:2] - truth[:2])))
+                    off.append(sight.pose[2] - truth[2])
+            start = off[0] if block == "sphere" else 0.0  # its marks have no zero
+            turn.append(np.array(off) - start)
+        every = np.concatenate(turn)
+        half = 0.5 * SYMMETRY[block]
+        return np.array(far), (every + half) % (2 * half) - half
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """A film with some faults, tracked."""
+    experiment = falls()
+    path = tmp_path_factory.mktemp("bench") / "bench.yaml"
+    write_bench(path, experiment, CAMERA, ["sphere", "cube", "slab"])
+    bench = Bench(path)
+    known: dict[Faults, Tracked] = {}
+
+    def make(faults: Faults) -> Tracked:
+        if faults not in known:
+            shots = list(film_frames(experiment, CAMERA, SIZE_PX, faults=faults, seed=3, rest_frames=40))
+            paths = follow([s.image for s in shots], bench, SIZE_PX)
+            pictures = [[s.frame for s in p.sights] for p in paths]
+            known[faults] = Tracked(experiment, shots, pictures, paths, record(paths, bench, SIZE_PX), bench)
+        return known[faults]
+
+    return make
+
+
+@pytest.mark.parametrize("block", ["sphere", "cube", "slab"])
+def test_a_clean_film_is_followed_to_a_twentieth_of_a_pixel(tracked, block):
+    far, turn = tracked(CLEAN).misses(block)
+    assert len(far) == 220
+    assert np.sqrt((far**2).mean() / 2) < 0.05
+    assert np.rad2deg(np.sqrt((turn**2).mean())) < 0.3
+
+
+@pytest.mark.parametrize("block", ["sphere", "cube", "slab"])
+def test_a_spoiled_film_is_followed_and_no_frame_is_far_off(tracked, block):
+    far, turn = tracked(MODERATE).misses(block)
+    assert len(far) > 200
+    assert np.sqrt((far**2).mean() / 2) < 0.3
+    assert np.rad2deg(np.sqrt((turn**2).mean())) < 1.5
+    assert far.max() < 2.0
+
+
+def test_releases_of_one_film_are_told_apart(tracked):
+    found = tracked(CLEAN)
+    assert [path.block for path in found.paths] == ["sphere", "cube", "slab"]
+    assert [(p[0], p[-1]) for p in found.pictures] == [(40, 259), (300, 519), (560, 779)]
+
+
+def test_frames_that_the_film_dropped_are_counted(tracked):
+    found = tracked(Faults(dropped=0.02))
+    for release, pictures in zip(range(3), found.pictures, strict=True):
+        own = found.record.frames[found.record.frames["release"] == release]
+        true = np.array([found.shots[k].frame for k in pictures])
+        late = np.diff(true - own["frame"].to_numpy())
+        # a frame that is dropped at an impact or on the first or last frames shows nothing
+        assert np.abs(late).sum() <= 2
+    assert any("missing in the film" in remark for remark in found.record.remarks)
+
+
+def _velocity_errors(found: Tracked) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) of vx, vy (m/s), omega (rad/s) of all flights: errors, and stated standard errors."""
+    flights, _ = found.flights_and_impacts()
+    truth = found.experiment.trajectories
+    errors, stated = [], []
+    for _, row in flights.iterrows():
+        own = truth[(truth["release"] == row.release)]
+        own = own[(own["t_s"] >= row.begin_s - 1e-9) & (own["t_s"] <= row.end_s + 1e-9)]
+        dt = (own["t_s"] - row.t_s).to_numpy()
+        motion = (own["x_m"], own["y_m"] + 0.5 * 9.81 * dt**2, own["theta_rad"])
+        exact = [np.polyfit(dt, value, 1)[0] for value in motion]
+        names = ("vx_m_s", "vy_m_s", "omega_rad_s")
+        errors.append([row[name] - v for name, v in zip(names, exact, strict=True)])
+        stated.append([row[f"{name}_se"] for name in names])
+    return np.array(errors), np.array(stated)
+
+
+def test_velocities_of_a_clean_film_are_exact(tracked):
+    errors, _ = _velocity_errors(tracked(CLEAN))
+    assert len(errors) >= 6
+    assert np.abs(errors[:, :2]).max() < 1e-3 and np.abs(errors[:, 2]).max() < 0.1
+
+
+def test_velocities_are_off_by_as_much_as_is_stated(tracked):
+    errors, stated = _velocity_errors(tracked(Faults(noise_grey=6.0, shot_noise=0.1)))
+    assert 0.6 < np.sqrt(((errors / stated) ** 2).mean()) < 1.5
+
+
+def test_impacts_are_the_breaks_between_flights(tracked):
+    _, impacts = tracked(CLEAN).flights_and_impacts()
+    assert len(impacts) >= 3
+    assert (impacts["penetration_m"] >= 0).all() and set(impacts["flag"]) <= {"", "deep", "low", "deep low"}
+    first = impacts.iloc[0]
+    assert first["vy_m_s"] < 0 < first["vy_after_m_s"]
+
+
+def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
+    calm, noisy = tracked(CLEAN), tracked(Faults(noise_grey=3.0, shot_noise=0.05))
+    a, b = calm.record.experiment, noisy.record.experiment
+    assert 0 < a.position_noise_m < b.position_noise_m < 0.05 * CAMERA.metres_per_pixel
+    far, _ = noisy.misses("cube")
+    assert np.sqrt((far**2).mean() / 2) * CAMERA.metres_per_pixel == pytest.approx(
+        b.position_noise_m, rel=0.8
+    )
+
+
+def test_what_never_moves_is_no_release(tracked):
+    found = tracked(CLEAN)
+    still = [Path("cube", [s] * 30) for s in found.paths[1].seen[:1]]
+    again = record([*copy.deepcopy(found.paths), *still], found.bench, SIZE_PX)
+    assert again.experiment.trajectories["release"].nunique() == 3
+    assert any("never moved" in remark for remark in again.remarks)

@@ -1,0 +1,70 @@
+"""DeepLabCut: the CSV of an analysed video.
+
+Three lines of headings, `scorer`, `bodyparts` and `coords`, or four with `individuals` for several animals; under
+them a line a frame: its number from 0, then x, y and likelihood of each point, in pixels with y down. A point has a
+position even where it is not to be seen: the likelihood (0 to 1) tells, and the user sets the limit (DeepLabCut's
+`pcutoff`, 0.6 by default). The same headings stand over hand labels of images for training and over points in space
+(x, y, z); both are refused.
+
+Documented in DeepLabCut's user guide, "Analyze new Videos" (`save_as_csv`), deeplabcut.github.io/DeepLabCut.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import shown
+from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+
+HEADINGS = ("scorer", "individuals", "bodyparts", "coords")
+READ = {"x": "u", "y": "v", "likelihood": "confidence"}
+
+
+def looks_like(text: str) -> bool:
+    """If the text begins with the line of the scorer."""
+    return text.lstrip().lower().startswith("scorer")
+
+
+def read(path: Path, text: str) -> Points:
+    """Points in pixels, tracks `bodypart` or `individual/bodypart`, with `frame` and `confidence`.
+
+    Raises `InputError` with file and line.
+    """
+    lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
+    separator = separator_of(lines[0][1])
+    table = [(line, cells(content, separator)) for line, content in lines]
+    headings = {row[0].lower(): (line, row) for line, row in table[:4] if row[0].lower() in HEADINGS}
+    for name in ("bodyparts", "coords"):
+        if name not in headings:
+            raise InputError(
+                f"no line {name}: expected the lines scorer, bodyparts, coords", path, table[0][0]
+            )
+    top, coords = headings["coords"]
+    for line, row in headings.values():
+        if len(row) != len(coords):
+            raise InputError(f"expected {len(coords)} cells, found {len(row)}", path, line)
+    tracks: dict[str, dict[str, int]] = {}
+    for j, coord in enumerate(coords[1:], 1):
+        if coord == "z":
+            raise InputError("these are points in space; choose the CSV of one camera's video", path, top)
+        owner = [headings[name][1][j] for name in ("individuals", "bodyparts") if name in headings]
+        if coord in READ:
+            tracks.setdefault("/".join(owner), {})[READ[coord]] = j
+    for track, of in tracks.items():
+        if "u" not in of or "v" not in of:
+            raise InputError(f"point {shown(track)} has no column {'x' if 'u' not in of else 'y'}", path, top)
+    rows: list[dict[str, Any]] = []
+    for line, row in table[len(headings) :]:
+        if "/" in row[0] or "\\" in row[0] or "labeled-data" in row[0]:
+            raise InputError(
+                "these are labels of images, for training; choose the CSV of a video", path, line
+            )
+        if len(row) != len(coords):
+            raise InputError(f"expected {len(coords)} cells, found {len(row)}", path, line)
+        frame = number(row[0], path, line, "frame")
+        for track, of in tracks.items():
+            values = {key: number(row[j], path, line, f"{track} {coords[j]}") for key, j in of.items()}
+            rows.append({"track": track, "line": line, "frame": frame, **values})
+    return Points.seen(path, top, rows)

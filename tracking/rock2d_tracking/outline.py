@@ -1,0 +1,214 @@
+"""A block's outline in pixels, and what a camera makes of its edge.
+
+The grey value of a pixel is B + (F - B) C: background B, block F, and C the share of the pixel that the block covers
+once the optics have blurred it. Of a half-plane at a distance d beyond its edge C is Φ(-d / s), s the blur; of a convex
+polygon the product over its edges, which at right angles is exact; of an ellipse Φ(-d / s) of the distance to first
+order, of a circle of the true one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.compiled import kernel, njit
+from rock2d.scene.blocks import Block
+
+Array = np.ndarray
+
+X, Y, THETA, GREY, BLUR = range(5)
+FAR = 4.0  # blurs beyond which an edge is sharp
+FLOOR_BLUR = 0.3  # px: a pixel is a square
+TUKEY = 4.685  # standard deviations beyond which a misfit does not count
+ROUGH = 0.06  # standard deviation of the block's and the soil's own grey, over the contrast
+COARSE = 3  # rounds in which three times as much counts
+ENOUGH = 2e-3  # px of a step
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A convex outline.
+
+    Attributes
+    ----------
+    edges : (n, 3) outward normal (2) and distance in px of each edge of a polygon; (0, 3) of an ellipse
+    semi_axes_px : (2,) of an ellipse, (0, 0) of a polygon
+    symmetry_rad : angle by which it can be turned without a change; 0 of a circle, which can be turned by any
+    """
+
+    edges: Array
+    semi_axes_px: Array
+    symmetry_rad: float
+
+    @property
+    def reach_px(self) -> float:
+        """Radius of the circle about the centroid that holds it."""
+        if len(self.edges) == 0:
+            return float(self.semi_axes_px.max())
+        normals, h = self.edges[:, :2], self.edges[:, 2]
+        before, hb = np.roll(normals, 1, axis=0), np.roll(h, 1)
+        cross = before[:, 0] * normals[:, 1] - before[:, 1] * normals[:, 0]
+        corner = np.column_stack([
+            (hb * normals[:, 1] - h * before[:, 1]) / cross, (h * before[:, 0] - hb * normals[:, 0]) / cross
+        ])  # fmt: skip
+        return float(np.hypot(*corner.T).max())
+
+
+def outline_of(block: Block, metres_per_pixel: float, up: int) -> Outline:
+    """The outline of a block as the camera sees it; `up` as of `PixelMap`."""
+    if block.smooth:
+        a, b = np.array(block.semi_axes_m) / metres_per_pixel
+        return Outline(np.empty((0, 3)), np.array([a, b]), 0.0 if a == b else math.pi)
+    corners = block.corners_m / metres_per_pixel * [1.0, up]
+    if up < 0:
+        corners = corners[::-1]  # mirrored, so that they still run counter-clockwise
+    side = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([side[:, 1], -side[:, 0]]) / np.hypot(*side.T)[:, None]
+    return Outline(
+        np.column_stack([normals, (normals * corners).sum(axis=1)]), np.zeros(2), _symmetry(corners)
+    )
+
+
+def _symmetry(corners: Array) -> float:
+    """Smallest turn that takes a polygon into itself."""
+    n = len(corners)
+    z = corners[:, 0] + 1j * corners[:, 1]
+    for shift in range(1, n):
+        turned = np.roll(z, -shift)
+        turn = np.angle(turned[0] / z[0]) % (2 * math.pi)
+        if np.abs(turned - z * np.exp(1j * turn)).max() < 1e-6 * np.abs(z).max():
+            return float(turn)
+    return 2 * math.pi
+
+
+@kernel
+def _phi(z):
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+
+
+@kernel
+def _bell(z):
+    return math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+
+
+@kernel
+def cover(qx, qy, edges, semi_a, semi_b, s, slope):
+    """Covered share of a pixel at (qx, qy) in the block's axes; `slope` (3,) gets its derivatives by qx, qy and s."""
+    slope[0] = slope[1] = slope[2] = 0.0
+    n = edges.shape[0]
+    if n == 0:
+        if semi_a == semi_b:
+            r = math.sqrt(qx * qx + qy * qy)
+            d, gx, gy = r - semi_a, qx / max(r, 1e-9), qy / max(r, 1e-9)
+        else:
+            f = (qx / semi_a) ** 2 + (qy / semi_b) ** 2
+            gx, gy = 2.0 * qx / semi_a**2, 2.0 * qy / semi_b**2
+            length = max(math.sqrt(gx * gx + gy * gy), 1e-9)
+            root = math.sqrt(max(f, 1e-12))
+            d, gx, gy = 2.0 * (root - 1.0) * root / length, gx / length, gy / length
+        z = d / s
+        if z > FAR:
+            return 0.0
+        if z < -FAR:
+            return 1.0
+        b = _bell(z) / s
+        slope[0], slope[1], slope[2] = -b * gx, -b * gy, b * z
+        return _phi(-z)
+    c = 1.0
+    for k in range(n):
+        z = (edges[k, 0] * qx + edges[k, 1] * qy - edges[k, 2]) / s
+        if z > FAR:
+            slope[0] = slope[1] = slope[2] = 0.0
+            return 0.0
+        if z < -FAR:
+            continue
+        own, b = _phi(-z), _bell(z) / s
+        slope[0] = slope[0] * own - c * b * edges[k, 0]
+        slope[1] = slope[1] * own - c * b * edges[k, 1]
+        slope[2] = slope[2] * own + c * b * z
+        c *= own
+    return c
+
+
+@njit
+def fit_pose(image, background, counts, edges, semi_axes, start, noise, rounds):
+    """Fit x, y, theta, grey and blur of an outline to a piece of an image by robust Gauss-Newton steps.
+
+    image, background : (h, w) float32 grey values
+    counts : (h, w) uint8, 0 where nothing may be concluded (soil may hide the block)
+    start : (5,) x, y, theta (px, rad) in the piece, grey, blur (px); noise : 1 sigma of a pixel
+    Returns (5,) the fit, (3,) standard errors of x, y, theta, share of the outline that is seen as fitted, and root
+    mean square of what is left in the band of the edge, over the contrast.
+    """
+    p = start.copy()
+    height, width = image.shape
+    curve, grad = np.zeros((5, 5)), np.zeros(5)
+    slope = np.zeros(3)
+    seen, whole, left, band, contrast = 0.0, 0.0, 0.0, 0.0, 1.0
+    turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
+    reach = max(semi_axes[0], 1.0) if edges.shape[0] == 0 else max(np.max(edges[:, 2]), 1.0)
+    j = np.zeros(5)
+    for it in range(rounds):
+        curve[:], grad[:] = 0.0, 0.0
+        seen = whole = left = band = 0.0
+        c, s = math.cos(p[THETA]), math.sin(p[THETA])
+        difference, n_inside = 0.0, 0.0
+        # misfits of more than this are something else; at first, when the start is off, they are the signal
+        scale = max(noise, ROUGH * contrast) if it > 0 else 1e9
+        tukey = TUKEY * scale * (3.0 if it < COARSE else 1.0)
+        for v in range(height):
+            for u in range(width):
+                rx, ry = u - p[X], v - p[Y]
+                qx, qy = c * rx + s * ry, -s * rx + c * ry
+                share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[BLUR], slope)
+                if share == 0.0:
+                    continue
+                step = p[GREY] - background[v, u]
+                edge = share * (1.0 - share)
+                whole += edge
+                if counts[v, u] == 0:
+                    continue
+                r = image[v, u] - background[v, u] - step * share
+                weight = 0.0
+                if abs(r) < tukey:
+                    weight = (1.0 - (r / tukey) ** 2) ** 2
+                seen += edge * weight
+                left += edge * weight * r * r
+                band += edge * weight
+                difference += abs(step) * share
+                n_inside += share
+                if weight == 0.0:
+                    continue
+                # by the pose: the body's axes move and turn
+                j[X] = -step * (c * slope[0] - s * slope[1])
+                j[Y] = -step * (s * slope[0] + c * slope[1])
+                j[THETA] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
+                j[GREY], j[BLUR] = share, step * slope[2]
+                for a in range(5):
+                    grad[a] += weight * j[a] * r
+                    for b in range(a + 1):
+                        curve[a, b] += weight * j[a] * j[b]
+        contrast = max(difference / max(n_inside, 1e-9), 1e-9)
+        for a in range(5):
+            for b in range(a):
+                curve[b, a] = curve[a, b]
+            curve[a, a] = curve[a, a] * (1.0 + 1e-6) + 1e-9
+        if not turns:
+            curve[THETA, THETA] = 1.0
+        step_p = np.linalg.solve(curve, grad)
+        length = max(abs(step_p[X]), abs(step_p[Y]), abs(step_p[THETA]) * reach)
+        short = min(1.0, 0.5 * reach / max(length, 1e-9))
+        for a in range(5):
+            p[a] += short * step_p[a]
+        p[BLUR] = min(max(p[BLUR], FLOOR_BLUR), 0.5 * reach)
+        if length < ENOUGH and it > COARSE:
+            break
+    inverse = np.linalg.inv(curve)
+    residual = math.sqrt(left / max(band, 1e-9))
+    sigma = max(noise, residual)
+    error = np.empty(3)
+    for a in range(3):
+        error[a] = sigma * math.sqrt(max(inverse[a, a], 0.0))
+    return p, error, seen / max(whole, 1e-9), residual / contrast

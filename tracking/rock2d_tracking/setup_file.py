@@ -1,0 +1,147 @@
+"""`bench.yaml`: what a film shows and how it was filmed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake
+from rock2d.files.setup_keys import BlockKeys, CrossSection, Name, Point
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import Terrain
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.checkerboard import scale_of_board
+
+Pixel = Annotated[list[float], Field(min_length=2, max_length=2, description="[u, v] in px: right, down")]
+
+
+class Scale(Checked):
+    """Metres per pixel, in one of three ways."""
+
+    metres_per_pixel: float | None = Field(default=None, gt=0, le=10)
+    points_px: list[Pixel] | None = Field(
+        default=None, min_length=2, max_length=2, description="Two marked points"
+    )
+    distance_m: float | None = Field(
+        default=None, gt=0, le=1.0e5, description="True distance of the two points"
+    )
+    checkerboard: str | None = Field(
+        default=None, description="Picture of a checkerboard in the plane of motion"
+    )
+    columns: int = Field(default=9, ge=3, le=100, description="Inner corners of the checkerboard in a row")
+    rows: int = Field(default=6, ge=3, le=100, description="Rows of inner corners")
+    square_m: float | None = Field(default=None, gt=0, le=100, description="Side of a square of it in m")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Scale:
+        ways = {
+            "metres_per_pixel": (self.metres_per_pixel,),
+            "points_px and distance_m": (self.points_px, self.distance_m),
+            "checkerboard and square_m": (self.checkerboard, self.square_m),
+        }
+        given = [name for name, values in ways.items() if any(v is not None for v in values)]
+        if len(given) != 1 or any(v is None for v in ways[given[0]]):
+            raise mistake(f"expected exactly one of: {'; '.join(ways)}", at="key")
+        if self.points_px is not None and self.points_px[0] == self.points_px[1]:
+            raise mistake("the two points are the same", "points_px")
+        return self
+
+
+class Distortion(Checked):
+    """Radial distortion: seen = true (1 + k ρ²), ρ over half the image's diagonal."""
+
+    k: float = Field(ge=-0.5, le=0.5)
+    centre_px: Pixel | None = Field(default=None, description="Default: the middle of the image")
+
+
+class CameraKeys(Checked):
+    """How it was filmed. Nothing here is guessed from the file."""
+
+    fps: float = Field(gt=0, le=1.0e7, description="True frames per second of filming, not of playing")
+    scale: Scale
+    up: Literal["up", "down"] = Field(description="Where the world's y grows to in the image")
+    origin_px: Pixel = Field(description="A point of the image whose place is known ...")
+    origin_m: Point = Field(default=[0.0, 0.0], description="... and where it is, [x, y] in m")
+    tilt_deg: float = Field(default=0.0, ge=-45, le=45, description="A level line rises by this in the image")
+    distortion: Distortion | None = None
+
+
+class DetectionKeys(Checked):
+    """How blocks are found."""
+
+    marks: bool = Field(default=True, description="Circles carry marks from which their orientation is read")
+    background_frames: list[int] | None = Field(
+        default=None, min_length=2, max_length=2, description="[first, last] frames without a block"
+    )
+    least_seen: float = Field(
+        default=0.55,
+        gt=0,
+        le=1,
+        description="Share of the outline that must be seen for a frame to be trusted",
+    )
+
+
+class BenchKeys(Checked):
+    """`bench.yaml`. SI units but for pixels."""
+
+    name: Name
+    gravity_m_s2: float = Field(ge=0, le=1000)
+    camera: CameraKeys
+    cross_section: CrossSection
+    blocks: dict[Name, BlockKeys] = Field(min_length=1)
+    releases: list[Name] = Field(
+        min_length=1, description="Block of each release in the order filmed; one name: all are of that block"
+    )
+    detection: DetectionKeys = DetectionKeys()
+
+    @model_validator(mode="after")
+    def _known_blocks(self) -> BenchKeys:
+        for i, name in enumerate(self.releases):
+            if name not in self.blocks:
+                raise mistake(f"no block {name!r}{did_you_mean(name, self.blocks)}", "releases", i)
+        return self
+
+
+class Bench:
+    """A checked bench: keys, terrain, blocks, and the map from pixels once the image's size is known."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Read `bench.yaml`; raises `InputError` with the place of the first mistake."""
+        self.path = Path(path)
+        document = Document(self.path)
+        self.keys = document.check(BenchKeys)
+        self.terrain: Terrain = self.keys.cross_section.make()
+        self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
+        camera = self.keys.camera
+        scale = camera.scale
+        if scale.metres_per_pixel is not None:
+            self.metres_per_pixel = scale.metres_per_pixel
+        elif scale.points_px is not None and scale.distance_m is not None:
+            a, b = np.array(scale.points_px)
+            self.metres_per_pixel = float(scale.distance_m / np.hypot(*(b - a)))
+        else:
+            assert scale.checkerboard is not None and scale.square_m is not None
+            self.metres_per_pixel = scale_of_board(
+                self.path.parent, scale.checkerboard, (scale.columns, scale.rows), scale.square_m
+            )
+
+    def pixel_map(self, size_px: tuple[int, int]) -> PixelMap:
+        """The map for images of this size (width, height)."""
+        camera = self.keys.camera
+        middle = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
+        bent = camera.distortion
+        centre = tuple(bent.centre_px) if bent is not None and bent.centre_px is not None else middle
+        return PixelMap(
+            self.metres_per_pixel, (camera.origin_px[0], camera.origin_px[1]),
+            (camera.origin_m[0], camera.origin_m[1]), -1 if camera.up == "up" else 1,
+            float(np.deg2rad(camera.tilt_deg)),
+            bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
+        )  # fmt: skip
+
+    def block_of(self, release: int) -> str:
+        """Name of the block of a release, counted from 0."""
+        names = self.keys.releases
+        return names[0] if len(names) == 1 else names[min(release, len(names) - 1)]

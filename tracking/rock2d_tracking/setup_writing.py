@@ -1,0 +1,44 @@
+"""A bench file written for a film whose camera is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.files.experiment import Experiment
+from rock2d.files.folders import write_whole
+from rock2d.files.setup_keys import block_keys
+from rock2d_tracking.camera import PixelMap
+
+
+def write_bench(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
+    """Write what `tracking.bench.Bench` reads; `releases`: the block of each."""
+    import io
+
+    from ruamel.yaml import YAML
+
+    keys = {
+        "name": experiment.name,
+        "gravity_m_s2": float(experiment.gravity_m_s2),
+        "camera": {
+            "fps": float(experiment.fps),
+            "scale": {"metres_per_pixel": float(camera.metres_per_pixel)},
+            "up": "up" if camera.up < 0 else "down",
+            "origin_px": [float(v) for v in camera.origin_px],
+            "origin_m": [float(v) for v in camera.origin_m],
+            "tilt_deg": float(np.rad2deg(camera.tilt_rad)),
+        },
+        "cross_section": {
+            "points_m": experiment.terrain.points_m.tolist(),
+            "zones": list(experiment.terrain.zones),
+        },
+        "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
+        "releases": list(releases),
+    }
+    yaml = YAML(typ="safe", pure=True)
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    text = io.StringIO()
+    yaml.dump(keys, text)
+    write_whole(path, text.getvalue())

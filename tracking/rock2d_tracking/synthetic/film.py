@@ -1,0 +1,200 @@
+"""Films of known truth: any experiment's trajectories as a high-speed camera would see them.
+
+The scene is drawn anti-aliased: a pixel is as much of the block as the silhouette covers of its area.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.experiment import Experiment
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.synthetic.faults import CLEAN, Faults, Puff, Sensor, extended, puffs, while_open
+from rock2d_tracking.synthetic.scene import PLAIN, Look, Pose, Scene
+
+if TYPE_CHECKING:
+    import cv2
+
+Array = np.ndarray
+
+TRUTH_COLUMNS = (
+    "frame", "release", "block", "t_s", "u_px", "v_px", "angle_px_rad", "x_m", "y_m", "theta_rad",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One frame of a film and what it shows.
+
+    Attributes
+    ----------
+    image : (height, width) uint8
+    frame : its number, counted from 0 as filmed: a frame that is missing keeps its number to itself
+    release, block, t_s : as in the experiment; before the block is released, t_s is less than its first
+    pose_px : u, v in px and angle in rad, in the image; None where no block is in the picture
+    pose_m : x, y in m and theta in rad; None likewise
+    """
+
+    image: Array
+    frame: int
+    release: int
+    block: str
+    t_s: float
+    pose_px: Pose | None
+    pose_m: Pose | None
+
+
+def film_frames(
+    experiment: Experiment,
+    pixel_map: PixelMap,
+    size_px: tuple[int, int],
+    *,
+    faults: Faults = CLEAN,
+    look: Look = PLAIN,
+    seed: int,
+    releases: Sequence[int] | None = None,
+    rest_frames: int = 5,
+) -> Iterator[Shot]:
+    """Film an experiment, one release after the other, each after `rest_frames` empty frames.
+
+    A trajectory's row is a frame, `experiment.fps` of them a second; where rows are missing or NaN, frames are.
+
+    Parameters
+    ----------
+    size_px : width and height of the image
+    seed : of soil, noise, dust and dropped frames; the same seed makes the same film
+    releases : which, in this order; all of them if None
+
+    Raises InputError if the experiment has no trajectories or no such release, or a release's rows come faster
+    than the camera's frames.
+    """
+    table = experiment.trajectories
+    if table is None:
+        raise InputError(f"experiment {experiment.name}: only trajectories can be filmed, it has impacts")
+    known = table["release"].unique().tolist()
+    unknown = [release for release in releases or [] if release not in known]
+    if unknown:
+        raise InputError(f"experiment {experiment.name}: there is no release {unknown[0]}")
+    for release, rows in table.groupby("release"):
+        if (np.diff(np.rint(rows["t_s"] * experiment.fps)) < 1).any():
+            raise InputError(f"release {release}: two rows within a frame at {experiment.fps:g} frames/s")
+    scene = Scene(experiment, pixel_map, size_px, look, faults, np.random.default_rng([seed, 0]))
+    sensor = Sensor(faults, size_px, np.random.default_rng([seed, 1]))
+    return _filmed(experiment, scene, sensor, seed, known if releases is None else releases, rest_frames)
+
+
+def _filmed(
+    experiment: Experiment, scene: Scene, sensor: Sensor, seed: int, releases: Sequence[int], rest_frames: int
+) -> Iterator[Shot]:
+    table, fps, faults, pixel_map = experiment.trajectories, experiment.fps, scene.faults, scene.pixel_map
+    assert table is not None
+    first = 0
+    for release in releases:
+        rows = table[table["release"] == release]
+        block = experiment.blocks[rows["block"].iloc[0]]
+        t, poses = rows["t_s"].to_numpy(float), rows[["x_m", "y_m", "theta_rad"]].to_numpy(float)
+        frame = first + rest_frames + np.rint((t - t[0]) * fps).astype(int)
+        before_s = t[0] + np.arange(-rest_frames, 0) / fps
+        measured = np.isfinite(poses).all(axis=1)
+        kept = np.random.default_rng([seed, 2, release]).random(rest_frames + len(t)) >= faults.dropped
+        for i in np.flatnonzero(kept[:rest_frames]).tolist():
+            image = sensor.expose(scene.still.copy(), (first + i) / fps)
+            yield Shot(image, first + i, release, block.name, float(before_s[i]), None, None)
+        turning = poses[measured]
+        turning[:, 2] = np.unwrap(turning[:, 2])
+        motion = extended(t[measured]), extended(turning)
+        clouds: list[Puff] = []
+        if faults.dust:
+            rng, noise_m = np.random.default_rng([seed, 3, release]), experiment.position_noise_m
+            clouds = puffs(*motion, noise_m, block, experiment.terrain, pixel_map, faults.dust, rng)
+        for i in np.flatnonzero(kept[rest_frames:] & measured).tolist():
+            exposed = while_open(*motion, t[i], faults.shutter / fps, block, pixel_map)
+            light, there = scene.light(block, exposed)
+            for puff in clouds:
+                puff.draw(light, t[i])
+            image = sensor.expose(light, frame[i] / fps)
+            x, y, theta = poses[i].tolist()
+            u, v = pixel_map.to_pixel(poses[i, :2]).tolist()
+            seen, real = (u, v, float(pixel_map.angle_to_pixel(theta))), (x, y, theta)
+            pose = (seen, real) if there else (None, None)
+            yield Shot(image, int(frame[i]), release, block.name, float(t[i]), *pose)
+        first = int(frame[-1]) + 1
+
+
+def write_film(
+    path: str | Path,
+    shots: Iterable[Shot],
+    size_px: tuple[int, int],
+    fps_video: float,
+    quality: int | None = None,
+    *,
+    truth: bool = False,
+) -> Path:
+    """Write a film as AVI and return its path: Motion JPEG of `quality` 1 to 100, or lossless FFV1 if None.
+
+    With `truth`, a CSV of `TRUTH_COLUMNS` beside it, of the same name: one row a picture in the order of the film,
+    cells empty where no block is in the picture. Motion JPEG keeps `fps_video` as a whole number.
+
+    Both are written under other names and renamed at the end. Raises InputError if the suffix is not .avi, the size
+    is odd or not that of the shots, there are no shots, or this OpenCV lacks the codec.
+    """
+    import cv2
+
+    path, (width, height) = Path(path), size_px
+    if path.suffix.lower() != ".avi":
+        raise InputError(f"{path}: expected a film as .avi, found {path.suffix or 'no suffix'!r}")
+    if width % 2 or height % 2:
+        raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part.avi")
+    part_truth, codec = part.with_suffix(".csv"), "FFV1" if quality is None else "Motion JPEG"
+    writer = None
+    try:
+        writer = _writer(part, fps_video, size_px, quality)
+        if not writer.isOpened():
+            raise InputError(f"{path}: this OpenCV cannot write {codec} video")
+        with part_truth.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(TRUTH_COLUMNS)
+            for shot in shots:
+                if shot.image.shape != (height, width):
+                    found = " x ".join(map(str, shot.image.shape[::-1]))
+                    raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
+                # OpenCV's Motion JPEG garbles grey pictures
+                writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+                pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
+                table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
+        writer.release()
+        if not part.exists() or part.stat().st_size == 0:
+            raise InputError(f"{path}: nothing could be written")
+        if truth:
+            os.replace(part_truth, path.with_suffix(".csv"))
+        os.replace(part, path)
+    finally:
+        if writer is not None:
+            writer.release()
+        part.unlink(missing_ok=True)
+        part_truth.unlink(missing_ok=True)
+    return path
+
+
+def _writer(path: Path, fps_video: float, size_px: tuple[int, int], quality: int | None) -> cv2.VideoWriter:
+    import cv2
+
+    name, size = str(path), (int(size_px[0]), int(size_px[1]))
+    if quality is None:
+        grey = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
+        return cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), fps_video, size, grey)
+    # of OpenCV's two writers of Motion JPEG, only this one takes a quality
+    jpeg = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(name, cv2.CAP_OPENCV_MJPEG, jpeg, fps_video, size)
+    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
+    return writer

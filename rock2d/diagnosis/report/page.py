@@ -194,10 +194,10 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
     forest = []
     for name, g in gains:
         value, half = g["heldout_score_gain"], 1.96 * g["heldout_score_gain_se"]
-        text = text.plus_minus(value, g["heldout_score_gain_se"])
-        mark = Mark("plain", value, value - half, value + half, f"{text.spoken(name)}: {text}")
+        shown = text.plus_minus(value, g["heldout_score_gain_se"])
+        mark = Mark("plain", value, value - half, value + half, f"{text.spoken(name)}: {shown}")
         forest.append({
-            "name": name, "strip": strip(gain_axis, [mark]), "gain": text,
+            "name": name, "strip": strip(gain_axis, [mark]), "gain": shown,
             "summary": effects[name].summary if name in effects else "",
         })  # fmt: skip
     return {

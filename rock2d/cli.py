@@ -61,7 +61,7 @@ def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler
                 folder = out / f"{scenario.name}_{engine}"
                 tables = run_campaign(
                     scenario, folder, engine=engine, seed=seed, releases=releases, workers=workers,
-                    scheduler=scheduler, keep=keep, progress=not quiet, tell=click.echo,
+                    scheduler=scheduler, keep=keep, progress=not quiet, report=click.echo,
                 )  # fmt: skip
                 print_campaign(scenario, engine, tables)
                 click.echo(f"written: {folder}")
@@ -111,7 +111,7 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
 
     effort = Effort(hypotheses, releases)
     run_reproduction(
-        out, seed=seed, effort=effort, candidates=candidates, progress=not quiet, tell=click.echo
+        out, seed=seed, effort=effort, candidates=candidates, progress=not quiet, report=click.echo
     )
 
 
@@ -133,7 +133,7 @@ def diagnose(experiment, out, seed, workers, quiet) -> None:
     """
     from rock2d.diagnosis.command import run_diagnosis
 
-    run_diagnosis(experiment, out, seed=seed, workers=workers, progress=not quiet, tell=click.echo)
+    run_diagnosis(experiment, out, seed=seed, workers=workers, progress=not quiet, report=click.echo)
 
 
 @cli.command()
@@ -145,7 +145,7 @@ def predict(experiment, diagnosis, base_only, out) -> None:
     """Predict every stretch of EXPERIMENT from the measured flight before it, with a diagnosed model."""
     from rock2d.diagnosis.command import run_prediction
 
-    run_prediction(experiment, diagnosis, out, base_only=base_only, tell=click.echo)
+    run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
 
 
 @cli.group()
@@ -165,7 +165,7 @@ def blind_make(cases, seed, out, workers, quiet) -> None:
     """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue."""
     from rock2d.blind.command import make
 
-    make(cases, seed, out, workers=workers, progress=not quiet, tell=click.echo)
+    make(cases, seed, out, workers=workers, progress=not quiet, report=click.echo)
 
 
 @blind.command("run")
@@ -176,7 +176,7 @@ def blind_run(trial, workers, quiet) -> None:
     """Diagnose every case of TRIAL without its labels; goes on where it was interrupted."""
     from rock2d.blind.command import run
 
-    run(trial, workers=workers, progress=not quiet, tell=click.echo)
+    run(trial, workers=workers, progress=not quiet, report=click.echo)
 
 
 @blind.command("score")
@@ -185,7 +185,7 @@ def blind_score(trial) -> None:
     """Open the labels of TRIAL and compare: score.html, score.json, score.csv."""
     from rock2d.blind.command import score
 
-    score(trial, tell=click.echo)
+    score(trial, report=click.echo)
 
 
 @blind.command("train")
@@ -203,13 +203,13 @@ def blind_train(cases, seed, work, out, workers, quiet) -> None:
     """Learn the weights behind the probabilities from cases made for it."""
     from rock2d.blind.command import train_weights
 
-    train_weights(cases, seed, work, out, workers=workers, progress=not quiet, tell=click.echo)
+    train_weights(cases, seed, work, out, workers=workers, progress=not quiet, report=click.echo)
 
 
 @cli.command()
 @click.argument("video", type=click.Path(path_type=Path))
 @click.option("--config", type=click.Path(path_type=Path), required=True,
-              help="bench.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
+              help="setup.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
@@ -217,7 +217,7 @@ def track(video, config, out, frames, quiet) -> None:
     """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics."""
     from rock2d_tracking.command import track
 
-    track(video, config, out, last=frames, progress=not quiet, tell=click.echo)
+    track(video, config, out, last=frames, progress=not quiet, report=click.echo)
 
 
 @cli.command()
@@ -233,11 +233,11 @@ def track(video, config, out, frames, quiet) -> None:
 )
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
-    """Film EXPERIMENT synthetically, with its truth and a bench file beside it: what a tracker is tested on."""
+    """Film EXPERIMENT synthetically, with its truth and a set-up file beside it: what a tracker is tested on."""
     from rock2d_tracking.command import film
 
     film(experiment, out, size_px=tuple(size), faults=faults, releases=releases, seed=seed, progress=not quiet,
-         tell=click.echo)  # fmt: skip
+         report=click.echo)  # fmt: skip
 
 
 @cli.command("import")
@@ -245,9 +245,9 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--kind", type=click.Choice(["tracker", "kinovea", "dltdv", "deeplabcut"]), required=True,
               help="Program that wrote the files, one a film.")  # fmt: skip
 @click.option("--config", type=click.Path(path_type=Path), required=True,
-              help="bench.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
+              help="setup.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
 @click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows.")
-@click.option("--block", help="Name of the block. Default: that of the bench's first release.")
+@click.option("--block", help="Name of the block. Default: that of the set-up's first release.")
 @click.option("--mark", "marks", multiple=True, help="Point on the block; two give its orientation.")
 @click.option("--centroid", multiple=True, help="Points whose mean is the centroid. Default: the first mark.")
 @click.option("--file-fps", type=float, help="Frames per unit of the files' time, if they number no frames.")
@@ -261,7 +261,7 @@ def import_(
     from rock2d_tracking.command import import_files
 
     import_files(files, kind, config, out, y=y, block=block, marks=marks, centroid=centroid, file_fps=file_fps,
-                 min_confidence=min_confidence, gap_frames=gap_frames, tell=click.echo)  # fmt: skip
+                 min_confidence=min_confidence, gap_frames=gap_frames, report=click.echo)  # fmt: skip
 
 
 @cli.command()
@@ -271,7 +271,7 @@ def export(experiment, out) -> None:
     """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics)."""
     from rock2d_tracking.command import export_tracker
 
-    export_tracker(experiment, out, tell=click.echo)
+    export_tracker(experiment, out, report=click.echo)
 
 
 @cli.command()

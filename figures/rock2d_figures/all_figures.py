@@ -11,7 +11,7 @@ import pandas as pd
 from rock2d.files.scenario import load_scenario
 from rock2d.graphics.plots import save_figure
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import ARRIVALS, BENCH
+from rock2d.reproduction.hypotheses import ARRIVALS, SETUP
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.reproduction.scenario_file import scenario_text
 from rock2d.runs.run import RunResult, simulate
@@ -25,7 +25,7 @@ SHOWN = 25  # releases of each block in figure 3
 def write_all(results: Results, folder: Path, *, progress: bool) -> None:
     """Write tables (CSV), figures (PNG), the calibrated scenarios (YAML), reproduction.json and report.md."""
     assumed = [
-        summary.identified_table(SPACES[model], sample.u, (*BENCH, *ARRIVALS)).assign(model=model)
+        summary.identified_table(SPACES[model], sample.u, (*SETUP, *ARRIVALS)).assign(model=model)
         for model, sample in results.samples.items()
     ]
     tables = {
@@ -41,7 +41,7 @@ def write_all(results: Results, folder: Path, *, progress: bool) -> None:
     runs = {model: _run(results, model, folder, progress) for model in SPACES}
     shown = pd.concat(
         [
-            *(own[: len(BENCH)] for own in assumed),
+            *(own[: len(SETUP)] for own in assumed),
             tables["table_4"].dropna(subset="prior_low").assign(model="deterministic"),
             tables["table_3"].assign(model="probabilistic"),
         ]
@@ -57,8 +57,13 @@ def write_all(results: Results, folder: Path, *, progress: bool) -> None:
         save_figure(figure, folder / f"{name}.png", dpi=220)
     errors = {name: None if math.isnan(value) else value for name, value in results.errors.items()}
     evidence = {model: sample.log_evidence for model, sample in results.samples.items()}
-    told = {"seed": results.seed, "rmse_points": errors, "log_evidence": evidence, "said": results.said}
-    (folder / "reproduction.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    content = {
+        "seed": results.seed,
+        "rmse_points": errors,
+        "log_evidence": evidence,
+        "said": results.said,
+    }
+    (folder / "reproduction.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     (folder / "report.md").write_text(_report(results, tables), encoding="utf-8")
 
 
@@ -108,8 +113,8 @@ def _report(results: Results, tables: dict[str, pd.DataFrame]) -> str:
         *(f"- {meaning}" for meaning in published.MEANINGS), "",
         _markdown(tables["assumptions"]), "",
         "## Figures", "",
-        "![bench](figure_1.png)", "",
-        "Figure 1. The bench of the likeliest hypothesis, with zones and measure lines; grey: others as good.", "",
+        "![set-up](figure_1.png)", "",
+        "Figure 1. The set-up of the likeliest hypothesis, with zones and measure lines; grey: others as good.", "",
         "![at line 2](figure_2.png)", "",
         "Figure 2. The sphere at line 2; incidence above the horizontal. The paper's curves are not published as",
         "numbers.", "",

@@ -3,7 +3,7 @@
     python figures/cost.py                        # up to a million releases
     python figures/cost.py --releases 10000000
 
-Releases: the paper's bench, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
+Releases: the paper's set-up, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
 its 1 m cube, on the same profile cut ever finer with a small smooth undulation on its long facets. Engines run in
 turns, on all threads; compiling is not in the times. Runs above CHUNK releases repeat the first CHUNK starts chunk
 by chunk, so that memory stays bounded; the point mass has new seeds in each.
@@ -32,7 +32,7 @@ from rock2d.graphics.palette import block_colours
 from rock2d.graphics.plots import blank_figure, save_figure
 from rock2d.laws.contact import parameter_table
 from rock2d.runs.incident_states import starts
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 Key = TypeVar("Key", bound=Hashable)
@@ -75,12 +75,14 @@ def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
 
 def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
     """By engine: numbers of releases, all times in s, their medians."""
-    scenario = load_scenario(HERE.parent / "scenarios" / "paper_bench.yaml")
+    scenario = load_scenario(HERE.parent / "scenarios" / "paper_setup.yaml")
     states = states_of(scenario, "sphere", min(most, CHUNK))
     numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
     found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
     for number in numbers:
-        runs = {e: run_of(e, scenario, "sphere", scenario.terrain(), states, number) for e in ENGINES}
+        runs = {
+            e: run_of(e, scenario, "sphere", scenario.make_cross_section(), states, number) for e in ENGINES
+        }
         for engine, times in in_turns(runs, rounds, seconds).items():
             found[engine]["times_s"].append(times)
             found[engine]["median_s"].append(float(np.median(times)))
@@ -93,7 +95,9 @@ def cost_of_facets(rounds: int, seconds: float) -> dict[str, Any]:
     scenario = load_scenario(HERE.parent / "scenarios" / "slope_embankment.yaml")
     states = states_of(scenario, "cube_1m", max(FACET_RELEASES.values()))
     runs = {
-        (engine, n): run_of(engine, scenario, "cube_1m", resampled(scenario.terrain(), n), states, number)
+        (engine, n): run_of(
+            engine, scenario, "cube_1m", resampled(scenario.make_cross_section(), n), states, number
+        )
         for engine, number in FACET_RELEASES.items()
         for n in FACETS
     }
@@ -126,14 +130,14 @@ def in_turns(runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: flo
 
 
 def run_of(
-    engine: str, scenario: Scenario, block_name: str, terrain: Terrain, states: Array, number: int
+    engine: str, scenario: Scenario, block_name: str, cross_section: CrossSection, states: Array, number: int
 ) -> Callable[[], None]:
     """`number` releases of an engine, chunk by chunk; compiled and prepared already."""
     block = scenario.make_blocks()[block_name]
     shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
-    table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
+    table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
     law = scenario.rebound_parameters(block_name)
-    ensemble = Ensemble([block], [terrain], [table])
+    ensemble = Ensemble([block], [cross_section], [table])
 
     def run(number: int = number) -> None:
         for first in range(0, number, CHUNK):
@@ -142,7 +146,7 @@ def run_of(
                 run_batch(ensemble, part, stop_when_captured=True, **shared)
             else:
                 seeds = np.arange(first, first + len(part), dtype=np.uint64)
-                run_point_mass_batch(block, terrain, law, part, seeds, **shared)
+                run_point_mass_batch(block, cross_section, law, part, seeds, **shared)
 
     run(2)
     return run
@@ -153,20 +157,20 @@ def states_of(scenario: Scenario, block_name: str, number: int) -> Array:
     return np.array([s.state for s in starts(scenario, SEED, number) if s.block == block_name])
 
 
-def resampled(terrain: Terrain, facets: int) -> Terrain:
+def resampled(cross_section: CrossSection, facets: int) -> CrossSection:
     """The profile cut into `facets`, shared among its own by length; long ones undulate in whole waves."""
-    start, edge = terrain.points_m[:-1], np.diff(terrain.points_m, axis=0)
+    start, edge = cross_section.points_m[:-1], np.diff(cross_section.points_m, axis=0)
     length = np.hypot(*edge.T)
     share = np.cumsum(length) / length.sum() * (facets - len(length))
     pieces = 1 + np.diff(np.round(share).astype(int), prepend=0)
     points, zones = [], []
-    for a, along, long, n, zone in zip(start, edge, length, pieces, terrain.zones, strict=True):
+    for a, along, long, n, zone in zip(start, edge, length, pieces, cross_section.zones, strict=True):
         u = np.arange(n) / n
         part = a + u[:, None] * along
         part[:, 1] += HEIGHT_M * np.sin(2 * np.pi * (long // WAVE_M) * u)
         points.append(part)
         zones += [zone] * n
-    return Terrain(np.vstack([*points, terrain.points_m[-1:]]), zones, terrain.measure_lines)
+    return CrossSection(np.vstack([*points, cross_section.points_m[-1:]]), zones, cross_section.measure_lines)
 
 
 def machine() -> dict[str, Any]:
@@ -213,7 +217,7 @@ def figure_of(numbers: Mapping[str, Any]) -> Figure:
             axis.vlines(
                 x, [min(t) * scale for t in times], [max(t) * scale for t in times], color=colours[engine]
             )
-    left.set_title("the paper's bench, sphere", loc="left", fontsize=9)
+    left.set_title("the paper's set-up, sphere", loc="left", fontsize=9)
     right.set_title("slope of 140 m, cube of 1 m", loc="left", fontsize=9)
     left.set_xlabel("releases")
     left.set_ylabel("time (s)")

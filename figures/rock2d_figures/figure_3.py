@@ -7,15 +7,15 @@ from matplotlib.figure import Figure
 
 from rock2d.graphics.plots import blank_figure, draw_cross_section, finish, positions_of
 from rock2d.runs.run import RunResult
-from rock2d_figures.style import STYLES, TEXT_PT, bench_view, with_short_lines
+from rock2d_figures.style import STYLES, TEXT_PT, setup_view, with_short_lines
 
 WIDE_IN = 3.45  # of a panel
 
 
 def figure(runs: dict[str, RunResult]) -> Figure:
-    """A row a block, a column a model, each on its own bench; `runs`: model -> its run of its calibrated scenario."""
-    grounds = {model: with_short_lines(run.terrain) for model, run in runs.items()}
-    views = {model: bench_view(ground, 1100) for model, ground in grounds.items()}
+    """A row a block, a column a model, each on its own set-up; `runs`: model -> its run of its calibrated scenario."""
+    grounds = {model: with_short_lines(run.cross_section) for model, run in runs.items()}
+    views = {model: setup_view(ground, 1100) for model, ground in grounds.items()}
     high_in = WIDE_IN * max(shape for _, shape in views.values())
     blocks = list(next(iter(runs.values())).blocks)
     drawn = blank_figure(len(runs) * WIDE_IN, len(blocks) * (high_in + 0.35) + 0.3)

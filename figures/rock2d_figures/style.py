@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.graphics.drawing import View, fitted_view
 from rock2d.graphics.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 # name -> colour, line, marker
 STYLES: dict[str, tuple[str, Any, str]] = {
@@ -16,7 +16,7 @@ STYLES: dict[str, tuple[str, Any, str]] = {
     "deterministic": (SIMULATED_COLOUR, "-", "D"),
     "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
 }
-BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the bench that is drawn round ditch and embankment
+BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the set-up that is drawn round ditch and embankment
 SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
 TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.plots`
 
@@ -26,19 +26,24 @@ def spelled(name: str) -> str:
     return name.replace("_", " ")
 
 
-def bench_view(terrain: Terrain, width_px: int) -> tuple[View, float]:
-    """The part of a bench that figures show, and its height over its width."""
-    rise = terrain.embankment
+def setup_view(cross_section: CrossSection, width_px: int) -> tuple[View, float]:
+    """The part of a set-up that figures show, and its height over its width."""
+    rise = cross_section.embankment
     assert rise is not None
-    limits = (-BEFORE_M, float(terrain.points_m[rise.crest_end, 0]) + BEYOND_M, -BELOW_M, 2.4 * rise.height_m)
+    limits = (
+        -BEFORE_M,
+        float(cross_section.points_m[rise.crest_end, 0]) + BEYOND_M,
+        -BELOW_M,
+        2.4 * rise.height_m,
+    )
     shape = (limits[3] - limits[2]) / (limits[1] - limits[0])
     return fitted_view(limits, width_px, round(width_px * shape)), shape
 
 
-def with_short_lines(terrain: Terrain) -> Terrain:
+def with_short_lines(cross_section: CrossSection) -> CrossSection:
     """The cross-section with its measure lines cut at SHOWN_LINE_M from their first end."""
     lines = {}
-    for name, (foot, head) in terrain.measure_lines.items():
+    for name, (foot, head) in cross_section.measure_lines.items():
         away = head - foot
         lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_M / np.hypot(*away))])
-    return Terrain(terrain.points_m, terrain.zones, lines)
+    return CrossSection(cross_section.points_m, cross_section.zones, lines)

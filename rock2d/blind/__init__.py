@@ -1,1 +1,1 @@
-"""Blind tests of the diagnosis: films of a bench that the diagnosis knows nothing of but the files."""
+"""Blind tests of the diagnosis: films of a set-up that the diagnosis knows nothing of but the files."""

@@ -84,7 +84,8 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
         "angle_noise_rad": case.angle_noise_rad,
         "soil_sd": case.soil_sd.tolist(),
         "law": {
-            name: float(getattr(case.law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "crater")
+            name: float(getattr(case.law, name))
+            for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")
         },
     }
 
@@ -100,11 +101,11 @@ def record(
 ) -> Array:
     """(releases, frames, 3) what the camera sees of a case with `hidden` at work."""
     poses = reality.fall(
-        case.bench, case.law, case.blocks, case.block_ids, case.states, case.order, times,
+        case.setup, case.law, case.blocks, case.block_ids, case.states, case.order, times,
         gravity_m_s2=case.gravity_m_s2, soil_sd=case.soil_sd if soil_sd is None else soil_sd, hidden=hidden,
         seed=case.seed,
     )  # fmt: skip
-    x = case.bench.points_m[1:, 0] if len(case.bench.points_m) > 2 else case.bench.points_m[:, 0] / 3
+    x = case.setup.points_m[1:, 0] if len(case.setup.points_m) > 2 else case.setup.points_m[:, 0] / 3
     extent = float(np.ptp(x))
     recorded, _ = reality.film(
         poses, times, hidden=hidden, position_noise_m=case.position_noise_m if noisy else 0.0,
@@ -124,7 +125,7 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
             if np.isfinite(x):
                 rows.append(f"{number},{block},{t:.6f},{x:.6g},{y:.6g},{angle:.5f}")
     (folder / "trajectories.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in case.bench.points_m)
+    points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in case.setup.points_m)
     lines = [
         f"name: case_{name}",
         f"gravity_m_s2: {case.gravity_m_s2}",
@@ -134,7 +135,7 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
         f"  angle_noise_rad: {case.angle_noise_rad:.6g}",
         "cross_section:",
         f"  points_m: [{points}]",
-        f"  zones: [{', '.join(case.bench.zones)}]",
+        f"  zones: [{', '.join(case.setup.zones)}]",
         "blocks:",
     ]
     for block, shape in zip(case.blocks, case.shapes, strict=True):

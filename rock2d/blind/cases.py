@@ -1,4 +1,4 @@
-"""Blind cases: benches, blocks, soils, cameras and incident states drawn at random, with something hidden in them.
+"""Blind cases: set-ups, blocks, soils, cameras and incident states drawn at random, with something hidden in them.
 
 Every case is drawn from its own child of the seed, so that case 17 of 200 is the same as case 17 of 500 in all but what
 is hidden, which is dealt out so that every effect has its turn.
@@ -39,7 +39,7 @@ class Case:
 
     label: str
     kind: str
-    bench: reality.Bench
+    setup: reality.Setup
     law: reality.Law
     blocks: list[reality.Block]
     shapes: list[dict[str, object]]
@@ -88,8 +88,8 @@ def draw_case(hand: tuple[str, ...], seed: np.random.SeedSequence, smallest: boo
     scale = np.array([stiff, stiff, stiff, 1.0, weight * size / BLOCK_SIZE_M])
     k_l, ratio, k_t, mu, k_r = scale * TABLE_4 * np.exp(rng.normal(0.0, [0.35, 0.0, 0.3, 0.2, 0.35]))
     ratio = k_l * math.exp(rng.uniform(math.log(3.0), math.log(9.0)))
-    law = reality.Law(k_l, ratio, k_t, mu, k_r, crater=bool(rng.random() < 0.7))
-    bench = _flat(size, rng) if kind == "flat" else _bench(size, rng)
+    law = reality.Law(k_l, ratio, k_t, mu, k_r, indentation=bool(rng.random() < 0.7))
+    setup = _flat(size, rng) if kind == "flat" else _setup(size, rng)
     pace = math.sqrt(gravity * size)
     tick = math.sqrt(size / gravity)
     releases = FEWEST if smallest else round(math.exp(rng.uniform(math.log(FEWEST), math.log(MOST))))
@@ -110,7 +110,7 @@ def draw_case(hand: tuple[str, ...], seed: np.random.SeedSequence, smallest: boo
     if fps * tick < 8.0:  # frames in the time that a block needs to fall half its size
         fps = 240.0 if kind == "field" else 500.0
     case = Case(
-        _label(hand), kind, bench, law, blocks, shapes, block_ids, np.empty((n, 6)), order, heldout, gravity, fps,
+        _label(hand), kind, setup, law, blocks, shapes, block_ids, np.empty((n, 6)), order, heldout, gravity, fps,
         17.0 * tick, size * math.exp(rng.uniform(math.log(0.003), math.log(0.03))),
         math.exp(rng.uniform(math.log(0.004), math.log(0.03))), rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.04),
         rng.uniform(0.0, [0.12, 0.12, 0.12, 0.08, 0.12]), seed=int(rng.integers(2**31)),
@@ -119,7 +119,7 @@ def draw_case(hand: tuple[str, ...], seed: np.random.SeedSequence, smallest: boo
     for name in hand:
         form = int(rng.integers(reality.FORMS.get(name, 1)))
         strength = math.exp(rng.uniform(math.log(WEAKEST), 0.0))
-        case.hidden.append(reality.draw(name, form, rng, bench, law, blocks, gravity, strength))
+        case.hidden.append(reality.draw(name, form, rng, setup, law, blocks, gravity, strength))
     return case
 
 
@@ -157,7 +157,7 @@ def _blocks(size: float, rng: np.random.Generator) -> tuple[list[reality.Block],
     return out, shapes
 
 
-def _bench(size: float, rng: np.random.Generator) -> reality.Bench:
+def _setup(size: float, rng: np.random.Generator) -> reality.Setup:
     """Slope, ditch, embankment, run-out: near the paper's, in units of the blocks' size."""
     slope, facing, back = np.deg2rad([rng.uniform(34, 45), rng.uniform(50, 72), rng.uniform(30, 45)])
     ditch, height, crest = size * np.array([rng.uniform(5, 9), rng.uniform(3, 5), rng.uniform(2, 3.5)])
@@ -165,12 +165,12 @@ def _bench(size: float, rng: np.random.Generator) -> reality.Bench:
     y = [0.0, 0.0, height, height, 0.0, 0.0]
     points = np.vstack([[-35 * size, 35 * size * math.tan(slope)], np.column_stack([x, y])])
     zones = ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out")
-    return reality.Bench(points, zones, face=(2, 3), embankment=(2, 5), ditch=(1, 2))
+    return reality.Setup(points, zones, face=(2, 3), embankment=(2, 5), ditch=(1, 2))
 
 
-def _flat(size: float, rng: np.random.Generator) -> reality.Bench:
+def _flat(size: float, rng: np.random.Generator) -> reality.Setup:
     points = np.array([[-60.0 * size, 0.0], [60.0 * size, 0.0]])
-    return reality.Bench(points, ("floor",), face=None, embankment=None, ditch=None)
+    return reality.Setup(points, ("floor",), face=None, embankment=None, ditch=None)
 
 
 def _states(case: Case, size: float, pace: float, rng: np.random.Generator) -> Array:
@@ -189,7 +189,7 @@ def _states(case: Case, size: float, pace: float, rng: np.random.Generator) -> A
     if case.kind == "flat":
         states[:, 0] -= 15.0 * size
     # above the slope, too: nobody lets a block go inside the ground
-    x = case.bench.points_m
+    x = case.setup.points_m
     ground = np.interp(states[:, 0], x[:, 0], x[:, 1])
     states[:, 1] = np.maximum(states[:, 1], ground + 2.5 * size)
     return states

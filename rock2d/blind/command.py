@@ -10,10 +10,10 @@ from typing import Any
 
 from rock2d.files.folders import write_whole
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, tell: Tell) -> None:
+def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, report: Report) -> None:
     """Write a sealed trial."""
     from tqdm import tqdm
 
@@ -23,14 +23,16 @@ def make(count: int, seed: int, out: Path, *, workers: int | None, progress: boo
         digest = make_trial(
             count, seed, out, workers=workers or os.cpu_count() or 1, step=lambda: _advance(bar)
         )
-    tell(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
+    report(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
 
 
 def _advance(bar: Any) -> None:
     bar.update()
 
 
-def run(folder: Path, *, workers: int | None, without_best: bool = False, progress: bool, tell: Tell) -> None:
+def run(
+    folder: Path, *, workers: int | None, without_best: bool = False, progress: bool, report: Report
+) -> None:
     """Diagnose all cases of a trial."""
     from tqdm import tqdm
 
@@ -38,15 +40,17 @@ def run(folder: Path, *, workers: int | None, without_best: bool = False, progre
 
     with tqdm(unit="case", disable=not progress) as bar:
 
-        def told(done: int, of: int) -> None:
+        def on_progress(done: int, of: int) -> None:
             bar.total, bar.n = of, done
             bar.refresh()
 
-        out = run_trial(folder, workers=workers or os.cpu_count() or 1, without_best=without_best, told=told)
-    tell(f"written: {out}")
+        out = run_trial(
+            folder, workers=workers or os.cpu_count() or 1, without_best=without_best, on_progress=on_progress
+        )
+    report(f"written: {out}")
 
 
-def score(folder: Path, *, tell: Tell) -> dict[str, Any]:
+def score(folder: Path, *, report: Report) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
     from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
@@ -58,19 +62,19 @@ def score(folder: Path, *, tell: Tell) -> dict[str, Any]:
     write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
     write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
     for key, value in found.items():
-        tell(f"{key}: {value}")
-    tell(f"written: {folder / 'score.html'}")
+        report(f"{key}: {value}")
+    report(f"written: {folder / 'score.html'}")
     return found
 
 
 def train_weights(
-    count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, tell: Tell
+    count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, report: Report
 ) -> None:
     """Make, run and learn from a trial of its own; goes on where it was interrupted."""
     from rock2d.blind.training import labelled, train, write_weights
 
     if not (work / "cases.json").is_file():
-        make(count, seed, work, workers=workers, progress=progress, tell=tell)
-    run(work, workers=workers, without_best=True, progress=progress, tell=tell)
+        make(count, seed, work, workers=workers, progress=progress, report=report)
+    run(work, workers=workers, without_best=True, progress=progress, report=report)
     write_weights(train(labelled([work])), out)
-    tell(f"written: {out}")
+    report(f"written: {out}")

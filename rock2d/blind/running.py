@@ -20,7 +20,7 @@ def run_trial(
     *,
     workers: int = 1,
     without_best: bool = False,
-    told: Callable[[int, int], None] = lambda done, of: None,
+    on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Path:
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels.
 
@@ -31,10 +31,10 @@ def run_trial(
     make_folder(out)
     names = [f"{i:03d}" for i in range(count)]
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
-    told(count - len(waiting), count)
+    on_progress(count - len(waiting), count)
     jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
     for k, _ in enumerate(in_turn(_diagnose, jobs, workers)):
-        told(count - len(waiting) + k + 1, count)
+        on_progress(count - len(waiting) + k + 1, count)
     return out
 
 

@@ -42,7 +42,7 @@ def likeness(case: Case, name: str) -> float:
     which is the more alike; 1: nothing that is free in a fit tells them apart here, 0: nothing confuses them."""
     rng = np.random.default_rng(case.seed)
     others = [
-        [reality.draw(name, form, rng, case.bench, case.law, case.blocks, case.gravity_m_s2, strength)]
+        [reality.draw(name, form, rng, case.setup, case.law, case.blocks, case.gravity_m_s2, strength)]
         for form in range(reality.FORMS[name])
         for strength in STRENGTHS
     ]

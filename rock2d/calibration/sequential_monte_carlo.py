@@ -82,7 +82,7 @@ def posterior(
     free: Array | None = None,
     redrawn: Array | None = None,
     moves: int = 3,
-    told: Callable[[float], None] | None = None,
+    on_progress: Callable[[float], None] | None = None,
 ) -> Sample:
     """`count` hypotheses of the posterior of the likelihood, when `start` (m, d) are draws of the prior.
 
@@ -119,8 +119,8 @@ def posterior(
             ahead = log_likelihood(proposed)
             taken = np.log(rng.random(count)) < power * (ahead - ll)
             u[taken], ll[taken] = proposed[taken], ahead[taken]
-        if told is not None:
-            told(power)
+        if on_progress is not None:
+            on_progress(power)
     return Sample(u, ll, evidence)
 
 

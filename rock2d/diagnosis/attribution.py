@@ -22,7 +22,7 @@ from rock2d.diagnosis.model import RIGID, Model
 from rock2d.diagnosis.parallel import Job, try_all
 from rock2d.diagnosis.residual_regression import Leftover, regress
 from rock2d.effects.effect import Effect
-from rock2d.laws.contact import CRATER
+from rock2d.laws.contact import INDENTATION
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -96,23 +96,23 @@ class Attribution:
         return max(self.probabilities, key=lambda name: self.probabilities[name])
 
 
-def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -> Fit:
+def fit_base(setup: World, base: Array, data: Data, seen: World | None = None) -> Fit:
     """The paper's law with its own parameters refitted, from the best few places of a coarse grid around `base`; some
     releases show the way, from where it leads all of them are fitted.
 
     Where the film had to be cut in another world, `seen`, than the stated one, the law is fitted there and left alone
-    on the stated bench: nothing could be learnt of it from blocks that fall into the ground. What effects gain over
+    on the stated set-up: nothing could be learnt of it from blocks that fall into the ground. What effects gain over
     that base is no measure of their size, then.
 
-    Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_crater`): the better one is kept,
-    in the bench of the fit's model.
+    Both readings of its rolling resistance are tried (`ContactParameters.rolling_in_indentation`): the better one is
+    kept, in the set-up of the fit's model.
     """
     found = []
     some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
-        rows = bench.contact.copy()
-        rows[..., CRATER] = reading
-        model = Model(replace(seen or bench, contact=rows), base)
+        rows = setup.contact.copy()
+        rows[..., INDENTATION] = reading
+        model = Model(replace(seen or setup, contact=rows), base)
         corners = [
             np.array([min(stiffness, RIGID), restitution, stiffness, friction, 0.0])
             for stiffness in (0.0, -2.0, 2.0, 4.0)
@@ -128,7 +128,7 @@ def fit_base(bench: World, base: Array, data: Data, seen: World | None = None) -
     best = fit(best.model, data, best.p)
     if seen is None:
         return best
-    stated = Model(replace(bench, contact=best.model.bench.contact), base)
+    stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, enough=np.inf), free=False)
 
 
@@ -139,16 +139,16 @@ def attribute(
     *,
     workers: int = 1,
     folder: Path | None = None,
-    told: Callable[[str], None] = lambda name: None,
+    on_progress: Callable[[str], None] = lambda name: None,
 ) -> Attribution:
     """Try every effect against the base law, and further ones beside the best while something is left. Where the best
     one's law fits better without the effect than the base did, that is the base, and everything is tried anew.
 
-    `told` hears the name of each model when it is done; `folder` keeps finished fits for the next time.
+    `on_progress` hears the name of each model when it is done; `folder` keeps finished fits for the next time.
     """
-    bench, base_out = base.model.bench, hold_out(base, data)
-    job = Job(bench, data, base, folder=folder)
-    results = try_all(job, [(name,) for name in effects], workers, told)
+    setup, base_out = base.model.setup, hold_out(base, data)
+    job = Job(setup, data, base, folder=folder)
+    results = try_all(job, [(name,) for name in effects], workers, on_progress)
     candidates = {
         name: Candidate(effects[name], own, out, out.score - base_out.score)
         for (name,), (own, out) in results.items()
@@ -158,18 +158,18 @@ def attribute(
         # an effect may only have shown the way to a better law
         better = fit(base.model, data, candidates[best].fit.p[: len(base.p)])
         if better.total() > base.total() + PROMISING:
-            return attribute(better, data, effects, workers=workers, folder=folder, told=told)
+            return attribute(better, data, effects, workers=workers, folder=folder, on_progress=on_progress)
     chain = [candidates[best]]
     segments = len(data.impact_release) + len(data.flight_release)
     if _sure(chain[0], LITTLE * segments):
         while len(chain) < LONGEST_CHAIN and _leaves_something(data, chain[-1]):
-            following = _next(job, chain, candidates, workers, told)
+            following = _next(job, chain, candidates, workers, on_progress)
             if following is None or not _sure(following, MORE * segments):
                 break
             chain.append(following)
     covariance = chain[-1].fit.covariance()
-    base_left = regress(bench, data, base_out.left, covariance)
-    best_left = regress(bench, data, chain[-1].held_out.left, covariance)
+    base_left = regress(setup, data, base_out.left, covariance)
+    best_left = regress(setup, data, chain[-1].held_out.left, covariance)
     hidden, left_hidden = discrepancies(base, data), discrepancies(chain[-1].fit, data)
     seen = statistics(candidates, best, base_left, best_left, hidden, left_hidden)
     winner = candidates[best]
@@ -204,15 +204,15 @@ def _next(
     chain: list[Candidate],
     candidates: Mapping[str, Candidate],
     workers: int,
-    told: Callable[[str], None],
+    on_progress: Callable[[str], None],
 ) -> Candidate | None:
     """The effect that gains most beside those of the chain; of those that scatter nothing and gained most alone."""
     names = tuple(c.effect.name for c in chain)
     others = [c for c in candidates.values() if c.effect.name not in names and not c.effect.scatter]
     others = sorted(others, key=lambda c: -c.total)[:COMPANIONS]
     before = chain[-1]
-    start = Job(job.bench, job.data, before.fit, folder=job.folder)
-    tried = try_all(start, [(*names, c.effect.name) for c in others], workers, told)
+    start = Job(job.setup, job.data, before.fit, folder=job.folder)
+    tried = try_all(start, [(*names, c.effect.name) for c in others], workers, on_progress)
     found = [
         Candidate(other.effect, own, out, out.score - before.held_out.score)
         for other, (own, out) in zip(others, tried.values(), strict=True)

@@ -26,7 +26,7 @@ def run_diagnosis(
     seed: int,
     workers: int | None,
     progress: bool,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> dict[str, Any]:
     """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first."""
     from tqdm import tqdm
@@ -37,7 +37,9 @@ def run_diagnosis(
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
-    tell(f"{read.name}: {rows['release'].nunique()} releases, {len(rows)} rows; {len(names)} effects to try")
+    report(
+        f"{read.name}: {rows['release'].nunique()} releases, {len(rows)} rows; {len(names)} effects to try"
+    )
     make_folder(out)
     with tqdm(unit="model", disable=not progress) as bar:
         bar.total = len(names) + 1
@@ -61,8 +63,8 @@ def run_diagnosis(
     write_whole(out / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
     shutil.rmtree(out / PARTIAL, ignore_errors=True)
     for line in summary(result, content):
-        tell(line)
-    tell(f"written: {out / 'diagnosis.json'}, {out / 'report.html'}")
+        report(line)
+    report(f"written: {out / 'diagnosis.json'}, {out / 'report.html'}")
     return content
 
 
@@ -93,10 +95,10 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
 
 
 def run_prediction(
-    experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, tell: Callable[[str], None]
+    experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, report: Callable[[str], None]
 ) -> None:
     """Predict an experiment folder with a diagnosis; writes a CSV."""
     read, content = read_experiment(experiment), read_model(diagnosis)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-    tell(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")
+    report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -33,11 +33,11 @@ from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_vari
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import base_start, bench_world
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
-from rock2d.laws.contact import CRATER
-from rock2d.scene.cross_section import Terrain
+from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.laws.contact import INDENTATION
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -52,7 +52,7 @@ class Diagnosis:
 
     experiment: Experiment
     sanity: Sanity
-    bench: World
+    setup: World
     data: FilmData | TableData | None = None
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
@@ -84,18 +84,18 @@ def diagnose(
     step : hears the name of each model when it is done
     forecast : hears beforehand how many seconds it will take, roughly
     """
-    bench = bench_world(experiment)
+    setup = setup_world(experiment)
     data: FilmData | TableData
     if experiment.trajectories is not None:
         film = load_film(experiment)
-        result = Diagnosis(experiment, check_film(experiment, film), bench)
+        result = Diagnosis(experiment, check_film(experiment, film), setup)
         if result.sanity.faults:
             return result
-        data = film_data(film, result.sanity.seen or bench)
+        data = film_data(film, result.sanity.seen or setup)
         keys = [film.t_s, film.pose, film.release]
     else:
         data = table_data(experiment)
-        result = Diagnosis(experiment, check_table(experiment, data), bench)
+        result = Diagnosis(experiment, check_table(experiment, data), setup)
         keys = [data.before, data.after, data.impact_release]
         if result.sanity.faults:
             return result
@@ -106,27 +106,27 @@ def diagnose(
         return result
     if folder is not None:
         stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
-        keys += [experiment.terrain.points_m, experiment.terrain.zone_ids, stated]
+        keys += [experiment.cross_section.points_m, experiment.cross_section.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
     with threadpool_limits(
         1
     ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
         tried = effects or catalogue()
-        forecast(_cost_s(bench, base_start(experiment), data, len(tried), workers))
-        base = fit_base(bench, base_start(experiment), data, result.sanity.seen)
+        forecast(_cost_s(setup, base_start(experiment), data, len(tried), workers))
+        base = fit_base(setup, base_start(experiment), data, result.sanity.seen)
         step("base")
-        found = attribute(base, data, tried, workers=workers, folder=folder, told=step)
+        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=step)
     result.data, result.found = data, found
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
-    result.cells = locate(experiment, data, found, bench)
+    result.cells = locate(experiment, data, found, setup)
     return result
 
 
-def _cost_s(bench: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
+def _cost_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
     """Expected seconds of all fits, from the time that one look at all impacts takes."""
-    model = Model(bench, start)
+    model = Model(setup, start)
     residuals(model, model.start(), data)  # the first look may compile
     begin = perf_counter()
     residuals(model, model.start(), data)
@@ -134,10 +134,10 @@ def _cost_s(bench: World, start: Array, data: FilmData | TableData, effects: int
 
 
 def locate(
-    experiment: Experiment, data: FilmData | TableData, found: Attribution, bench: World
+    experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
 ) -> list[Cell]:
     """Where the gap lies; a flight belongs to the zone below its middle, a rest to that below its end."""
-    terrain, blocks = experiment.terrain, list(experiment.blocks)
+    cross_section, blocks = experiment.cross_section, list(experiment.blocks)
     bare = None
     if found.verdict == found.best and not found.chain[0].effect.camera:
         # The base's parameters have given way to the effect everywhere, and what air does shows in impacts, too:
@@ -153,8 +153,8 @@ def locate(
         best = found.final.fit
         seen = best.model.world(
             best.p, data.impact_order
-        )  # in a mirrored film the bench alone would be on the other side
-        below = _zone_below(terrain, data.states(seen).middle[:, 0])
+        )  # in a mirrored film the set-up alone would be on the other side
+        below = _zone_below(cross_section, data.states(seen).middle[:, 0])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight):
@@ -162,7 +162,7 @@ def locate(
             taken = rest_squares(data, rests, found.base, variance) - rest_squares(
                 data, rests, best, variance
             )
-            own = _zone_below(terrain, rests.pose[:, 0])
+            own = _zone_below(cross_section, rests.pose[:, 0])
             columns = ([0], [1], [2])
             parts.append(
                 Part(
@@ -175,13 +175,13 @@ def locate(
                     columns,
                 )
             )
-    return where(parts, terrain.zone_names, blocks)
+    return where(parts, cross_section.zone_names, blocks)
 
 
-def _zone_below(terrain: Terrain, x: Array) -> Array:
+def _zone_below(cross_section: CrossSection, x: Array) -> Array:
     """(n,) zone of the ground below positions x."""
-    facet = np.searchsorted(terrain.points_m[1:, 0], x)
-    return terrain.zone_ids[np.clip(facet, 0, len(terrain.zones) - 1)]
+    facet = np.searchsorted(cross_section.points_m[1:, 0], x)
+    return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]
 
 
 def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
@@ -241,8 +241,8 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         }  # fmt: skip
     assert result.data is not None and result.gaps is not None and result.cells is not None
     # an effect that only widens the scatter closes a gap of spread; unless it is the verdict, the gap is that of means
-    told = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    first = max(told, key=lambda name: found.candidates[name].total)
+    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    first = max(named, key=lambda name: found.candidates[name].total)
     best = (
         result.gaps["+".join(c.effect.name for c in found.chain)]
         if first == found.best
@@ -261,7 +261,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     }
     return head | {
         "base": base_values(found.base),
-        "law": {"rolling_in_crater": bool(found.base.model.bench.contact[..., CRATER].any())},
+        "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
         "verdict": found.verdict,
         "group": found.group if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
@@ -274,7 +274,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             "closure_to_unit_variance": _to_unit(best),
         },
         "next_release": next_release(
-            result.data, result.bench, found, result.cells, result.experiment.terrain.zone_names
+            result.data, result.setup, found, result.cells, result.experiment.cross_section.zone_names
         ),
         "unexplained": [
             {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
@@ -289,7 +289,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
 
 def reading_in_words(base: Fit) -> str:
     """Which reading of the paper's rolling resistance the data chose."""
-    if base.model.bench.contact[..., CRATER].any():
+    if base.model.setup.contact[..., INDENTATION].any():
         return (
             "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
             "until the block is clear of the original surface."

@@ -161,8 +161,8 @@ def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
 def standard(features: Array) -> Array:
     """Columns of zero mean and unit variance; those that say nothing are left out."""
     spread = features.std(axis=0)
-    told = spread > 1e-9 * (1.0 + np.abs(features).max(axis=0, initial=0.0))
-    return np.asarray((features[:, told] - features[:, told].mean(axis=0)) / spread[told])
+    varies = spread > 1e-9 * (1.0 + np.abs(features).max(axis=0, initial=0.0))
+    return np.asarray((features[:, varies] - features[:, varies].mean(axis=0)) / spread[varies])
 
 
 def _by_release(release: Array, gain: Array, data: Data) -> Array:

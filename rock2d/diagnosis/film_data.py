@@ -15,7 +15,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-STRETCHES = 10  # of the bench, with as many impacts each
+STRETCHES = 10  # of the set-up, with as many impacts each
 
 
 @dataclass
@@ -226,7 +226,7 @@ def incident_groups(
 
 
 def _stretch(x: Array) -> Array:
-    """Which of STRETCHES stretches of the bench with as many places each a place is in."""
+    """Which of STRETCHES stretches of the set-up with as many places each a place is in."""
     return np.digitize(x, np.quantile(x, np.linspace(0.0, 1.0, STRETCHES + 1)[1:-1]))
 
 

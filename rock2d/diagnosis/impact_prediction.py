@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Cut, clearances
 from rock2d.kinematics.states import Basis, States, drift
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -61,7 +61,7 @@ def start_instants(world: World, cut: Cut, basis: Basis, states: States) -> Arra
     at which the block is well above the ground. NaN where it never is above it."""
     film, flights = cut.film, cut.flights
     blocks = list(world.blocks.values())
-    ground = terrain_arrays(world.terrain, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
     start = np.full(len(flights), np.nan)
     for i in range(len(flights)):
         block = blocks[flights.block[i]]
@@ -87,14 +87,14 @@ def find_impacts(world: World, cut: Cut, basis: Basis, states: States, start: Ar
     begin = film.t_s[flights.first[after]] - basis.middle[after]
     leaves = drift(world, flights.block[before], states.middle[before], ends)
     arrives = drift(world, flights.block[after], states.middle[after], begin)
-    facet = nearest_facet(0.5 * (leaves + arrives)[:, :2], world.terrain)
+    facet = nearest_facet(0.5 * (leaves + arrives)[:, :2], world.cross_section)
     wait = film.t_s[flights.first[after]] - (basis.middle[before] + start[before])
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]
     size = np.array([b.radius_m for b in blocks])[flights.block[after]]
     window = np.minimum(length, WINDOW * np.sqrt(size / max(world.gravity_m_s2, 1e-3)))
     return Impacts(
         before, after, flights.block[after], flights.release[after], start[before], begin, wait, window,
-        world.terrain.zone_ids[facet], world.terrain.tangents[facet],
+        world.cross_section.zone_ids[facet], world.cross_section.tangents[facet],
         release_order(film.release_block)[flights.release[after]].astype(float),
     )  # fmt: skip
 
@@ -108,9 +108,9 @@ def release_order(release_block: Array) -> Array:
     return order
 
 
-def nearest_facet(points: Array, terrain: Terrain) -> Array:
+def nearest_facet(points: Array, cross_section: CrossSection) -> Array:
     """(n,) index of the facet nearest to each point (n, 2)."""
-    start, edge = terrain.points_m[:-1], np.diff(terrain.points_m, axis=0)
+    start, edge = cross_section.points_m[:-1], np.diff(cross_section.points_m, axis=0)
     d = points[:, None] - start
     along = np.clip((d * edge).sum(-1) / (edge**2).sum(-1), 0.0, 1.0)
     return np.hypot(*np.moveaxis(d - along[..., None] * edge, -1, 0)).argmin(axis=1)

@@ -1,7 +1,7 @@
 """An impact table as data for a fit: the law is run through each impact from the state before it.
 
 Nothing but velocities is compared: where exactly the block was when they were measured is rarely known to the depth of
-a crater. On a hard floor the time in contact is not seen either, so only the ratio of stiffnesses can be told.
+a indentation. On a hard floor the time in contact is not seen either, so only the ratio of stiffnesses can be told.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rock2d.diagnosis.film_data import history_groups, incident_features, incide
 from rock2d.diagnosis.fitting import Residuals
 from rock2d.diagnosis.impact_prediction import nearest_facet, release_order
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.states import DEGREES, drift
@@ -61,7 +61,7 @@ class TableData:
             true = true + shift
         blocks = list(world.blocks.values())
         size = np.array([b.radius_m for b in blocks])[self.impact_block]
-        ground = terrain_arrays(world.terrain, 10 * size.max())
+        ground = ground_arrays(world.cross_section, 10 * size.max())
         starts = true.copy()
         for b, block in enumerate(blocks):
             own = self.impact_block == b
@@ -151,9 +151,9 @@ def table_data(experiment: Experiment) -> TableData:
     block = table["block"].map({name: i for i, name in enumerate(names)}).to_numpy(np.int64)
     first = np.searchsorted(index, np.arange(len(releases)))
     before = table[columns].to_numpy(float)
-    facet = nearest_facet(before[:, :2], experiment.terrain)
+    facet = nearest_facet(before[:, :2], experiment.cross_section)
     order = release_order(block[first]).astype(float)
     return TableData(
-        before, table[after].to_numpy(float), block, experiment.terrain.zone_ids[facet],
-        experiment.terrain.tangents[facet], index, order[index], order,
+        before, table[after].to_numpy(float), block, experiment.cross_section.zone_ids[facet],
+        experiment.cross_section.tangents[facet], index, order[index], order,
     )  # fmt: skip

@@ -31,16 +31,16 @@ class Model:
     `beside`: parameters of the fit that effects are added to, if any; its stiffnesses are not left far behind.
     """
 
-    bench: World
+    setup: World
     base: Array
     effects: Sequence[Effect] = ()
     beside: Array | None = None
 
     @cached_property
     def parameters(self) -> list[list[Parameter]]:
-        """Parameters of each effect, with their ranges at the scale of this bench."""
-        size = self.bench.mean_size_m
-        return [[p.at(size, self.bench.gravity_m_s2) for p in e.parameters] for e in self.effects]
+        """Parameters of each effect, with their ranges at the scale of this set-up."""
+        size = self.setup.mean_size_m
+        return [[p.at(size, self.setup.gravity_m_s2) for p in e.parameters] for e in self.effects]
 
     @property
     def size(self) -> int:
@@ -82,9 +82,9 @@ class Model:
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
         """The world at p for releases of these places in their series; `amounts` instead of the effects' values."""
-        rows = self.bench.contact.copy()
+        rows = self.setup.contact.copy()
         rows[..., [K_L, K_UL, K_T, MU, K_R]] = self.law(p)
-        world = replace(self.bench, contact=rows, order=order)
+        world = replace(self.setup, contact=rows, order=order)
         for effect, values in zip(self.effects, amounts or self.values(p), strict=True):
             if not effect.scatter or amounts is not None:
                 world = effect.apply(world, values)

@@ -25,7 +25,7 @@ VARIANTS = (
 
 
 def next_release(
-    data: Data, bench: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
+    data: Data, setup: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
 ) -> str:
     """In words: what to film next to split the best effect from its closest rival."""
     if found.verdict == "unknown":
@@ -44,14 +44,14 @@ def next_release(
     names = f"{first.effect.name} and {second.effect.name}"
     best, words = 0.0, ""
     for text, faster, spin in VARIANTS:
-        distance = _distance(data, bench, first, second, faster, spin)
-        for block in range(len(bench.blocks)):
+        distance = _distance(data, setup, first, second, faster, spin)
+        for block in range(len(setup.blocks)):
             for zone in range(len(zones)):
                 own = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
                 if own.sum() >= FEW and (typical := float(np.median(distance[own]))) > best:
-                    pace = float(np.median(np.hypot(*data.incident(bench)[own, 3:5].T))) * faster
+                    pace = float(np.median(np.hypot(*data.incident(setup)[own, 3:5].T))) * faster
                     best = typical
-                    words = f"a {list(bench.blocks)[block]} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
+                    words = f"a {list(setup.blocks)[block]} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
     if not words:
         return f"Longer flights: no impact tells {names} apart."
     lead = "" if found.verdict != "none" else "No effect stands out. "
@@ -65,13 +65,13 @@ def _place(cell: Cell) -> str:
 
 
 def _distance(
-    data: Data, bench: World, first: Candidate, second: Candidate, faster: float, spin: float
+    data: Data, setup: World, first: Candidate, second: Candidate, faster: float, spin: float
 ) -> Array:
     """(n,) standard deviations between what two models predict of each impact."""
-    size = np.array([b.radius_m for b in bench.blocks.values()])[data.impact_block]
+    size = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
     shift = np.zeros((len(size), 6))
-    shift[:, 3:5] = (faster - 1.0) * data.incident(bench)[:, 3:5]
-    shift[:, 5] = spin * np.sqrt(bench.gravity_m_s2 / size)
+    shift[:, 3:5] = (faster - 1.0) * data.incident(setup)[:, 3:5]
+    shift[:, 5] = spin * np.sqrt(setup.gravity_m_s2 / size)
     left = [data.left(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
     difference = np.nan_to_num(left[0] - left[1])
     covariance = first.fit.covariance()

@@ -20,9 +20,9 @@ Result = tuple[Fit, HeldOut]
 
 @dataclass
 class Job:
-    """What every process needs: the bench, the data and the fit to start from."""
+    """What every process needs: the set-up, the data and the fit to start from."""
 
-    bench: World
+    setup: World
     data: Data
     start: Fit
     folder: Path | None = None  # where fits are kept, if anywhere
@@ -69,7 +69,7 @@ def _try_own(names: tuple[str, ...]) -> Result:
 def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     """Fit the model with these effects and hold it out, or read it if that was done before."""
     known = catalogue()
-    model = Model(job.bench, job.start.model.base, [known[name] for name in names], job.start.p)
+    model = Model(job.setup, job.start.model.base, [known[name] for name in names], job.start.p)
     start = hashlib.sha256(job.start.p.tobytes()).hexdigest()[:8]
     path = job.folder / f"{'+'.join(names)}_{start}.npz" if job.folder is not None else None
     if path is not None and (found := load_fit(path, model)) is not None:
@@ -84,13 +84,13 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
 
 
 def try_all(
-    job: Job, models: Sequence[tuple[str, ...]], workers: int, told: Callable[[str], None]
+    job: Job, models: Sequence[tuple[str, ...]], workers: int, on_progress: Callable[[str], None]
 ) -> dict[tuple[str, ...], Result]:
-    """Every model (a tuple of effects' names) with its result; `told` hears each as it is done."""
+    """Every model (a tuple of effects' names) with its result; `on_progress` hears each as it is done."""
     results: dict[tuple[str, ...], Result] = {}
     for names, result in _run(job, models, workers):
         results[names] = result
-        told(" + ".join(names))
+        on_progress(" + ".join(names))
     return {names: results[names] for names in models}
 
 

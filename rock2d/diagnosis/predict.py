@@ -1,4 +1,4 @@
-"""A diagnosed model on another experiment of the same bench: every stretch from one flight to the next."""
+"""A diagnosed model on another experiment of the same set-up: every stretch from one flight to the next."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
-from rock2d.laws.contact import CRATER, K_L, K_R, K_T, K_UL, MU
+from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _positive(value: Any) -> bool:
     return isinstance(value, (int, float)) and np.isfinite(value) and value > 0
 
 
-def diagnosed_world(content: dict[str, Any], bench: World, order: Array, base_only: bool) -> World:
+def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:
     """The world of a diagnosis: the base law, or the law and the effects of the verdict."""
     known = catalogue()
     names = [] if base_only or content["verdict"] not in known else [content["verdict"]]
@@ -65,11 +65,11 @@ def diagnosed_world(content: dict[str, Any], bench: World, order: Array, base_on
         fitted = content["beside"][-1]
         values = fitted["parameters"]
     law = fitted["base"]
-    rows = bench.contact.copy()
+    rows = setup.contact.copy()
     rows[..., [K_L, K_UL, K_T, K_R]] = [law["k_l_N_m"], law["k_ul_N_m"], law["k_t_N_m"], law["k_r_Nm_rad"]]
     rows[..., MU] = np.tan(np.deg2rad(law["friction_angle_deg"]))
-    rows[..., CRATER] = float(content.get("law", {}).get("rolling_in_crater", False))
-    world = replace(bench, contact=rows, order=order)
+    rows[..., INDENTATION] = float(content.get("law", {}).get("rolling_in_indentation", False))
+    world = replace(setup, contact=rows, order=order)
     for name, own in values.items():
         if not known[name].scatter:  # a scatter shifts no mean
             world = known[name].apply(world, [own[q.name]["value"] for q in known[name].parameters])
@@ -88,12 +88,12 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
         raise InputError(
             "an impact table has no flights to predict from: trajectories are needed", experiment.folder
         )
-    bench, film = bench_world(experiment), load_film(experiment)
+    setup, film = setup_world(experiment), load_film(experiment)
     sanity = check_film(experiment, film)
     fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
     if fatal:
         raise InputError(fatal[0], experiment.folder)
-    data = film_data(film, sanity.seen or bench)
+    data = film_data(film, sanity.seen or setup)
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
@@ -101,7 +101,7 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     block = film.release_block
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
-    world = diagnosed_world(content, bench, order[data.cut.flights.release[flights]], base_only)
+    world = diagnosed_world(content, setup, order[data.cut.flights.release[flights]], base_only)
     return pd.DataFrame(_stretches(film, data, world, flights), columns=list(COLUMNS))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.effects.effect import Parameter
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain, ditch_facets, embankment_facets
+from rock2d.scene.cross_section import CrossSection, ditch_facets, embankment_facets
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -18,9 +18,9 @@ Array = np.ndarray
 # where the camera's axis meets the plane: nobody measures it, so every effect that turns about it has it as parameters
 CENTRE = (
     Parameter(
-        "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the bench's middle, over its width"
+        "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"
     ),
-    Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the bench's middle, over its width"),
+    Parameter("centre_up", "1", 0.0, -1.0, 1.0, "camera's axis above the set-up's middle, over its width"),
 )
 
 
@@ -29,12 +29,12 @@ def mean_mass_kg(world: World) -> float:
     return float(np.mean([block.mass_kg for block in world.blocks.values()]))
 
 
-def image(terrain: Terrain) -> tuple[tuple[float, float], float]:
+def image(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
     """Where a camera aims, and the width of what it is about, in m: middle and width of the box that bounds embankment
     and ditch, or the whole cross-section where there is no embankment."""
-    aim = embankment_facets(terrain) | ditch_facets(terrain)
+    aim = embankment_facets(cross_section) | ditch_facets(cross_section)
     facets = np.flatnonzero(aim) if aim.any() else np.arange(len(aim))
-    points = terrain.points_m[np.union1d(facets, facets + 1)]
+    points = cross_section.points_m[np.union1d(facets, facets + 1)]
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)
     return (float(middle[0]), float(middle[1])), float(high[0] - low[0])
@@ -42,7 +42,7 @@ def image(terrain: Terrain) -> tuple[tuple[float, float], float]:
 
 def with_view(world: World, centre: Sequence[float] = (0.0, 0.0), **changes: Any) -> World:
     """The world seen by another camera, which aims at `image`, or `centre` × its width beside it."""
-    (x, y), width = image(world.terrain)
+    (x, y), width = image(world.cross_section)
     aim = (x + width * centre[0], y + width * centre[1])
     return replace(world, view=replace(world.view, centre_m=aim, **changes))
 

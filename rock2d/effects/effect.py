@@ -19,7 +19,7 @@ class Parameter:
     """One parameter of an effect. `neutral` is its value without the effect; `low` and `high` bound the plausible.
 
     `choices`: the values it can take, if it is no continuous quantity. `length`, `time`: the exponents of its unit; the
-    range (and a neutral value that is not 0) is that of a laboratory, and grows with the bench, see `at`.
+    range (and a neutral value that is not 0) is that of a laboratory, and grows with the set-up, see `at`.
     """
 
     name: str

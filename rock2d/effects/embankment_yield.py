@@ -20,7 +20,7 @@ def recoil(per_mass):
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    zones = facet_zones(world.terrain, embankment_facets(world.terrain))
+    zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
     return with_column(world, "recoil_1_kg", values[0] / mean_mass_kg(world), zones)
 
 

@@ -4,7 +4,8 @@ An effect brings any of these laws, compiled (`rock2d.compiled.kernel`). Each is
 first, in the order of `Effect.columns`, and only where one of them is not 0:
 
 - normal(columns, depth, rate, peak, bottom, force_n): normal force in N to be added to the contact law's `force_n`.
-  While the ground presses (depth >= bottom of the crater) the sum is kept from pulling; in the crater it may pull
+  While the ground presses (depth >= bottom of the indentation) the sum is kept from pulling; in the indentation it
+    may pull
 - friction(columns, slip): factor on tan φ
 - tangential(columns, depth, slip, force_n): force in N against the slip, beside the tangential spring; `force_n` is the
   whole normal force

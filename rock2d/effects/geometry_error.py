@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.scene.cross_section import Terrain, ditch_facets
+from rock2d.scene.cross_section import CrossSection, ditch_facets
 from rock2d.scene.world import World
 
 STEEPEST_RAD = np.deg2rad(170.0)  # of a facing; beyond the vertical it overhangs
@@ -20,22 +20,26 @@ def apply(world: World, values: Sequence[float]) -> World:
     if not any(values):
         return world
     size = world.mean_size_m
-    return replace(world, terrain=as_built(world.terrain, float(values[0]), float(values[1]), size))
+    return replace(
+        world, cross_section=as_built(world.cross_section, float(values[0]), float(values[1]), size)
+    )
 
 
-def as_built(terrain: Terrain, facing_rad: float, ditch_level: float, size_m: float) -> Terrain:
+def as_built(
+    cross_section: CrossSection, facing_rad: float, ditch_level: float, size_m: float
+) -> CrossSection:
     """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
     and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
 
     Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Ground without an
     embankment is inclined as a whole about its middle and raised by `ditch_level` × `size_m`, the size of the blocks.
     """
-    rise = terrain.embankment
-    points = terrain.points_m.copy()
+    rise = cross_section.embankment
+    points = cross_section.points_m.copy()
     if rise is None:
         middle = 0.5 * (points[0, 0] + points[-1, 0])
         points[:, 1] += ditch_level * size_m + np.tan(facing_rad) * (points[:, 0] - middle)
-        return Terrain(points, terrain.zones, terrain.measure_lines)
+        return CrossSection(points, cross_section.zones, cross_section.measure_lines)
     run, height = points[rise.crest] - points[rise.left]
     angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
     shear = 1.0 / np.tan(angle) - run / height
@@ -43,15 +47,15 @@ def as_built(terrain: Terrain, facing_rad: float, ditch_level: float, size_m: fl
     shear = min(shear, (1.0 - CREST_LEFT) * (room - points[rise.crest, 0]) / height)
     face = slice(rise.left + 1, rise.crest + 1)
     points[face, 0] += shear * (points[face, 1] - points[rise.left, 1])
-    ditch = np.flatnonzero(ditch_facets(terrain))
+    ditch = np.flatnonzero(ditch_facets(cross_section))
     points[np.union1d(ditch, ditch + 1), 1] += ditch_level * rise.height_m
-    return Terrain(points, terrain.zones, terrain.measure_lines)
+    return CrossSection(points, cross_section.zones, cross_section.measure_lines)
 
 
 EFFECT = Effect(
     name="geometry_error",
     summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
-    source="geometry, told by shape: `Terrain.embankment`",
+    source="geometry, told by shape: `CrossSection.embankment`",
     phase="impact",
     parameters=(
         Parameter(

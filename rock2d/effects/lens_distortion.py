@@ -11,7 +11,7 @@ from rock2d.scene.world import World
 
 def apply(world: World, values: Sequence[float]) -> World:
     return with_view(
-        world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / image(world.terrain)[1] ** 2
+        world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / image(world.cross_section)[1] ** 2
     )
 
 

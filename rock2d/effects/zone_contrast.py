@@ -15,7 +15,7 @@ from rock2d.scene.world import World
 
 def apply(world: World, values: Sequence[float]) -> World:
     stiffness, restitution, friction = values
-    zones = facet_zones(world.terrain, embankment_facets(world.terrain))
+    zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
     world = with_scaled_columns(world, (K_L,), stiffness, zones)
     world = with_scaled_columns(world, (K_UL,), stiffness / restitution**2, zones)
     world = with_scaled_columns(world, (MU,), friction, zones)

@@ -17,14 +17,14 @@ from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
 from rock2d.engines.contact_step import AUDIT, N_AUDIT
-from rock2d.engines.geometry import CONVEX, block_arrays, terrain_arrays
+from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import N_IMPACT
 from rock2d.engines.release import STOPS
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.track import IMPACT_COLUMNS, Track
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -47,11 +47,12 @@ class Packed(NamedTuple):
     bin_start: Array
     trees: Array
     tree_start: Array
-    terrain_reals: (
-        Array  # (terrains, 6) x_start, bins per m, x_exit low and high, mean facet length, convex corners
+    ground_reals: (
+        Array  # (cross-sections, 6) x_start, bins per m, x_exit low and high, mean facet length, convex
     )
-    lines: Array  # (terrains, lines, 4) end points of measure lines, NaN where there are fewer
-    tables: Array  # (tables, zones, columns of `effects.columns.engine_rows`)
+    corners
+    # lines: Array  (cross-sections, lines, 4) end points of measure lines, NaN where there are fewer tables: Array
+    # # (tables, zones, columns of `effects.columns.engine_rows`)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Ensemble:
     of tables are best given as one array)."""
 
     blocks: Sequence[Block]
-    terrains: Sequence[Terrain]
+    cross_sections: Sequence[CrossSection]
     tables: Sequence[Array] | Array
 
 
@@ -93,9 +94,9 @@ def pack(ensemble: Ensemble) -> Packed:
     """Flat arrays of an ensemble."""
     blocks = [block_arrays(b) for b in ensemble.blocks]
     reach = 10 * max(b.radius_m for b in ensemble.blocks)
-    grounds = [terrain_arrays(t, reach) for t in ensemble.terrains]
+    grounds = [ground_arrays(t, reach) for t in ensemble.cross_sections]
     trees = [facet_tree(g.facets[:, :2]) for g in grounds]
-    names = [list(t.measure_lines.values()) for t in ensemble.terrains]
+    names = [list(t.measure_lines.values()) for t in ensemble.cross_sections]
     lines = np.full((len(grounds), max(map(len, names)), 4), np.nan)
     for i, ends in enumerate(names):
         for k, line in enumerate(ends):
@@ -142,7 +143,7 @@ def _tables(ensemble: Ensemble) -> Array:
 def world_ensemble(world: World) -> tuple[Ensemble, Array]:
     """What `run_batch` needs of a world: the ensemble (blocks in the world's order), and the `table_ids` of its
     releases: (1,) if all are alike, else (n,)."""
-    return Ensemble(list(world.blocks.values()), [world.terrain], world.contact), np.arange(
+    return Ensemble(list(world.blocks.values()), [world.cross_section], world.contact), np.arange(
         len(world.contact)
     )
 
@@ -152,7 +153,7 @@ def run_batch(
     states: Array,
     *,
     block_ids: Array | int = 0,
-    terrain_ids: Array | int = 0,
+    cross_section_ids: Array | int = 0,
     table_ids: Array | int = 0,
     gravity_m_s2: float = 9.81,
     time_limit_s: float | Array = 5.0,
@@ -185,7 +186,7 @@ def run_batch(
     ids = []
     for name, given, choices in (
         ("block_ids", block_ids, ensemble.blocks),
-        ("terrain_ids", terrain_ids, ensemble.terrains),
+        ("cross_section_ids", cross_section_ids, ensemble.cross_sections),
         ("table_ids", table_ids, ensemble.tables),
     ):
         index = np.broadcast_to(np.asarray(given, np.int64), (n,))
@@ -210,7 +211,7 @@ def run_batch(
 
 def run_batch_track(
     block: Block,
-    terrain: Terrain,
+    cross_section: CrossSection,
     table: Array,
     state: Array,
     *,
@@ -221,7 +222,7 @@ def run_batch_track(
     step_fraction: float = STEP_FRACTION,
 ) -> Track:
     """One release of the batch engine as a track, every contact step a knot."""
-    ensemble = Ensemble([block], [terrain], [table])
+    ensemble = Ensemble([block], [cross_section], [table])
     packed = pack(ensemble)
     steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
     room = 4096
@@ -245,7 +246,7 @@ def run_batch_track(
         values = [*row[1:15], row[15], row[16]]
         rows.append(
             {
-                "zone": terrain.zone_names[int(row[0])],
+                "zone": cross_section.zone_names[int(row[0])],
                 **dict(zip(IMPACT_COLUMNS[3:], map(float, values), strict=True)),
             }
         )
@@ -271,15 +272,15 @@ def _contact_steps(
 
 @njit(parallel=True)
 def _ensemble(
-    packed, states, block_ids, terrain_ids, table_ids, steps, gravity, limits, impact_limit, spent, settled, times,
-    stop, ends, impact_count, impacts, crossings, samples, audit,
+    packed, states, block_ids, cross_section_ids, table_ids, steps, gravity, limits, impact_limit, spent, settled,
+    times, stop, ends, impact_count, impacts, crossings, samples, audit,
 ):  # fmt: skip
     rows = np.int64(times.shape[0])
     for k in numba.prange(len(states)):
         i = np.int64(k)
         q = states[i].copy()
         code, t, count, _ = release_kernel(
-            packed, q, block_ids[i], terrain_ids[i], table_ids[i], steps[i, 0], steps[i, 1], gravity, limits[i],
+            packed, q, block_ids[i], cross_section_ids[i], table_ids[i], steps[i, 0], steps[i, 1], gravity, limits[i],
             impact_limit, spent, settled, times[min(i, rows - 1)], impacts[i], crossings[i], samples[i], audit[i],
             np.empty((0, 8)),
         )  # fmt: skip

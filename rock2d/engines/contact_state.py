@@ -1,7 +1,7 @@
-"""Contact slots: the memory of each contact point of a block, and the search for the feature it meets.
+"""Contact contacts: the memory of each contact point of a block, and the search for the feature it meets.
 
-A polygon has a slot for each corner and VERTEX_SLOTS for terrain corners under its faces; a circle or ellipse has
-SMOOTH_SLOTS. A slot follows its feature from facet to facet, so memory is carried over joints.
+A polygon has a contact for each corner and VERTEX_SLOTS for ground corners under its faces; a circle or ellipse has
+SMOOTH_SLOTS. A contact follows its feature from facet to facet, so memory is carried over joints.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ from rock2d.engines.geometry import (
 )
 from rock2d.scene.blocks import Block
 
-# memory of a slot: integers, then reals; ACTING is the force of a contact with effects, which the rest does not tell
+# memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the rest does not tell
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
 DEPTH, RATE, DEPTH_MAX, STRETCH, ROTATION, OFFSET, ACTING = range(7)
 N_INTS, N_REALS = 6, 7
-VERTEX_SLOTS = 8  # convex terrain corners under one polygon at a time
-SMOOTH_SLOTS = 6  # patches and corners under one circle or ellipse at a time
-NOWHERE = -1.0e300  # depth of a slot that has no feature
+VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
+SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
+NOWHERE = -1.0e300  # depth of a contact that has no feature
 
 
-def slot_count(block: Block) -> int:
-    """Number of contact slots that a block needs."""
-    return SMOOTH_SLOTS if block.smooth else len(block.corners_m) + VERTEX_SLOTS
+def contact_count(block: Block) -> int:
+    """Number of contact contacts that a block needs."""
+    return SMOOTH_CONTACTS if block.smooth else len(block.corners_m) + VERTEX_CONTACTS
 
 
-def new_slots(block: Block) -> tuple[np.ndarray, np.ndarray]:
-    """Empty memory: (slots, N_INTS) integers and (slots, N_REALS) reals."""
-    n = slot_count(block)
+def new_contacts(block: Block) -> tuple[np.ndarray, np.ndarray]:
+    """Empty memory: (contacts, N_INTS) integers and (contacts, N_REALS) reals."""
+    n = contact_count(block)
     ints, reals = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_REALS))
     clear(ints, reals)
     return ints, reals
@@ -60,15 +60,15 @@ def new_slots(block: Block) -> tuple[np.ndarray, np.ndarray]:
 
 @kernel
 def clear(ints, reals):
-    """Empty the memory of all slots."""
+    """Empty the memory of all contacts."""
     ints[:, :], reals[:, :] = 0, 0.0
     ints[:, KEY] = -1
     reals[:, DEPTH] = NOWHERE
 
 
 @kernel
-def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
-    """Fill `found_*` with each slot's nearest feature and depth at pose q; slots keep the feature they follow.
+def find_features(q, reach, f0, f1, ground, block, ints, found_i, found_r):
+    """Fill `found_*` with each contact's nearest feature and depth at pose q; contacts keep the feature they follow.
 
     Only facets f0 to f1 - 1 are looked at; of vertices and smooth profiles, features farther above the ground
     than `reach` are left out (depth NOWHERE).
@@ -78,13 +78,13 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
         found_r[j, DEPTH] = NOWHERE
         if ints[j, ACTIVE]:
             copy(ints[j], found_i[j])
-    facets, sides = terrain.facets, block.sides
+    facets, sides = ground.facets, block.sides
     n = sides.shape[0]
     if n > 0:
         for i in range(n):
             px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
             py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-            depth, kind, index = near_depth(px, py, terrain, f0, f1, reach + block.rounding)
+            depth, kind, index = near_depth(px, py, ground, f0, f1, reach + block.rounding)
             if block.rounding > 0.0:
                 outside = depth < 0.0
                 depth += block.rounding
@@ -102,7 +102,7 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
                     rounded = depth < block.rounding and block.rounding > 0.0
                     if rounded and not under_face(face, px, py, x, y, c, s, sides):
                         continue  # under a rounded corner
-                    slot = _slot_for(ints, found_r, n, v)
+                    slot = _contact_for(ints, found_r, n, v)
                     if slot >= 0:
                         _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)
     else:
@@ -121,9 +121,9 @@ def find_features(q, reach, f0, f1, terrain, block, ints, found_i, found_r):
 
 @kernel
 def hand_over(corners, ints, reals, found_i, found_r, stretch, rotation):
-    """Where a terrain corner has passed between the circle of a rounded corner (a corner's slot) and the flat part of a
-    face (a vertex's slot), let the other slot go on with the contact's memory; stretch, rotation: its springs' new
-    states."""
+    """Where a ground corner has passed between the circle of a rounded corner (a corner's contact) and the flat part
+    of a face (a vertex's contact), let the other contact go on with the contact's memory; stretch, rotation: its
+    springs' new states."""
     for j in range(ints.shape[0]):
         if not ints[j, ACTIVE] or found_r[j, DEPTH] != NOWHERE:
             continue
@@ -151,8 +151,8 @@ def _set(found_i, found_r, slot, kind, index, part, depth, key):
 
 
 @kernel
-def _slot_for(ints, found_r, start, key):
-    """The slot that follows `key`, else a free one, else -1."""
+def _contact_for(ints, found_r, start, key):
+    """The contact that follows `key`, else a free one, else -1."""
     free, stale = -1, -1
     for j in range(start, ints.shape[0]):
         empty = not ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE
@@ -196,7 +196,7 @@ def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, fo
                 key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
                 _offer(ints, found_i, found_r, SMOOTH_VERTEX, v, depth, key)
     for j in range(ints.shape[0]):
-        # an active slot whose feature is gone has handed over to the neighbouring one
+        # an active contact whose feature is gone has handed over to the neighbouring one
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
             for k in range(ints.shape[0]):
                 if (
@@ -214,12 +214,12 @@ def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, fo
 
 @kernel
 def _offer(ints, found_i, found_r, kind, index, depth, key):
-    """Give a feature to the slot of its key, keeping the deepest of that key."""
+    """Give a feature to the contact of its key, keeping the deepest of that key."""
     for j in range(ints.shape[0]):
         if found_r[j, DEPTH] != NOWHERE and found_i[j, KEY] == key:
             if depth > found_r[j, DEPTH]:
                 _set(found_i, found_r, j, kind, index, 0, depth, key)
             return
-    slot = _slot_for(ints, found_r, 0, key)
+    slot = _contact_for(ints, found_r, 0, key)
     if slot >= 0:
         _set(found_i, found_r, slot, kind, index, 0, depth, key)

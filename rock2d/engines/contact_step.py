@@ -1,6 +1,6 @@
-"""One block in contact, advanced in time: fourth-order steps that land on the kinks of the law.
+"""One block in contact, advanced in time: fourth-order steps that land on the events of the law.
 
-The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *slot* that carries its memory.
+The state is q = (x, y, θ, vx, vy, ω). Each contact point of the block has a *contact* that carries its memory.
 Within a step features are frozen and the law is evaluated at four Runge-Kutta stages; a step in which a contact
 begins, ends, reloads, meets its former peak or passes its deepest point is repeated so that it ends right
 there, which keeps the order of the scheme and the energy audit. Outside contacts a step is exact.
@@ -33,7 +33,7 @@ from rock2d.engines.contact_state import (
     find_features,
     hand_over,
 )
-from rock2d.engines.event_detection import first_kink
+from rock2d.engines.event_detection import first_event
 from rock2d.engines.free_flight import fly, in_air
 from rock2d.engines.geometry import (
     CORNER_FACET,
@@ -46,7 +46,7 @@ from rock2d.engines.geometry import (
 )
 from rock2d.laws.contact import (
     CAP,
-    CRATER,
+    INDENTATION,
     K_L,
     K_R,
     K_T,
@@ -99,7 +99,7 @@ def contact_steps_s(block: Block, tables: np.ndarray, fraction: float = STEP_FRA
 
 @kernel
 def load_active(facets, block, params, ints, reals, loaded, which):
-    """Copy feature, parameters and memory of the active slots into rows; returns how many there are."""
+    """Copy feature, parameters and memory of the active contacts into rows; returns how many there are."""
     active = 0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
@@ -141,7 +141,7 @@ def placed(loaded, a, x, y, c, s):
 
 
 @kernel(inline="always")
-def _slot_rates(loaded, a, x, y, c, s, vx, vy, omega, stretch, rotation, effects):
+def _contact_rates(loaded, a, x, y, c, s, vx, vy, omega, stretch, rotation, effects):
     """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none while
     unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x
     that recoiling ground adds."""
@@ -153,19 +153,19 @@ def _slot_rates(loaded, a, x, y, c, s, vx, vy, omega, stretch, rotation, effects
     slip = ux * ny - uy * nx
     force_n, mu = normal_force(depth, peak, k_l, k_ul), loaded[a, L_LAW + MU]
     bottom = residual(peak, k_l, k_ul)
-    crater = loaded[a, L_LAW + CRATER]
-    spin = omega if depth >= bottom or crater > 0.0 else 0.0
+    indentation = loaded[a, L_LAW + INDENTATION]
+    spin = omega if depth >= bottom or indentation > 0.0 else 0.0
     drag = taken = push = 0.0
     if effects and loaded[a, L_ACTS] != 0.0:
         rate, law_n = -(ux * nx + uy * ny), force_n
         force_n, factor, drag = ground_forces(loaded[a], L_FIRST, depth, rate, slip, peak, bottom, law_n)
         mu *= factor
         taken = (force_n - law_n) * rate + drag * slip
-        if force_n <= 0.0 < law_n and crater == 0.0:
+        if force_n <= 0.0 < law_n and indentation == 0.0:
             spin = 0.0
     force_t = tangential_force(stretch, force_n, loaded[a, L_LAW + K_T], mu)
     arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0
-    rolling = rolling_moment(rotation, force_n, arm, loaded[a, L_LAW + K_R], cap, crater)
+    rolling = rolling_moment(rotation, force_n, arm, loaded[a, L_LAW + K_R], cap, indentation)
     along = force_t
     if effects:
         along += drag
@@ -241,7 +241,7 @@ def _four_stages(q, c0, s0, h, gravity, block, active, loaded, sums, q1, effects
             vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
         fx = fy = moment = push = 0.0
         for a in range(active):
-            f, g, m, slip, spin, power_t, power_r, power_e, recoiled = _slot_rates(
+            f, g, m, slip, spin, power_t, power_r, power_e, recoiled = _contact_rates(
                 loaded, a, x, y, c, s, vx, vy, omega,
                 loaded[a, L_STRETCH] + ahead * sums[a, 2], loaded[a, L_ROTATION] + ahead * sums[a, 3], effects,
             )  # fmt: skip
@@ -275,7 +275,7 @@ def _four_stages(q, c0, s0, h, gravity, block, active, loaded, sums, q1, effects
 
 @njit
 def scratch(n):
-    """Work arrays for n slots."""
+    """Work arrays for n contacts."""
     return (
         np.empty(6), np.empty(n), np.empty(n), np.empty(4), np.empty((n, LOADED)), np.empty(n, np.int64),
         np.empty((n, 4)), np.empty((n, 6)),
@@ -283,8 +283,8 @@ def scratch(n):
 
 
 @kernel
-def _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, found_i, found_r, audit):
-    """Take a finished step into the memory and the audit; returns the number of active slots."""
+def _commit(q, stretch, rotation, shares, ground, block, params, ints, reals, found_i, found_r, audit):
+    """Take a finished step into the memory and the audit; returns the number of active contacts."""
     active = 0
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
@@ -297,12 +297,12 @@ def _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, f
         if gone:
             depth, _, _, _, _ = contact_point(
                 ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block,
-                terrain,
+                ground,
             )  # fmt: skip
         reals[j, DEPTH], was = depth, reals[j, DEPTH]
         if ints[j, ACTIVE]:
             p = params[ints[j, ZONE]]
-            arm = _arm(ints, j, q, block, terrain) if p[CAP] > 0.0 else 0.0
+            arm = _arm(ints, j, q, block, ground) if p[CAP] > 0.0 else 0.0
             old_n = normal_force(was - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
             old_t = tangential_force(reals[j, STRETCH], old_n, p[K_T], p[MU])
             if p[ACTS] != 0.0:
@@ -318,22 +318,22 @@ def _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, f
             force_n = normal_force(pressed, peak, p[K_L], p[K_UL])
             whole, mu = force_n, p[MU]
             if p[ACTS] != 0.0:
-                whole, mu = _act(j, q, pressed, peak, force_n, p, terrain, block, ints, reals)
+                whole, mu = _act(j, q, pressed, peak, force_n, p, ground, block, ints, reals)
             force_t = tangential_force(stretch[j], whole, p[K_T], mu)
-            moment = rolling_moment(rotation[j], whole, arm, p[K_R], p[CAP], p[CRATER])
+            moment = rolling_moment(rotation[j], whole, arm, p[K_R], p[CAP], p[INDENTATION])
             after_t += elastic_energy(0.0, force_t, p)
-            # springs slip with their limits; the soil bank of the rolling spring outlasts a lift in the crater
+            # springs slip with their limits; the soil bank of the rolling spring outlasts a lift in the indentation
             reals[j, STRETCH] = force_t / p[K_T] if p[K_T] > 0.0 else 0.0
             reals[j, ROTATION] = moment / p[K_R] if p[CAP] > 0.0 and p[K_R] > 0.0 else rotation[j]
             if depth > 0.0:
                 after_r += rolling_energy(reals[j, ROTATION], p)
-            zone = _zone(ints, j, terrain)
+            zone = _zone(ints, j, ground)
             new = params[zone]
             if zone != ints[j, ZONE] and _differ(p, new):
                 kept = reals[j, ROTATION]
                 stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
                 loaded, reals[j, STRETCH], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, p, new)
-                # lifted off within its crater, the contact meets the new soil at the crater's bottom
+                # lifted off within its indentation, the contact meets the new soil at the indentation's bottom
                 bottom = reals[j, OFFSET] + residual(peak, p[K_L], p[K_UL])
                 reals[j, DEPTH_MAX] = loaded
                 reals[j, OFFSET] = depth - loaded if force_n > 0.0 else bottom
@@ -353,7 +353,7 @@ def _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, f
         elif _touches(depth, found_r[j, RATE], block):
             ints[j, ACTIVE] = 1
             _follow(ints, found_i, j)
-            ints[j, ZONE] = _zone(ints, j, terrain)
+            ints[j, ZONE] = _zone(ints, j, ground)
             reals[j, DEPTH_MAX], reals[j, STRETCH], reals[j, ROTATION] = 0.0, 0.0, 0.0
             reals[j, ACTING] = 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
@@ -370,10 +370,11 @@ def _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, f
 
 
 @kernel
-def _act(j, q, pressed, peak, force_n, p, terrain, block, ints, reals):
-    """(Whole normal force in N, friction coefficient) of slot j with the effects of its row; notes the force acting."""
+def _act(j, q, pressed, peak, force_n, p, ground, block, ints, reals):
+    """(Whole normal force in N, friction coefficient) of contact j with the effects of its row; notes the force
+    acting."""
     _, nx, ny, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block, terrain
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block, ground
     )
     ux, uy = q[3] - q[5] * ry, q[4] + q[5] * rx
     rate, slip = -(ux * nx + uy * ny), ux * ny - uy * nx
@@ -391,7 +392,7 @@ def _touches(depth, rate, block):
 
 @kernel
 def _follow(ints, found_i, j):
-    """Let slot j follow the feature found for it."""
+    """Let contact j follow the feature found for it."""
     ints[j, KIND], ints[j, INDEX] = found_i[j, KIND], found_i[j, INDEX]
     ints[j, PART], ints[j, KEY] = found_i[j, PART], found_i[j, KEY]
 
@@ -412,17 +413,17 @@ def _release(ints, reals, j):
 
 
 @kernel
-def _arm(ints, j, q, block, terrain):
+def _arm(ints, j, q, block, ground):
     _, _, _, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block, terrain
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], np.cos(q[2]), np.sin(q[2]), block, ground
     )
     return np.sqrt(rx * rx + ry * ry)
 
 
 @kernel
-def _zone(ints, j, terrain):
-    """Zone of a slot's feature; a vertex belongs to the facet before it, unless the slot knows better."""
-    facets, index = terrain.facets, ints[j, INDEX]
+def _zone(ints, j, ground):
+    """Zone of a contact's feature; a vertex belongs to the facet before it, unless the contact knows better."""
+    facets, index = ground.facets, ints[j, INDEX]
     if ints[j, KIND] in (CORNER_FACET, SMOOTH_FACET):
         return int(facets[index, ZONE_ID])
     before = int(facets[max(index - 1, 0), ZONE_ID])
@@ -431,13 +432,13 @@ def _zone(ints, j, terrain):
 
 
 @kernel
-def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
+def begin(q, f0, f1, ground, block, ints, reals, found_i, found_r):
     """Look at the ground for the first time: note depths, and seat what already touches.
 
-    Returns the number of active slots.
+    Returns the number of active contacts.
     """
     active = 0
-    find_features(q, block.radius, f0, f1, terrain, block, ints, found_i, found_r)
+    find_features(q, block.radius, f0, f1, ground, block, ints, found_i, found_r)
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
         reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
@@ -445,16 +446,16 @@ def begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
         if _touches(depth, found_r[j, RATE], block):
             _follow(ints, found_i, j)
             ints[j, ACTIVE] = 1
-            ints[j, ZONE] = _zone(ints, j, terrain)
+            ints[j, ZONE] = _zone(ints, j, ground)
             reals[j, OFFSET] = depth
             active += 1
     return active
 
 
 @kernel
-def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
+def look_again(q, f0, f1, ground, block, ints, reals, found_i, found_r):
     """Note afresh how deep lies what does not touch, after steps that did not look."""
-    find_features(q, block.radius, f0, f1, terrain, block, ints, found_i, found_r)
+    find_features(q, block.radius, f0, f1, ground, block, ints, found_i, found_r)
     for j in range(ints.shape[0]):
         if not ints[j, ACTIVE]:
             reals[j, DEPTH], reals[j, RATE] = found_r[j, DEPTH], found_r[j, RATE]
@@ -462,28 +463,28 @@ def look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r):
 
 
 @kernel
-def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, found_r, work, audit, floating):
-    """Advance q in place by at most h, to the first kink of the law if that comes before. Returns the time gone.
+def step(q, h, f0, f1, gravity, ground, block, params, ints, reals, found_i, found_r, work, audit, floating):
+    """Advance q in place by at most h, to the first event of the law if that comes before. Returns the time gone.
 
-    floating : no contact touches the bottom of its crater, so that the way to the next kink is a parabola
-    (found_i, found_r, work) are scratch of the sizes of `new_slots` and `scratch`.
+    floating : no contact touches the bottom of its indentation, so that the way to the next event is a parabola
+    (found_i, found_r, work) are scratch of the sizes of `new_contacts` and `scratch`.
     """
     reach = 4.0 * h * (np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * block.radius) + 1e-6 * block.radius
     q1, stretch, rotation, shares, loaded, which, sums, _ = work
-    active = load_active(terrain.facets, block, params, ints, reals, loaded, which)
+    active = load_active(ground.facets, block, params, ints, reals, loaded, which)
     pressing = 0 if floating else active
     effects = effects_act(block, active, loaded)
     c, s = np.cos(q[2]), np.sin(q[2])
     shares[0], shares[1], shares[2], shares[3] = runge_kutta(
         q, c, s, h, gravity, block, pressing, effects, loaded, sums, q1
     )
-    find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
-    kink = first_kink(h, q, q1, terrain, block, params, ints, reals, found_i, found_r)
-    if kink < h:
+    find_features(q1, reach, f0, f1, ground, block, ints, found_i, found_r)
+    event_s = first_event(h, q, q1, ground, block, params, ints, reals, found_i, found_r)
+    if event_s < h:
         shares[0], shares[1], shares[2], shares[3] = runge_kutta(
-            q, c, s, kink, gravity, block, pressing, effects, loaded, sums, q1
+            q, c, s, event_s, gravity, block, pressing, effects, loaded, sums, q1
         )
-        find_features(q1, reach, f0, f1, terrain, block, ints, found_i, found_r)
+        find_features(q1, reach, f0, f1, ground, block, ints, found_i, found_r)
     for a in range(active):
         if floating:
             sums[a, 0], sums[a, 1] = 0.0, loaded[a, L_ROTATION]
@@ -491,5 +492,5 @@ def step(q, h, f0, f1, gravity, terrain, block, params, ints, reals, found_i, fo
     copy(q1, q)
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], ints, reals, found_i, found_r, stretch, rotation)
-    _commit(q, stretch, rotation, shares, terrain, block, params, ints, reals, found_i, found_r, audit)
-    return kink
+    _commit(q, stretch, rotation, shares, ground, block, params, ints, reals, found_i, found_r, audit)
+    return event_s

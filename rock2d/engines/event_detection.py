@@ -1,4 +1,4 @@
-"""Where within a trial step the law has a kink, or a contact begins, ends or changes its feature, compiled."""
+"""Where within a trial step the law has a event, or a contact begins, ends or changes its feature, compiled."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def hermite_root(g0, r0, g1, r1, h):
 
 
 @kernel
-def law_kink(d0, r0, d1, r1, peak, gone, h):
-    """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its crater; h if
-    it does not. Afloat also the top of a hop: the way back must not be missed.
+def law_event(d0, r0, d1, r1, peak, gone, h):
+    """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its
+    indentation; h if it does not. Afloat also the top of a hop: the way back must not be missed.
 
     d, r : penetration in m and its rate before and after the step; peak, gone : the deepest so far, and the depth at
     which the unloading force vanishes
@@ -77,7 +77,7 @@ def law_kink(d0, r0, d1, r1, peak, gone, h):
 
 
 @kernel
-def hold_kink(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
+def hold_event(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
     """Time in (0, h] at which a pressing contact with effects begins or ceases to be kept from pulling; h if it does
     not. `row`, `first` as in `forces.ground_forces`; force0, force1: the law's normal force before and after."""
     if d0 < bottom or d1 < bottom:
@@ -90,15 +90,15 @@ def hold_kink(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
 
 
 @kernel
-def _gap_to_found(j, q, ints, found_i, block, terrain):
-    """What changes sign where slot j passes from its feature to the one found for it, and its rate.
+def _gap_to_found(j, q, ints, found_i, block, ground):
+    """What changes sign where contact j passes from its feature to the one found for it, and its rate.
 
     Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
     lies from the facet's end (their depths touch there without crossing).
     """
     c, s = np.cos(q[2]), np.sin(q[2])
     d0, nx, ny, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
     )
     vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
     if ints[j, KIND] != found_i[j, KIND]:
@@ -106,11 +106,11 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
         if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
             facet, vertex = vertex, facet
         if ints[j, KIND] == SMOOTH_VERTEX:
-            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, terrain)
+            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, ground)
         elif ints[j, KIND] <= CORNER_VERTEX:  # the centre of a rounded corner, above the foot
             rx, ry = rx + block.rounding * nx, ry + block.rounding * ny
             vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
-        facets = terrain.facets
+        facets = ground.facets
         tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
         dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
         if ints[j, KIND] >= SMOOTH_FACET:
@@ -120,26 +120,27 @@ def _gap_to_found(j, q, ints, found_i, block, terrain):
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
     d1, nx, ny, rx, ry = contact_point(
-        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], q[0], q[1], c, s, block, terrain
+        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], q[0], q[1], c, s, block, ground
     )
     r1 = (q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny
     return d0 - d1, r1 - r0
 
 
 @kernel
-def _corner_kink(j, q0, q1, h, terrain, block, ints, found_i):
-    """Time in (0, h] just behind which a terrain corner passes between a rounded corner of the block (a corner's slot)
-    and the flat part of a face next to it (a vertex's slot): the contact changes hands there, see `slots.hand_over`."""
+def _corner_event(j, q0, q1, h, ground, block, ints, found_i):
+    """Time in (0, h] just behind which a ground corner passes between a rounded corner of the block (a corner's
+    contact) and the flat part of a face next to it (a vertex's contact): the contact changes hands there, see
+    `slots.hand_over`."""
     n = block.sides.shape[0]
     corner, vertex = j, found_i[j, INDEX]
     if j >= n:
         vertex, corner = ints[j, INDEX], ints[j, PART]
-        if not _nearer_start(corner, vertex, q1, terrain, block):
+        if not _nearer_start(corner, vertex, q1, ground, block):
             corner = corner + 1 if corner + 1 < n else 0
     elif found_i[j, KIND] != CORNER_VERTEX:
         return h
-    g0, s0 = _beyond(corner, vertex, q0, terrain, block)
-    g1, s1 = _beyond(corner, vertex, q1, terrain, block)
+    g0, s0 = _beyond(corner, vertex, q0, ground, block)
+    g1, s1 = _beyond(corner, vertex, q1, ground, block)
     if (g0 > 0.0) == (g1 > 0.0):
         return h
     t = hermite_root(g0, s0, g1, s1, h) + 1e-5 * h
@@ -147,9 +148,9 @@ def _corner_kink(j, q0, q1, h, terrain, block, ints, found_i):
 
 
 @kernel
-def _nearer_start(face, vertex, q, terrain, block):
-    """Whether a terrain corner lies nearer to the first corner of a face than to its second."""
-    sides, facets = block.sides, terrain.facets
+def _nearer_start(face, vertex, q, ground, block):
+    """Whether a ground corner lies nearer to the first corner of a face than to its second."""
+    sides, facets = block.sides, ground.facets
     end = face + 1 if face + 1 < sides.shape[0] else 0
     dx, dy = facets[vertex, POINT_X] - q[0], facets[vertex, POINT_Y] - q[1]
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -160,25 +161,25 @@ def _nearer_start(face, vertex, q, terrain, block):
 
 
 @kernel
-def _beyond(corner, vertex, q, terrain, block):
-    """`beyond_corner` of a terrain corner, and its rate."""
+def _beyond(corner, vertex, q, ground, block):
+    """`beyond_corner` of a ground corner, and its rate."""
     c, s = np.cos(q[2]), np.sin(q[2])
-    px, py = terrain.facets[vertex, POINT_X], terrain.facets[vertex, POINT_Y]
+    px, py = ground.facets[vertex, POINT_X], ground.facets[vertex, POINT_Y]
     past, tx, ty = beyond_corner(corner, px, py, q[0], q[1], c, s, block.sides)
     vx, vy = q[3] - q[5] * (py - q[1]), q[4] + q[5] * (px - q[0])  # of the block's material there
     return past, -(vx * (c * tx - s * ty) + vy * (s * tx + c * ty))
 
 
 @kernel
-def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r):
-    """Time in (0, h] of the first kink of the law within a trial step; h if there is none."""
+def first_event(h, q0, q1, ground, block, params, ints, reals, found_i, found_r):
+    """Time in (0, h] of the first event of the law within a trial step; h if there is none."""
     first = h
     for j in range(ints.shape[0]):
         d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
         d0, r0 = reals[j, DEPTH], reals[j, RATE]
         if d0 == NOWHERE or d1 == NOWHERE:
             if ints[j, ACTIVE] and block.rounding > 0.0:
-                first = min(first, _corner_kink(j, q0, q1, h, terrain, block, ints, found_i))
+                first = min(first, _corner_event(j, q0, q1, h, ground, block, ints, found_i))
             continue
         t = h
         if not ints[j, ACTIVE]:
@@ -192,12 +193,12 @@ def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r)
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, DEPTH_MAX]
             gone = residual(peak, p[K_L], p[K_UL])
-            t = law_kink(d0, r0, d1, r1, peak, gone, h)
+            t = law_event(d0, r0, d1, r1, peak, gone, h)
             t = min(t, clear)
             if p[ACTS] != 0.0:
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
-                held = hold_kink(p, FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+                held = hold_event(p, FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
                 t = held if 1e-3 * h < held < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
@@ -205,8 +206,8 @@ def first_kink(h, q0, q1, terrain, block, params, ints, reals, found_i, found_r)
                 or ints[j, KIND] != found_i[j, KIND]
             ):
                 # another feature has become the nearest: land just behind the change
-                g0, s0 = _gap_to_found(j, q0, ints, found_i, block, terrain)
-                g1, s1 = _gap_to_found(j, q1, ints, found_i, block, terrain)
+                g0, s0 = _gap_to_found(j, q0, ints, found_i, block, ground)
+                g1, s1 = _gap_to_found(j, q1, ints, found_i, block, ground)
                 if (g0 > 0.0) != (g1 > 0.0):
                     t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
         if 1e-3 * h < t < first:

@@ -32,7 +32,7 @@ from rock2d.engines.contact_step import (
     placed,
     runge_kutta,
 )
-from rock2d.engines.event_detection import hold_kink, law_kink
+from rock2d.engines.event_detection import hold_event, law_event
 from rock2d.engines.geometry import (
     CONVEX,
     CORNER_FACET,
@@ -58,7 +58,7 @@ from rock2d.engines.geometry import (
 from rock2d.engines.recording import note_pressure
 from rock2d.laws.contact import (
     CAP,
-    CRATER,
+    INDENTATION,
     K_L,
     K_R,
     K_T,
@@ -82,14 +82,14 @@ GUARD_SHARE = 0.3  # of the guard that one step afloat may use up
 
 
 @kernel
-def guard_distance(q, allowance, f0, f1, terrain, block, ints):
+def guard_distance(q, allowance, f0, f1, ground, block, ints):
     """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
 
     At most `allowance`, the width that facets f0 to f1 - 1 reach beyond the block; 0 where it is not known. Passing
     on within a run of facets is no change: `press` follows it.
     """
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
-    facets, sides = terrain.facets, block.sides
+    facets, sides = ground.facets, block.sides
     n, guard = sides.shape[0], allowance
     if n == 0:
         return _circle_guard(x, y, guard, f0, f1, facets, block, ints)
@@ -97,7 +97,7 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
         if not ints[i, ACTIVE]:
-            depth, _, _ = near_depth(px, py, terrain, f0, f1, guard + block.rounding)
+            depth, _, _ = near_depth(px, py, ground, f0, f1, guard + block.rounding)
             guard = min(guard, -depth - block.rounding)
         elif ints[i, KIND] != CORNER_FACET:
             return 0.0
@@ -107,7 +107,7 @@ def guard_distance(q, allowance, f0, f1, terrain, block, ints):
             above = dx * facets[own, NORMAL_X] + dy * facets[own, NORMAL_Y]
             guard = min(guard, _within_run(px, py, own, facets))
             width = guard + 2.0 * abs(above)
-            g0, g1 = facet_range(terrain, px - width, px + width)
+            g0, g1 = facet_range(ground, px - width, px + width)
             other = np.inf  # squared distance to the nearest facet of another run
             for f in range(max(f0, g0), min(f1, g1)):
                 if facets[own, RUN_FIRST] <= f <= facets[own, RUN_LAST]:
@@ -213,56 +213,56 @@ def _follow_run(loaded, a, facets, index, x, y, c, s):
 
 @kernel(inline="always")
 def floats(depth, rate, step):
-    """Whether a contact point at this depth below its crater's bottom does not press, nor will within a hundredth of
-    the step: a landing on the bottom may fall that short, and a step afloat must not begin there."""
+    """Whether a contact point at this depth below its indentation's bottom does not press, nor will within a
+    hundredth of the step: a landing on the bottom may fall that short, and a step afloat must not begin there."""
     return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
 @kernel
-def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, params, ints,
+def press(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, params, ints,
           reals, work, audit, current, left):  # fmt: skip
     """Advance q from time t by up to `steps` contact steps within the guard.
 
-    h_loading, h_floating, h_other : contact step in s while every contact goes deeper into virgin soil, while none
-        touches the bottom of its crater, and else
+    h_loading, h_floating, h_other : contact step in s while every contact goes deeper into first-loading soil, while
+        none touches the bottom of its indentation, and else
     pause : instant in s that only the first step may reach, so that a caller sees the state before and after it
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     current, left : the open impact, and whether the ground has ceased to press; see `note_pressure`
     Returns (time now in s, number of steps, left, why it ended: GUARD_LEFT, ENDS if a contact is about to end, 0).
     """
-    active = load_active(terrain.facets, block, params, ints, reals, work[4], work[5])
+    active = load_active(ground.facets, block, params, ints, reals, work[4], work[5])
     # compiled twice: what effects need is in the way of the plain law's speed
     if effects_act(block, active, work[4]):
         return _press_with_effects(
-            q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
+            q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, active,
             ints, reals, work, audit, current, left,
         )  # fmt: skip
     return _press_plainly(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, active, ints,
         reals, work, audit, current, left,
     )  # fmt: skip
 
 
 @kernel
-def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain,
+def _press_with_effects(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground,
                         block, active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, active, ints,
         reals, work, audit, current, left, True,
     )  # fmt: skip
 
 
 @kernel
-def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block,
+def _press_plainly(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block,
                    active, ints, reals, work, audit, current, left):  # fmt: skip
     return _stretch(
-        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active, ints,
+        q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, active, ints,
         reals, work, audit, current, left, False,
     )  # fmt: skip
 
 
 @kernel(inline="always")
-def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, terrain, block, active,
+def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anchor, gravity, ground, block, active,
              ints, reals, work, audit, current, left, effects):  # fmt: skip
     """`press` with its contacts loaded; effects: whether any of the catalogue act."""
     q1, loaded, which, sums, seen = work[0], work[4], work[5], work[6], work[7]
@@ -280,7 +280,7 @@ def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anc
             bottom = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
             unpressed = unpressed and floats(d0 - bottom, seen[a, R0], h_floating)
             unpressed = unpressed and not (effects and loaded[a, L_ACTS] != 0.0)
-            unpressed = unpressed and loaded[a, L_LAW + CRATER] == 0.0
+            unpressed = unpressed and loaded[a, L_LAW + INDENTATION] == 0.0
         unpressed = unpressed and left
         h = h_loading if loading else h_other
         if unpressed:
@@ -307,7 +307,7 @@ def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anc
                 why = GUARD_LEFT
             for a in range(active):
                 j = which[a]
-                ints[j, INDEX] = _follow_run(loaded, a, terrain.facets, ints[j, INDEX], q1[0], q1[1], c1, s1)
+                ints[j, INDEX] = _follow_run(loaded, a, ground.facets, ints[j, INDEX], q1[0], q1[1], c1, s1)
                 depth, nx, ny, rx, ry = placed(loaded, a, q1[0], q1[1], c1, s1)
                 seen[a, D1] = depth
                 ux, uy = q1[3] - q1[5] * ry, q1[4] + q1[5] * rx
@@ -319,7 +319,7 @@ def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anc
                     why = ENDS
             if why > 0 or attempt == 1:
                 break
-            first = _first_kink(h, active, loaded, seen, effects)
+            first = _first_event(h, active, loaded, seen, effects)
             if first == h:
                 break
         if why > 0:
@@ -341,19 +341,19 @@ def _stretch(q, t, steps, h_loading, h_other, h_floating, time_limit, pause, anc
 
 
 @kernel(inline="always")
-def _first_kink(h, active, loaded, seen, effects):
-    """Time in (0, h] of the first kink of the law in the trial step; h if there is none."""
+def _first_event(h, active, loaded, seen, effects):
+    """Time in (0, h] of the first event of the law in the trial step; h if there is none."""
     first = h
     for a in range(active):
         d0, d1 = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         r0, r1 = seen[a, R0], seen[a, R1]
         peak = loaded[a, L_PEAK]
         gone = residual(peak, loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL])
-        t = law_kink(d0, r0, d1, r1, peak, gone, h)
+        t = law_event(d0, r0, d1, r1, peak, gone, h)
         if effects and loaded[a, L_ACTS] != 0.0:
             k_l, k_ul = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL]
             force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
-            held = hold_kink(loaded[a], L_FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+            held = hold_event(loaded[a], L_FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
             t = held if 1e-3 * h < held < t else t
         if 1e-3 * h < t < first:
             first = t
@@ -367,7 +367,7 @@ def _commit(active, loaded, sums, seen, work_t, work_r, audit, effects):
     for a in range(active):
         k_l, k_ul, k_t = loaded[a, L_LAW + K_L], loaded[a, L_LAW + K_UL], loaded[a, L_LAW + K_T]
         mu, k_r, cap = loaded[a, L_LAW + MU], loaded[a, L_LAW + K_R], loaded[a, L_LAW + CAP]
-        crater = loaded[a, L_LAW + CRATER]
+        indentation = loaded[a, L_LAW + INDENTATION]
         peak, stretch, rotation = loaded[a, L_PEAK], loaded[a, L_STRETCH], loaded[a, L_ROTATION]
         was, pressed = seen[a, D0] - loaded[a, L_OFFSET], seen[a, D1] - loaded[a, L_OFFSET]
         old_t = tangential_force(stretch, normal_force(was, peak, k_l, k_ul), k_t, mu)
@@ -390,7 +390,7 @@ def _commit(active, loaded, sums, seen, work_t, work_r, audit, effects):
             loaded[a, L_STRETCH] = force_t / k_t
         turned = sums[a, 1]
         if cap > 0.0 and k_r > 0.0:
-            turned = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap, crater) / k_r
+            turned = rolling_moment(sums[a, 1], force_n, seen[a, ARM], k_r, cap, indentation) / k_r
         loaded[a, L_ROTATION] = turned
         stored_r += 0.5 * k_r * (turned * turned - rotation * rotation)
         seen[a, D0], seen[a, R0] = seen[a, D1], seen[a, R1]

@@ -5,11 +5,11 @@ the block's material there, so that a force k δ along the normal is conservativ
 
 - CORNER_FACET: a block corner below a facet; CORNER_VERTEX: the same where a vertex is nearest (a re-entrant one, or
   a convex one if the corner is rounded)
-- VERTEX_FACE: a convex corner of the terrain inside a polygon, measured to the nearest block face
+- VERTEX_FACE: a convex corner of the ground inside a polygon, measured to the nearest block face
 - SMOOTH_FACET, SMOOTH_VERTEX: a circle's or ellipse's lowest point against a facet, or a vertex against it
 
 Depths come from the nearest feature only, so they are continuous over joints: a facet cut in ten is the same. A
-rounded corner is a circle; convex terrain corners meet it or the flat part of a face, never both.
+rounded corner is a circle; convex ground corners meet it or the flat part of a face, never both.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import SMOOTH_TURN_RAD, Terrain
+from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
 
 Array = np.ndarray
 
@@ -37,7 +37,7 @@ RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed with
 CORNER_X, CORNER_Y, FACE_X, FACE_Y, FACE_OFFSET = range(5)
 
 
-class TerrainArrays(NamedTuple):
+class GroundArrays(NamedTuple):
     """What compiled code reads of a cross-section; its end facets are prolonged.
 
     One array for all facets: passing and indexing many arrays costs more than the arithmetic.
@@ -75,24 +75,24 @@ class BlockArrays(NamedTuple):
     centre_y: float
 
 
-def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
+def ground_arrays(ground: CrossSection, prolong_m: float) -> GroundArrays:
     """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`.
 
     Facets joined by turns below SMOOTH_TURN_RAD share a patch; by turns below RUN_TURN_RAD, and of one zone, a run.
     """
-    points = terrain.points_m.copy()
-    points[0] -= terrain.tangents[0] * prolong_m
-    points[-1] += terrain.tangents[-1] * prolong_m
+    points = ground.points_m.copy()
+    points[0] -= ground.tangents[0] * prolong_m
+    points[-1] += ground.tangents[-1] * prolong_m
     n = len(points) - 1
-    turns = terrain.turns_rad
+    turns = ground.turns_rad
     facets = np.zeros((n + 1, 12))
     facets[:, :2] = points
-    facets[:n, 2:4], facets[:n, 4:6] = terrain.tangents, terrain.normals
+    facets[:n, 2:4], facets[:n, 4:6] = ground.tangents, ground.normals
     facets[:n, LENGTH] = np.hypot(*np.diff(points, axis=0).T)
-    facets[:n, ZONE_ID] = terrain.zone_ids
+    facets[:n, ZONE_ID] = ground.zone_ids
     facets[:n, PATCH] = np.concatenate([[0], np.cumsum(np.abs(turns[1:-1]) > SMOOTH_TURN_RAD)])
     facets[:, CONVEX] = turns < -SMOOTH_TURN_RAD
-    broken = (np.abs(turns[1:-1]) > RUN_TURN_RAD) | (np.diff(terrain.zone_ids) != 0)
+    broken = (np.abs(turns[1:-1]) > RUN_TURN_RAD) | (np.diff(ground.zone_ids) != 0)
     begins = np.concatenate([[0], np.flatnonzero(broken) + 1])
     run = np.concatenate([[0], np.cumsum(broken)])
     facets[:n, RUN_FIRST], facets[:n, RUN_LAST] = begins[run], np.append(begins[1:], n)[run] - 1
@@ -107,8 +107,8 @@ def terrain_arrays(terrain: Terrain, prolong_m: float) -> TerrainArrays:
     np.maximum.at(last, begin, np.arange(n))
     first = np.minimum.accumulate(first[::-1])[::-1]
     last = np.maximum.accumulate(last)
-    x_low, x_high = float(terrain.points_m[0, 0]), float(terrain.points_m[-1, 0])
-    return TerrainArrays(
+    x_low, x_high = float(ground.points_m[0, 0]), float(ground.points_m[-1, 0])
+    return GroundArrays(
         facets,
         first.astype(np.int64),
         last.astype(np.int64),
@@ -145,12 +145,12 @@ def is_ball(block):
 
 
 @kernel
-def facet_range(terrain, x_low, x_high):
+def facet_range(ground, x_low, x_high):
     """First and one-past-last index of the facets that can lie in [x_low, x_high]."""
-    bins = terrain.first.size
-    b0 = min(max(int((x_low - terrain.x_start) * terrain.bins_per_m), 0), bins - 1)
-    b1 = min(max(int((x_high - terrain.x_start) * terrain.bins_per_m), 0), bins - 1)
-    return terrain.first[b0], terrain.last[b1] + 1
+    bins = ground.first.size
+    b0 = min(max(int((x_low - ground.x_start) * ground.bins_per_m), 0), bins - 1)
+    b1 = min(max(int((x_high - ground.x_start) * ground.bins_per_m), 0), bins - 1)
+    return ground.first[b0], ground.last[b1] + 1
 
 
 @kernel
@@ -183,16 +183,16 @@ def point_depth(px, py, facets, f0, f1):
 
 
 @kernel
-def near_depth(px, py, terrain, f0, f1, reach):
+def near_depth(px, py, ground, f0, f1, reach):
     """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
-    facets = terrain.facets
+    facets = ground.facets
     if f1 - f0 <= FEW:
         return point_depth(px, py, facets, f0, f1)
-    g0, g1 = facet_range(terrain, px, px)
+    g0, g1 = facet_range(ground, px, px)
     g0, g1 = max(f0, g0), min(f1, g1)
     depth, kind, index = point_depth(px, py, facets, g0, g1)
     width = min(-depth, reach) if depth < 0.0 else depth
-    h0, h1 = facet_range(terrain, px - width, px + width)
+    h0, h1 = facet_range(ground, px - width, px + width)
     h0, h1 = max(f0, h0), min(f1, h1)
     if h0 >= g0 and h1 <= g1:
         return depth, kind, index
@@ -279,17 +279,17 @@ def nearest_on_ellipse(px, py, a, b):
 
 
 @kernel
-def contact_point(kind, index, part, x, y, c, s, block, terrain):
+def contact_point(kind, index, part, x, y, c, s, block, ground):
     """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
 
-    `part` is the block's corner or face; `index` the terrain's facet or vertex; (x, y, c, s) the pose.
+    `part` is the block's corner or face; `index` the ground's facet or vertex; (x, y, c, s) the pose.
     """
-    return place_feature(kind, load_feature(kind, index, part, block, terrain.facets), x, y, c, s)
+    return place_feature(kind, load_feature(kind, index, part, block, ground.facets), x, y, c, s)
 
 
 @kernel(inline="always")
 def load_feature(kind, index, part, block, facets):
-    """What `place_feature` needs of a feature: terrain point, facet normal, and four numbers: of a corner its centre,
+    """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: of a corner its centre,
     its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
     and centre."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0

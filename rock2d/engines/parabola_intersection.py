@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import njit
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -41,25 +41,25 @@ class Surface(NamedTuple):
     reach_m: float
 
 
-_latest: tuple[Terrain, Surface] | None = None
+_latest: tuple[CrossSection, Surface] | None = None
 
 
-def make_surface(terrain: Terrain) -> Surface:
+def make_surface(cross_section: CrossSection) -> Surface:
     """Prepare a cross-section for the compiled core; the latest is kept, for release after release on it."""
     global _latest
     known = _latest
-    if known is not None and known[0] is terrain:
+    if known is not None and known[0] is cross_section:
         return known[1]
-    points = terrain.points_m
+    points = cross_section.points_m
     length = np.hypot(*np.diff(points, axis=0).T)
-    facets = np.ascontiguousarray(np.column_stack([points[:-1], terrain.tangents, length]))
+    facets = np.ascontiguousarray(np.column_stack([points[:-1], cross_section.tangents, length]))
     reach = 1e-12 * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
     leaves = 1
     while leaves * LEAF < len(facets):
         leaves *= 2
     left, right = float(points[:, 0].min()) - reach, float(points[:, 0].max()) + reach
-    surface = Surface(facets, terrain.zone_ids, _tree(points, leaves, reach), left, right, reach)
-    _latest = terrain, surface
+    surface = Surface(facets, cross_section.zone_ids, _tree(points, leaves, reach), left, right, reach)
+    _latest = cross_section, surface
     return surface
 
 

@@ -18,7 +18,7 @@ from rock2d.engines.parabola_intersection import Surface, lifted, make_surface, 
 from rock2d.laws.rebound import BALL, ReboundParameters, rebound, rebound_table, slope_reduction
 from rock2d.records.track import IMPACT_COLUMNS, Track
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -39,7 +39,7 @@ def spin_radius_m(block: Block) -> float:
 
 def run_point_mass(
     block: Block,
-    terrain: Terrain,
+    cross_section: CrossSection,
     parameters: Mapping[str, ReboundParameters],
     state6: Array,
     *,
@@ -72,7 +72,7 @@ def run_point_mass(
     state = np.asarray(state6, float)
     if state.shape != (6,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
-    inputs = kernel_inputs(block, terrain, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
+    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
     if seed is None and rng is None and any(p.random for p in parameters.values()):
         raise ValueError("slope_reduction is uniform: a seed or a random generator is needed")
     if seed is None:
@@ -86,12 +86,14 @@ def run_point_mass(
         if count <= room:
             break
         room = count  # the same release once more, with room for all
-    return _track(block, terrain, release, impacts[0, :count], ends[0], STOPS[stop], float(gravity_m_s2))
+    return _track(
+        block, cross_section, release, impacts[0, :count], ends[0], STOPS[stop], float(gravity_m_s2)
+    )
 
 
 def kernel_inputs(
     block: Block,
-    terrain: Terrain,
+    cross_section: CrossSection,
     parameters: Mapping[str, ReboundParameters],
     gravity_m_s2: float,
     time_limit_s: float,
@@ -110,13 +112,19 @@ def kernel_inputs(
     ):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, got {value}")
-    table = rebound_table(parameters, terrain.zone_names)
+    table = rebound_table(parameters, cross_section.zone_names)
     physical = float(gravity_m_s2), float(time_limit_s), float(stop_speed_m_s)
-    return block.mass_kg, spin_radius_m(block), block.size_m, make_surface(terrain), table, *physical
+    return block.mass_kg, spin_radius_m(block), block.size_m, make_surface(cross_section), table, *physical
 
 
 def _track(
-    block: Block, terrain: Terrain, release: int, impacts: Array, ends: Array, stop: str, gravity_m_s2: float
+    block: Block,
+    cross_section: CrossSection,
+    release: int,
+    impacts: Array,
+    ends: Array,
+    stop: str,
+    gravity_m_s2: float,
 ) -> Track:
     before = impacts[:, :7]
     after = np.column_stack([impacts[:, :4], impacts[:, 7:10]])
@@ -130,7 +138,7 @@ def _track(
     for row in impacts:
         values = [*row[:7], row[0], *row[1:4], *row[7:10], np.nan, np.nan]
         event = dict(zip(IMPACT_COLUMNS[3:], map(float, values), strict=True))
-        events.append({"zone": terrain.zones[int(row[10])], **event})
+        events.append({"zone": cross_section.zones[int(row[10])], **event})
     return Track(release, block.name, knots, flight, events, stop, gravity_m_s2)
 
 

@@ -17,7 +17,7 @@ from rock2d.engines.parabola_intersection import make_surface
 from rock2d.engines.point_mass import N_IMPACT, descend, kernel_inputs, line_rows
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -46,7 +46,7 @@ class PointMassBatch:
 
 def run_point_mass_batch(
     block: Block,
-    terrain: Terrain,
+    cross_section: CrossSection,
     parameters: Mapping[str, ReboundParameters],
     states: Array,
     seeds: Array,
@@ -73,8 +73,8 @@ def run_point_mass_batch(
         raise ValueError(f"seeds must be {n} whole numbers in [0, 2^64), one for each release")
     if impact_room < 0:
         raise ValueError(f"impact_room must not be negative, got {impact_room}")
-    inputs = kernel_inputs(block, terrain, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
-    lines = line_rows(terrain.measure_lines.values(), make_surface(terrain).reach_m)
+    inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
+    lines = line_rows(cross_section.measure_lines.values(), make_surface(cross_section).reach_m)
     stop, count = np.zeros(n, np.int64), np.zeros(n, np.int64)
     impacts = np.full((n, impact_room, N_IMPACT), np.nan)
     crossings, ends = np.full((n, len(lines), 7), np.nan), np.empty((n, 2, 7))

@@ -20,12 +20,12 @@ import pymunk
 from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import block_arrays, point_depth, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays, point_depth
 from rock2d.engines.recording import N_IMPACT, depart, end_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.track import STATE_NAMES, Track
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
@@ -67,18 +67,18 @@ class PymunkRelease:
     def __init__(
         self,
         block: Block,
-        terrain: Terrain,
+        cross_section: CrossSection,
         parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray,
         state: np.ndarray,
         *,
         gravity_m_s2: float = 9.81,
         contact_step_s: float | None = None,
     ) -> None:
-        self.block, self.terrain = block, terrain
+        self.block, self.cross_section = block, cross_section
         self.gravity = float(gravity_m_s2)
         rows = parameters
         if not isinstance(rows, np.ndarray):
-            rows = parameter_table(rows, terrain.zone_names)
+            rows = parameter_table(rows, cross_section.zone_names)
         self.table = engine_rows(rows)
         self.contact_step = contact_step_s or contact_step.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
@@ -86,14 +86,14 @@ class PymunkRelease:
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
         self.time = 0.0
         self.audit = np.zeros(contact_step.N_AUDIT)
-        self._block, self._terrain = block_arrays(block), terrain_arrays(terrain, 10 * block.radius_m)
-        self._slots = contact_state.new_slots(block)
-        found = contact_state.new_slots(block)
-        self._scratch = (*found, contact_step.scratch(contact_state.slot_count(block)))
+        self._block, self._ground = block_arrays(block), ground_arrays(cross_section, 10 * block.radius_m)
+        self._contacts = contact_state.new_contacts(block)
+        found = contact_state.new_contacts(block)
+        self._scratch = (*found, contact_step.scratch(contact_state.contact_count(block)))
         self._near: list[int] = []
         self._met: list[int] = []
         self._error: BaseException | None = None
-        self._kinks: list[Knot] = []
+        self._events: list[Knot] = []
         self._zone = -1  # of the impact that is open
         self._build_space()
         self._start = self.mechanical_energy_J()
@@ -103,7 +103,7 @@ class PymunkRelease:
         margin = MARGIN * self.block.radius_m
         space = pymunk.Space()
         space.collision_slop = 0.0
-        points = [(float(x), float(y)) for x, y in self._terrain.facets[:, :2]]
+        points = [(float(x), float(y)) for x, y in self._ground.facets[:, :2]]
         self._facet_of: dict[pymunk.Shape, int] = {}
         for i, (a, b) in enumerate(pairwise(points)):
             facet = pymunk.Segment(space.static_body, a, b, margin)
@@ -171,18 +171,18 @@ class PymunkRelease:
         near = [self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape]
         self._near = sorted(near)
         if near:
-            ints, reals = self._slots
+            ints, reals = self._contacts
             found_i, found_r, _ = self._scratch
             contact_step.begin(
-                self.q, min(near), max(near) + 1, self._terrain, self._block, ints, reals, found_i, found_r
+                self.q, min(near), max(near) + 1, self._ground, self._block, ints, reals, found_i, found_r
             )
 
     def _advance_contact(self, dt: float) -> None:
-        ints, reals = self._slots
+        ints, reals = self._contacts
         gone = 0.0
         while dt - gone > 1e-12 * dt:
             gone += contact_step.step(
-                self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._terrain, self._block,
+                self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._ground, self._block,
                 self.table, ints, reals, *self._scratch, self.audit, False,
             )  # fmt: skip
             knot = self.knot_now()._replace(time=self.time + gone)
@@ -190,9 +190,9 @@ class PymunkRelease:
                 self._zone = int(ints[np.flatnonzero(ints[:, contact_state.ACTIVE])[0], contact_state.ZONE])
             elif not knot.active and self._zone >= 0:
                 knot = knot._replace(departure=self._depart())
-            self._kinks.append(knot)
+            self._events.append(knot)
             if not np.array_equal(self.q, knot.q):  # velocities that change at once
-                self._kinks.append(Knot(knot.time, self.q.copy()))
+                self._events.append(Knot(knot.time, self.q.copy()))
 
     def _depart(self) -> Departure:
         """Let the block depart from the impact that has just ended."""
@@ -200,14 +200,16 @@ class PymunkRelease:
         if end_impact(self.q, np.zeros(N_IMPACT), departure.row, self._block, self.audit):
             found_i, found_r, _ = self._scratch
             near = self._near[0], self._near[-1] + 1
-            contact_step.look_again(self.q, *near, self._terrain, self._block, *self._slots, found_i, found_r)
+            contact_step.look_again(
+                self.q, *near, self._ground, self._block, *self._contacts, found_i, found_r
+            )
         self._zone = -1
         return departure
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = contact_energy.ease(self._start["kinetic"], self._block, *self._slots, self.table)
+            eased = contact_energy.ease(self._start["kinetic"], self._block, *self._contacts, self.table)
             return self.contact_step * float(eased)
         longest, extra = air_stride(self.q, self.gravity, self._block)
         limit = min(longest, LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
@@ -225,20 +227,20 @@ class PymunkRelease:
         return min(limit, max(self.contact_step, (math.sqrt(speed**2 + 2 * g * clear) - speed) / g))
 
     def step(self) -> list[Knot]:
-        """One pymunk step. Returns the knots at its end and at the kinks of the law within it.
+        """One pymunk step. Returns the knots at its end and at the events of the law within it.
 
         Raises CallbackError from whatever failed inside a pymunk callback.
         """
         dt = self.stride()
         self._met.clear()
-        self._kinks.clear()
+        self._events.clear()
         self.space.step(dt)
         if self._error is not None:
             error, self._error = self._error, None
             if isinstance(error, KeyboardInterrupt):
                 raise error
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
-        knots = self._kinks.copy() or [Knot(self.time + dt, self.q.copy())]
+        knots = self._events.copy() or [Knot(self.time + dt, self.q.copy())]
         self.time += dt
         self._near = sorted(set(self._met))
         return knots
@@ -250,7 +252,7 @@ class PymunkRelease:
 
     def pressure(self) -> tuple[float, float, int]:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
-        return contact_energy.pressure(*self._slots, self.table)
+        return contact_energy.pressure(*self._contacts, self.table)
 
     def knot_now(self) -> Knot:
         """The present state as a knot."""
@@ -259,16 +261,16 @@ class PymunkRelease:
 
     def centroid_depth_m(self) -> float:
         """Depth of the centroid below the nearest facets met; beyond 0 the law has lost its meaning."""
-        facets = self._terrain.facets
+        facets = self._ground.facets
         if not self._near:
             return -math.inf
         return float(point_depth(self.q[0], self.q[1], facets, self._near[0], self._near[-1] + 1)[0])
 
     def first_zone(self) -> str:
         """Zone of the first active contact."""
-        ints, _ = self._slots
+        ints, _ = self._contacts
         active = np.flatnonzero(ints[:, contact_state.ACTIVE])
-        return self.terrain.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
+        return self.cross_section.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
 
     def mechanical_energy_J(self) -> dict[str, float]:
         """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
@@ -277,7 +279,7 @@ class PymunkRelease:
             "kinetic": 0.5 * m * float(q[3] ** 2 + q[4] ** 2)
             + 0.5 * self.block.inertia_kg_m2 * float(q[5] ** 2),
             "potential": m * self.gravity * float(q[1]),
-            "elastic": float(contact_energy.stored_energy(*self._slots, self.table)),
+            "elastic": float(contact_energy.stored_energy(*self._contacts, self.table)),
             "plastic": float(self.audit[contact_step.PLASTIC]),
             "friction": float(self.audit[contact_step.FRICTION]),
             "rolling": float(self.audit[contact_step.ROLLING]),
@@ -290,14 +292,14 @@ class PymunkRelease:
         residual = sum of all shares now - sum at the start; 0 if the audit closes.
         """
         now = self.mechanical_energy_J()
-        lowest = self.block.mass_kg * self.gravity * float(self.terrain.points_m[:, 1].min())
+        lowest = self.block.mass_kg * self.gravity * float(self.cross_section.points_m[:, 1].min())
         initial = self._start["kinetic"] + self._start["potential"] - lowest
         return {**now, "initial": initial, "residual": sum(now.values()) - sum(self._start.values())}
 
 
 def run_pymunk(
     block: Block,
-    terrain: Terrain,
+    cross_section: CrossSection,
     parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray,
     state: np.ndarray,
     *,
@@ -320,9 +322,9 @@ def run_pymunk(
     Raises CallbackError (with its cause) if anything fails inside a pymunk callback.
     """
     sim = PymunkRelease(
-        block, terrain, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
+        block, cross_section, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
     )
-    x_exit = (terrain.points_m[0, 0], terrain.points_m[-1, 0])
+    x_exit = (cross_section.points_m[0, 0], cross_section.points_m[-1, 0])
     knots: list[np.ndarray] = []
     flight: list[bool] = []
     log = _ImpactLog(sim)
@@ -369,7 +371,7 @@ class _ImpactLog:
     """Cuts the knots of a run into impacts.
 
     An impact begins at the first touch and ends when the ground last presses before the block is clear of it
-    (not when it has climbed out of its own crater: gravity acts meanwhile, the law does not).
+    (not when it has climbed out of its own indentation: gravity acts meanwhile, the law does not).
     """
 
     def __init__(self, sim: PymunkRelease) -> None:

@@ -20,8 +20,8 @@ from rock2d.engines.contact_state import (
     N_REALS,
     OFFSET,
     RATE,
-    SMOOTH_SLOTS,
-    VERTEX_SLOTS,
+    SMOOTH_CONTACTS,
+    VERTEX_CONTACTS,
     ZONE,
 )
 from rock2d.engines.free_flight import air_stride, fly, in_air
@@ -32,7 +32,7 @@ from rock2d.engines.geometry import (
     POINT_X,
     POINT_Y,
     BlockArrays,
-    TerrainArrays,
+    GroundArrays,
     facet_range,
     near_depth,
     point_depth,
@@ -51,7 +51,7 @@ from rock2d.engines.recording import (
     sample,
 )
 from rock2d.engines.time_to_contact import safe_time, time_to_ground
-from rock2d.laws.contact import CRATER, K_L, K_UL, residual
+from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
 
 STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
 TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
@@ -61,7 +61,7 @@ LAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bou
 VIEW = 2.0  # radii to each side within which a contact knows the ground
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 LONGEST_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
-FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own crater
+FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
 
 
 @njit
@@ -73,29 +73,29 @@ def _block(packed, i):
 
 
 @njit
-def _terrain(packed, i):
+def _ground(packed, i):
     a, b = packed.bin_start[i], packed.bin_start[i + 1]
-    r = packed.terrain_reals[i]
+    r = packed.ground_reals[i]
     facets = packed.facets[packed.facet_start[i] : packed.facet_start[i + 1]]
-    return TerrainArrays(facets, packed.first[a:b], packed.last[a:b], r[0], r[1], r[2], r[3], r[4])
+    return GroundArrays(facets, packed.first[a:b], packed.last[a:b], r[0], r[1], r[2], r[3], r[4])
 
 
 @njit
 def release(
-    packed, q, block_id, terrain_id, table_id, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
-    times, impacts, crossings, samples, audit, knots,
+    packed, q, block_id, cross_section_id, table_id, h_loading, h_contact, gravity, time_limit, impact_limit, spent,
+    settled, times, impacts, crossings, samples, audit, knots,
 ):  # fmt: skip
     """One release; q ends as the last state. Returns (stop, time, number of impacts, number of knots)."""
-    block, terrain = _block(packed, block_id), _terrain(packed, terrain_id)
-    tree = packed.trees[packed.tree_start[terrain_id] : packed.tree_start[terrain_id + 1]]
+    block, ground = _block(packed, block_id), _ground(packed, cross_section_id)
+    tree = packed.trees[packed.tree_start[cross_section_id] : packed.tree_start[cross_section_id + 1]]
     corners = block.sides.shape[0]
-    convex = int(packed.terrain_reals[terrain_id, 5])
-    n = corners + min(VERTEX_SLOTS, convex) if corners > 0 else SMOOTH_SLOTS
+    convex = int(packed.ground_reals[cross_section_id, 5])
+    n = corners + min(VERTEX_CONTACTS, convex) if corners > 0 else SMOOTH_CONTACTS
     ints, found_i = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_INTS), np.int64)
     reals, found_r = np.zeros((n, N_REALS)), np.zeros((n, N_REALS))
     contact_state.clear(ints, reals)
     return _descend(
-        block, terrain, tree, packed.lines[terrain_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
+        block, ground, tree, packed.lines[cross_section_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
         time_limit, impact_limit, spent, settled, times, impacts, crossings, samples, audit, knots, ints, reals,
         found_i, found_r, contact_step.scratch(n), np.empty(64, np.int64), np.empty((3, 8)), np.full(N_IMPACT, np.nan),
     )  # fmt: skip
@@ -103,7 +103,7 @@ def release(
 
 @kernel
 def _descend(
-    block, terrain, tree, lines, params, q, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
+    block, ground, tree, lines, params, q, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
     times, impacts, crossings, samples, audit, knots, ints, reals, found_i, found_r, work, stack, room, current,
 ):  # fmt: skip
     """`release` on prepared arrays: `room` (3, 8), `stack` and `work` are scratch, `current` an impact's row."""
@@ -119,22 +119,22 @@ def _descend(
     is_open, left = False, False
     rest.forget_rest(watch)
     active, steps, looked, eased = 0, 0, 0, 1.0
-    stale = False  # whether the slots have not looked at the ground since the block moved
-    noticed = False  # whether the slots know the ground at the present pose
+    stale = False  # whether the contacts have not looked at the ground since the block moved
+    noticed = False  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
 
     while t < time_limit:
-        if not terrain.x_low <= q[0] <= terrain.x_high:
+        if not ground.x_low <= q[0] <= ground.x_high:
             stop = EXIT
             break
         if active == 0:
             speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
             longest, extra = air_stride(q, gravity, block)
-            tau = time_to_ground(q, gravity, block, terrain.facets, tree, stack, extra)
+            tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
             least = h_contact if corners > 0 else LAST_STRIDE * h_contact
             if tau < least and corners > 0:
-                f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
-                gap = _gap(q, terrain, block, f0, f1)
+                f0, f1 = facet_range(ground, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
+                gap = _gap(q, ground, block, f0, f1)
                 if gap > 0.0:
                     # no farther than the facets that were looked at
                     tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity + extra)
@@ -157,7 +157,7 @@ def _descend(
             looked = steps + LOOK_EVERY
             eased = min(EASE_LIMIT, contact_energy.ease(highest_energy, block, ints, reals, params))
             if active > 0 and is_open:
-                if settled and rest.captured(q, gravity, terrain, block, params, ints, reals):
+                if settled and rest.captured(q, gravity, ground, block, params, ints, reals):
                     stop = REST
                     break
                 if rest.watch_rest(watch, t, q, radius, gravity):
@@ -181,7 +181,7 @@ def _descend(
             pause = times[at] if at < times.size else np.inf
             until, done, left, why = fast_contact_steps.press(
                 q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
-                pause, anchor, gravity, terrain, block, params, ints, reals, work, audit, current, left,
+                pause, anchor, gravity, ground, block, params, ints, reals, work, audit, current, left,
             )  # fmt: skip
             steps += done
             if why > 0:
@@ -190,8 +190,8 @@ def _descend(
                 )
                 anchor[3] = 0.0
                 if fresh:
-                    f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                    set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
+                    f0, f1 = facet_range(ground, q[0] - VIEW * radius, q[0] + VIEW * radius)
+                    set_anchor(anchor, q, h, f0, f1, ground, block, ints)
             stale = stale or done > 0
             if done == 0:
                 continue
@@ -205,10 +205,10 @@ def _descend(
                 h = FREE_STEP * h if floating else (h_loading * eased if loading else h)
             h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))
             reach = near_reach(q, h, gravity, radius)
-            f0, f1 = facet_range(terrain, q[0] - reach, q[0] + reach)
+            f0, f1 = facet_range(ground, q[0] - reach, q[0] + reach)
             if active == 0 and not noticed:
                 contact_state.clear(ints, reals)
-                active = contact_step.begin(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                active = contact_step.begin(q, f0, f1, ground, block, ints, reals, found_i, found_r)
                 noticed = True
                 if active > 0:
                     is_open, left = True, False
@@ -216,7 +216,7 @@ def _descend(
                     highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             flying = active == 0
             if stale:
-                contact_step.look_again(q, f0, f1, terrain, block, ints, reals, found_i, found_r)
+                contact_step.look_again(q, f0, f1, ground, block, ints, reals, found_i, found_r)
                 stale = False
             used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
             until = t + contact_step.step(
@@ -225,7 +225,7 @@ def _descend(
                 f0,
                 f1,
                 gravity,
-                terrain,
+                ground,
                 block,
                 params,
                 ints,
@@ -247,16 +247,16 @@ def _descend(
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
-                f0, f1 = facet_range(terrain, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                set_anchor(anchor, q, h, f0, f1, terrain, block, ints)
+                f0, f1 = facet_range(ground, q[0] - VIEW * radius, q[0] + VIEW * radius)
+                set_anchor(anchor, q, h, f0, f1, ground, block, ints)
         gone = until - t
         if near:
             cross(t, old, gone, q, flying, gravity, block, lines, crossings)
         at = sample(t, old, gone, q, flying and not airy, gravity, times, at, samples)
         t = until
         if is_open and current[15] > 0.5 * radius:
-            f0, f1 = facet_range(terrain, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
-            if point_depth(q[0], q[1], terrain.facets, f0, f1)[0] > 0.0:
+            f0, f1 = facet_range(ground, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
+            if point_depth(q[0], q[1], ground.facets, f0, f1)[0] > 0.0:
                 stop = BURIED
                 break
         if active == 0 and is_open:
@@ -286,25 +286,25 @@ def near_reach(q, h, gravity, radius):
 
 
 @kernel
-def set_anchor(anchor, q, h, f0, f1, terrain, block, ints):
+def set_anchor(anchor, q, h, f0, f1, ground, block, ints):
     """Take q as the pose whose guard is known, if it lasts for a step of h; facets f0 to f1 - 1 reach VIEW radii to
     each side."""
     anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
-    allowance = min(VIEW - 1.0, max(0.1, VIEW_FACETS * terrain.facet_m / block.radius)) * block.radius
-    anchor[3] = fast_contact_steps.guard_distance(q, allowance, f0, f1, terrain, block, ints)
+    allowance = min(VIEW - 1.0, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
+    anchor[3] = fast_contact_steps.guard_distance(q, allowance, f0, f1, ground, block, ints)
     if anchor[3] < h * (abs(q[3]) + abs(q[4]) + fast_contact_steps.TURN_ARM * block.radius * abs(q[5])):
         anchor[3] = 0.0
 
 
 @kernel
 def pressing(ints, reals, params, step):
-    """(every contact goes deeper into virgin soil, none touches the bottom of its crater)."""
+    """(every contact goes deeper into first-loading soil, none touches the bottom of its indentation)."""
     loading, floating = True, True
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
             loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
-            floating = floating and p[ACTS] == 0.0 and p[CRATER] == 0.0
+            floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
             floating = floating and fast_contact_steps.floats(
                 pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step
             )
@@ -312,15 +312,15 @@ def pressing(ints, reals, params, step):
 
 
 @kernel
-def _gap(q, terrain, block, f0, f1):
+def _gap(q, ground, block, f0, f1):
     """Lower bound of the distance between a polygon near the ground and the ground."""
     x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
-    facets, sides = terrain.facets, block.sides
+    facets, sides = ground.facets, block.sides
     gap = np.inf
     for i in range(sides.shape[0]):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        depth, _, _ = near_depth(px, py, terrain, f0, f1, min(gap, block.radius) + block.rounding)
+        depth, _, _ = near_depth(px, py, ground, f0, f1, min(gap, block.radius) + block.rounding)
         gap = min(gap, -depth - block.rounding)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:

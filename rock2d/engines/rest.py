@@ -48,13 +48,13 @@ def watch_rest(watch, t, q, radius, gravity):
 
 
 @kernel
-def captured(q, gravity, terrain, block, params, ints, reals):
+def captured(q, gravity, ground, block, params, ints, reals):
     """True if the energy that is left cannot carry the block farther than REST_DRIFT radii, but for the creep that the
     law grants a trembling block for ever.
 
     It stands on contacts left and right of its centroid that hold it with HOLD of the friction (the rest stops it
     within that way), and has not half the energy to tip over the nearer one; or it is a ball that friction holds,
-    that cannot leave its crater, and that its rolling spring turns back.
+    that cannot leave its indentation, and that its rolling spring turns back.
     """
     energy = kinetic_energy(q, block) + stored_energy(ints, reals, params)
     weight, radius = block.mass * gravity, block.radius
@@ -66,7 +66,7 @@ def captured(q, gravity, terrain, block, params, ints, reals):
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             _, _, _, rx, _ = contact_point(
-                ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
+                ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
             )
             if rx < left_x:
                 left, left_x = j, rx
@@ -77,8 +77,8 @@ def captured(q, gravity, terrain, block, params, ints, reals):
         support = min(-left_x, right_x)
         if energy > 0.25 * weight * support * support / radius:
             return False
-        low1, high1, y1, mu1 = _force_slopes(left, q, c, s, block, terrain, params, ints)
-        low2, high2, y2, mu2 = _force_slopes(right, q, c, s, block, terrain, params, ints)
+        low1, high1, y1, mu1 = _force_slopes(left, q, c, s, block, ground, params, ints)
+        low2, high2, y2, mu2 = _force_slopes(right, q, c, s, block, ground, params, ints)
         if energy > REST_DRIFT * radius * weight * (1.0 - HOLD) * min(mu1, mu2):
             return False
         return _stands(left_x, y1, low1, high1, right_x, y2, low2, high2)
@@ -86,7 +86,7 @@ def captured(q, gravity, terrain, block, params, ints, reals):
     if count != 1 or ints[j, KIND] != SMOOTH_FACET or not is_ball(block):
         return False
     p = params[ints[j, ZONE]]
-    depth, nx, ny, _, _ = contact_point(SMOOTH_FACET, ints[j, INDEX], 0, q[0], q[1], c, s, block, terrain)
+    depth, nx, ny, _, _ = contact_point(SMOOTH_FACET, ints[j, INDEX], 0, q[0], q[1], c, s, block, ground)
     if p[K_R] <= 0.0 or ny <= 0.0 or energy > REST_DRIFT * radius * weight * (p[MU] * ny - abs(nx)):
         return False
     force = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
@@ -99,11 +99,11 @@ def captured(q, gravity, terrain, block, params, ints, reals):
 
 
 @kernel
-def _force_slopes(j, q, c, s, block, terrain, params, ints):
+def _force_slopes(j, q, c, s, block, ground, params, ints):
     """(least, greatest ratio of horizontal to upward force within HOLD of the friction cone of contact j, height of the
     contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
     _, nx, ny, _, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, terrain
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
     )
     mu = min(params[ints[j, ZONE], MU], STEEPEST)
     most = HOLD * mu

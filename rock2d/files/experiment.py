@@ -19,10 +19,10 @@ from pydantic import Field, model_validator
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, read_text, shown
 from rock2d.files.folders import atomic_folder, path_inside
-from rock2d.files.setup_keys import BlockKeys, CrossSection, Name, block_keys
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
 from rock2d.records.track import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,7 @@ class ExperimentKeys(Checked):
     name: Name = Field(description="Name of the experiment")
     gravity_m_s2: float = Field(ge=0, le=1000, description="Gravity in m/s²")
     camera: Camera
-    cross_section: CrossSection
+    cross_section: CrossSectionKeys
     blocks: dict[Name, BlockKeys] = Field(min_length=1, description="Block name -> its profile and mass")
     trajectories: str | None = Field(
         default=None, description="CSV inside the folder with columns " + ",".join(TRAJECTORY_COLUMNS)
@@ -86,7 +86,7 @@ class Experiment:
     fps: float
     position_noise_m: float
     angle_noise_rad: float
-    terrain: Terrain
+    cross_section: CrossSection
     blocks: dict[str, Block]
     trajectories: pd.DataFrame | None = None
     impacts: pd.DataFrame | None = None
@@ -104,7 +104,7 @@ def read_experiment(folder: str | Path) -> Experiment:
         raise InputError("no such experiment folder", folder)
     document = Document(folder / "experiment.yaml")
     keys = document.check(ExperimentKeys)
-    terrain = keys.cross_section.make()
+    cross_section = keys.cross_section.make()
     blocks = {name: block.make(name) for name, block in keys.blocks.items()}
     tables: dict[str, pd.DataFrame] = {}
     for kind in ("trajectories", "impacts"):
@@ -120,14 +120,14 @@ def read_experiment(folder: str | Path) -> Experiment:
         if kind == "trajectories":
             tables[kind] = read_trajectories(path, blocks)
         else:
-            tables[kind] = read_impacts(path, blocks, terrain.zone_names)
+            tables[kind] = read_impacts(path, blocks, cross_section.zone_names)
     return Experiment(
         name=keys.name,
         gravity_m_s2=keys.gravity_m_s2,
         fps=keys.camera.fps,
         position_noise_m=keys.camera.position_noise_m,
         angle_noise_rad=keys.camera.angle_noise_rad,
-        terrain=terrain,
+        cross_section=cross_section,
         blocks=blocks,
         trajectories=tables.get("trajectories"),
         impacts=tables.get("impacts"),
@@ -180,9 +180,11 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     assert table is not None
     table.to_csv(folder / f"{kind}.csv", index=False, lineterminator="\n")
     cross_section = {
-        "points_m": experiment.terrain.points_m.tolist(),
-        "zones": list(experiment.terrain.zones),
-        "measure_lines": {name: line.tolist() for name, line in experiment.terrain.measure_lines.items()},
+        "points_m": experiment.cross_section.points_m.tolist(),
+        "zones": list(experiment.cross_section.zones),
+        "measure_lines": {
+            name: line.tolist() for name, line in experiment.cross_section.measure_lines.items()
+        },
     }
     keys = {
         "name": experiment.name,

@@ -17,9 +17,9 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, shown
 from rock2d.files.experiment import Experiment, read_experiment
 from rock2d.files.folders import path_inside
 from rock2d.files.scenario_keys import Incident, Laws, Outputs
-from rock2d.files.setup_keys import BlockKeys, CrossSection, Name
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.laws.contact import ContactParameters
@@ -49,7 +49,7 @@ class Scenario(Checked):
     time_limit_s: float = Field(
         default=10.0, gt=0, le=3600, description="A release ends after this time in s"
     )
-    cross_section: CrossSection | None = Field(
+    cross_section: CrossSectionKeys | None = Field(
         default=None,
         description="The ground; may be left out when the incident states come from an experiment",
     )
@@ -70,13 +70,13 @@ class Scenario(Checked):
         """The filmed experiment whose releases are restarted, or None."""
         return self._experiment
 
-    def terrain(self) -> Terrain:
+    def make_cross_section(self) -> CrossSection:
         """The cross-section: the scenario's own, else the experiment's."""
         if self.cross_section is not None:
             return self.cross_section.make()
         if self._experiment is None:
             raise InputError("missing key 'cross_section'", self._file)
-        return self._experiment.terrain
+        return self._experiment.cross_section
 
     def make_blocks(self) -> dict[str, Block]:
         """Name -> block: the scenario's own, else the experiment's."""
@@ -97,7 +97,7 @@ class Scenario(Checked):
         if self.model.deterministic is None:
             raise self._error("missing key 'deterministic', which engine pymunk needs", "model")
         table = self.model.deterministic.named()
-        start: dict[str, Any] = {"rolling_cap": False, "rolling_in_crater": False}
+        start: dict[str, Any] = {"rolling_cap": False, "rolling_in_indentation": False}
         out = {}
         for zone, keys in table.items():
             values = _merged(start, table["default"], keys)
@@ -207,7 +207,7 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
 
 
 def _check_names(scenario: Scenario) -> None:
-    zones = {"default", *scenario.terrain().zone_names}
+    zones = {"default", *scenario.make_cross_section().zone_names}
     blocks = {"default", *scenario.make_blocks()}
     laws = scenario.model
 
@@ -218,7 +218,7 @@ def _check_names(scenario: Scenario) -> None:
                 message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
                 raise scenario._error(message, *path, name, at="key")
 
-    if "default" in scenario.terrain().zone_names:
+    if "default" in scenario.make_cross_section().zone_names:
         raise scenario._error("a zone must not be called default", "cross_section", "zones")
     if "default" in scenario.make_blocks():
         raise scenario._error("a block must not be called default", "blocks", "default", at="key")
@@ -248,7 +248,7 @@ def _check_incident(scenario: Scenario) -> None:
     """Refuse a fixed start below the ground or beside the cross-section."""
     import shapely
 
-    points = scenario.terrain().points_m
+    points = scenario.make_cross_section().points_m
     extent = float((points.max(axis=0) - points.min(axis=0)).max())
     floor = float(points[:, 1].min()) - extent
     ground = shapely.Polygon([*points, (points[-1, 0], floor), (points[0, 0], floor)])

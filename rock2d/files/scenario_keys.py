@@ -30,7 +30,7 @@ class ContactKeys(Checked):
     rolling_cap: bool | None = Field(
         default=None, description="Limit the rolling moment to arm x normal force (the paper does not); false"
     )
-    rolling_in_crater: bool | None = Field(
+    rolling_in_indentation: bool | None = Field(
         default=None,
         description="The rolling spring acts until the block is clear of the ground; false: while pressed",
     )

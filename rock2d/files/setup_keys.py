@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
 from rock2d.scene.blocks import Block, make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 LARGEST_M = 1.0e6
 INERTIA_WORDS = ("solid_sphere", "uniform")
@@ -35,7 +35,7 @@ def _inertia(value: Any) -> Any:
     return value
 
 
-class CrossSection(Checked):
+class CrossSectionKeys(Checked):
     """The ground, seen from the side."""
 
     points_m: list[Point] = Field(
@@ -47,28 +47,28 @@ class CrossSection(Checked):
     )
 
     @model_validator(mode="after")
-    def _makes_a_terrain(self) -> CrossSection:
+    def _makes_a_cross_section(self) -> CrossSectionKeys:
         # in steps, so that a complaint can be laid at the key that caused it
         try:
-            Terrain(self.points_m, ["z"] * (len(self.points_m) - 1))
+            CrossSection(self.points_m, ["z"] * (len(self.points_m) - 1))
         except ValueError as error:
             facet = re.search(r"facets? (\d+)(?: and (\d+))?", str(error))
             where = (int(facet[2] or facet[1]) + 1,) if facet else ()
             raise mistake(str(error), "points_m", *where) from None
         try:
-            Terrain(self.points_m, self.zones)
+            CrossSection(self.points_m, self.zones)
         except ValueError as error:
             raise mistake(str(error), "zones") from None
         for name, line in self.measure_lines.items():
             try:
-                Terrain(self.points_m, self.zones, {name: line})
+                CrossSection(self.points_m, self.zones, {name: line})
             except ValueError as error:
                 raise mistake(str(error), "measure_lines", name) from None
         return self
 
-    def make(self) -> Terrain:
-        """The checked terrain."""
-        return Terrain(self.points_m, self.zones, self.measure_lines)
+    def make(self) -> CrossSection:
+        """The checked ground."""
+        return CrossSection(self.points_m, self.zones, self.measure_lines)
 
 
 class _BlockKeys(Checked):

@@ -27,7 +27,7 @@ from rock2d.graphics.palette import (
     rgb,
 )
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 Limits = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in m
@@ -63,24 +63,24 @@ class View:
         return View(x_m - half, y_m + half, px_per_m, side_px, side_px)
 
 
-def motion_limits(terrain: Terrain, x_m: Array, y_m: Array, radius_m: float) -> Limits:
+def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m: float) -> Limits:
     """The part of the cross-section worth seeing: motion, measure lines and the ground's near corners.
 
     Far ends of long facets are left out, so a small motion on a wide floor stays large.
     """
     x, y = np.asarray(x_m, float), np.asarray(y_m, float)
     seen = np.isfinite(x) & np.isfinite(y)
-    points = [np.column_stack([x[seen], y[seen]]), *terrain.measure_lines.values()]
+    points = [np.column_stack([x[seen], y[seen]]), *cross_section.measure_lines.values()]
     points = [p for p in points if len(p)]
     if not points:
-        points = [terrain.points_m]
+        points = [cross_section.points_m]
     low = np.min([p.min(axis=0) for p in points], axis=0) - radius_m
     high = np.max([p.max(axis=0) for p in points], axis=0) + radius_m
     low, high = np.minimum(low, high - 5 * radius_m), np.maximum(high, low + 5 * radius_m)
     reach = 0.5 * float((high - low).max())
-    ground = terrain.points_m
+    ground = cross_section.points_m
     near = ((ground >= low - reach) & (ground <= high + reach)).all(axis=1)
-    here = terrain.height_m(np.linspace(low[0], high[0], 9))
+    here = cross_section.height_m(np.linspace(low[0], high[0], 9))
     heights = np.concatenate([ground[near, 1], here[np.isfinite(here)]])
     if near.any():
         low[0], high[0] = min(low[0], ground[near, 0].min()), max(high[0], ground[near, 0].max())
@@ -109,12 +109,14 @@ def exact_view(limits: Limits, width_px: int, height_px: int) -> View:
     return View(x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px)
 
 
-def zone_tones(terrain: Terrain) -> dict[str, str]:
+def zone_tones(cross_section: CrossSection) -> dict[str, str]:
     """A muted tone a zone."""
-    return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(terrain.zone_names)}
+    return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(cross_section.zone_names)}
 
 
-def ground_image(terrain: Terrain, view: View, depth_px: float, *, surface_px: float = 2.0) -> Array:
+def ground_image(
+    cross_section: CrossSection, view: View, depth_px: float, *, surface_px: float = 2.0
+) -> Array:
     """The cross-section as a BGR image (height_px, width_px, 3): sky, ground tinted by the zone of the
     nearest facet down to about `depth_px`, surface line.
 
@@ -123,12 +125,12 @@ def ground_image(terrain: Terrain, view: View, depth_px: float, *, surface_px: f
     fine = 2  # supersampled, then averaged: cv2 fills have no anti-aliased edge between tones
     pad = int(fine * 1.8 * depth_px) + 2
     high, wide = fine * view.height_px, fine * view.width_px
-    surface = (view.pixels(terrain.points_m) + 0.5) * fine - 0.5 + pad
+    surface = (view.pixels(cross_section.points_m) + 0.5) * fine - 0.5 + pad
     canvas = (high + 2 * pad, wide + 2 * pad)
-    ids = np.full(canvas, len(terrain.zone_names), np.int32)
-    for i, zone in enumerate(terrain.zone_ids):
+    ids = np.full(canvas, len(cross_section.zone_names), np.int32)
+    for i, zone in enumerate(cross_section.zone_ids):
         cv2.polylines(ids, [_fixed(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, _SHIFT)
-    empty = (ids == len(terrain.zone_names)).astype(np.uint8)
+    empty = (ids == len(cross_section.zone_names)).astype(np.uint8)
     if empty.all():
         near, depth = np.zeros(canvas, np.int32), np.full(canvas, 1e9, np.float32)
     else:
@@ -144,19 +146,19 @@ def ground_image(terrain: Terrain, view: View, depth_px: float, *, surface_px: f
     cv2.fillPoly(inside, [_fixed(np.vstack([surface, floor]))], 1, cv2.LINE_8, _SHIFT)
     solid = inside[seen].astype(bool)
 
-    tones = np.array([bgr(t) for t in zone_tones(terrain).values()], np.float32)
+    tones = np.array([bgr(t) for t in zone_tones(cross_section).values()], np.float32)
     share = np.clip(1.6 - depth[seen] / (fine * depth_px), 0.0, 1.0)[..., None]
     earth = share * tones[near[seen]] + (1 - share) * np.array(bgr(DEEP_GROUND), np.float32)
     image = np.where(solid[..., None], earth, np.array(bgr(SKY), np.float32)).astype(np.uint8)
     size = (view.width_px, view.height_px)
     image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-    polyline(image, view.pixels(terrain.points_m), INK, surface_px)
+    polyline(image, view.pixels(cross_section.points_m), INK, surface_px)
     return image
 
 
-def draw_measure_lines(image: Array, terrain: Terrain, view: View, thick_px: float) -> None:
+def draw_measure_lines(image: Array, cross_section: CrossSection, view: View, thick_px: float) -> None:
     """Dashed measure lines."""
-    for line in terrain.measure_lines.values():
+    for line in cross_section.measure_lines.values():
         a, b = view.pixels(line)
         length = float(np.hypot(*(b - a)))
         dash = max(2.0, 4.0 * thick_px)
@@ -175,15 +177,17 @@ class Name:
     leader_px: Array | None = None
 
 
-def placed_names(terrain: Terrain, view: View, size_px: int, avoid_px: Array | None = None) -> list[Name]:
+def placed_names(
+    cross_section: CrossSection, view: View, size_px: int, avoid_px: Array | None = None
+) -> list[Name]:
     """Places for the names of zones (under the ground) and of measure lines (beside their ends, off the
     points `avoid_px` where possible). A zone's name that finds no room in the view is left out."""
     names: list[Name] = []
     taken: list[Box] = []
     gap = 0.4 * size_px
-    surface = view.pixels(terrain.points_m)
+    surface = view.pixels(cross_section.points_m)
     bounds = (gap, gap, view.width_px - gap, view.height_px - gap)
-    for zone, at in _visible_runs(terrain, surface, view):
+    for zone, at in _visible_runs(cross_section, surface, view):
         text = zone.replace("_", " ")
         size = text_size(text, size_px)
         x = float(np.clip(at[0] - 0.5 * size[0], bounds[0], bounds[2] - size[0]))
@@ -199,7 +203,7 @@ def placed_names(terrain: Terrain, view: View, size_px: int, avoid_px: Array | N
         leader = np.array([[at[0], at[1] + 0.4 * gap], [at[0], y - 0.1 * gap]]) if apart else None
         names.append(Name(text, box, NAME_INK, leader))
     busy = np.empty((0, 2)) if avoid_px is None else avoid_px
-    for name, line in terrain.measure_lines.items():
+    for name, line in cross_section.measure_lines.items():
         text = name.replace("_", " ")
         box = _line_label(view.pixels(line), surface, text_size(text, size_px), gap, taken, bounds, busy)
         taken.append(box)
@@ -340,10 +344,10 @@ def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
     return a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
 
 
-def _visible_runs(terrain: Terrain, surface: Array, view: View) -> list[tuple[str, Array]]:
+def _visible_runs(cross_section: CrossSection, surface: Array, view: View) -> list[tuple[str, Array]]:
     """Zone name and anchor (middle of what is seen, px) of each stretch of facets of one zone."""
     runs: list[tuple[str, list[Array]]] = []
-    for i, zone in enumerate(terrain.zones):
+    for i, zone in enumerate(cross_section.zones):
         a, b = surface[i], surface[i + 1]
         ends = [0.0, 1.0]
         for axis, limit in ((0, view.width_px), (1, view.height_px)):

@@ -30,7 +30,7 @@ from rock2d.graphics.palette import (
 )
 from rock2d.records.track import OMEGA, VX, VY, T, Track, Y
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -60,7 +60,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
 
 
 def trajectories_figure(
-    terrain: Terrain, blocks: Mapping[str, Block], tracks: Sequence[Track], title: str = ""
+    cross_section: CrossSection, blocks: Mapping[str, Block], tracks: Sequence[Track], title: str = ""
 ) -> Figure:
     """The cross-section with zones and measure lines, and the way of every release; a panel a block.
 
@@ -72,7 +72,7 @@ def trajectories_figure(
     ways = {n: [positions_of(t) for t in tracks if t.block == n] for n in names}
     every = np.vstack([w for ws in ways.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
-    limits = drawing.motion_limits(terrain, every[:, 0], every[:, 1], radius)
+    limits = drawing.motion_limits(cross_section, every[:, 0], every[:, 1], radius)
 
     wide_in, axis_in, page_in = 7.5, 6.85, 9.6
     high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
@@ -83,7 +83,7 @@ def trajectories_figure(
     colours = block_colours(blocks)
     stops: set[str] = set()
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        draw_cross_section(axis, terrain, view, np.vstack(ways[name]), axis_in)
+        draw_cross_section(axis, cross_section, view, np.vstack(ways[name]), axis_in)
         own = [t for t in tracks if t.block == name]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
         for track, way in zip(own, ways[name], strict=True):
@@ -109,7 +109,7 @@ def trajectories_figure(
 
 
 def overlay_figure(
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     measured: pd.DataFrame,
     simulated: Sequence[Track],
@@ -132,7 +132,7 @@ def overlay_figure(
     frames = []
     for both, (_, track) in zip(points, shown, strict=True):
         every, radius = np.vstack(both), blocks[track.block].radius_m
-        floor = min(every[:, 1].min(), *_heights_at(terrain, every))
+        floor = min(every[:, 1].min(), *_heights_at(cross_section, every))
         frames.append((every[:, 0].min() - 1.3 * radius, every[:, 0].max() + 1.3 * radius,
                        floor - 0.9 * radius, every[:, 1].max() + 1.4 * radius))  # fmt: skip
     wide = max(f[1] - f[0] for f in frames)
@@ -146,7 +146,7 @@ def overlay_figure(
     ):
         block = blocks[track.block]
         top, height, angle = axes[:, column]
-        ground = terrain.points_m * factor
+        ground = cross_section.points_m * factor
         deep = ground[:, 1].min() - 10 * high * factor
         top.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
         top.plot(*ground.T, color=INK, lw=1.2)
@@ -325,16 +325,18 @@ def _length_unit(limits: drawing.Limits) -> tuple[str, float]:
     return ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)
 
 
-def draw_cross_section(axis: Any, terrain: Terrain, view: View, ways: Array, axis_in: float) -> None:
+def draw_cross_section(
+    axis: Any, cross_section: CrossSection, view: View, ways: Array, axis_in: float
+) -> None:
     """The ground with zones and measure lines, their names off the points `ways` (n, 2), on an axis `axis_in` wide."""
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     limits, (_, factor) = view.limits_m, _length_unit(view.limits_m)
-    image = drawing.ground_image(terrain, view, 42, surface_px=0)[..., ::-1]
+    image = drawing.ground_image(cross_section, view, 42, surface_px=0)[..., ::-1]
     axis.imshow(image, extent=limits, aspect="equal", zorder=0)
-    axis.plot(*terrain.points_m.T, color=INK, lw=1.3, zorder=2, solid_joinstyle="round")
-    for line in terrain.measure_lines.values():
+    axis.plot(*cross_section.points_m.T, color=INK, lw=1.3, zorder=2, solid_joinstyle="round")
+    for line in cross_section.measure_lines.values():
         axis.plot(*line.T, color=LINE_INK, lw=1.1, ls=(0, (3, 2)), zorder=2.5)
     axis.set(xlim=limits[:2], ylim=limits[2:], aspect="equal")
     for side, count in ((axis.xaxis, 9), (axis.yaxis, 5)):
@@ -342,7 +344,7 @@ def draw_cross_section(axis: Any, terrain: Terrain, view: View, ways: Array, axi
         side.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 6) + 0.0:g}"))
 
     size_px = round(_SMALL_PT / 72 * view.width_px / axis_in)
-    for name in drawing.placed_names(terrain, view, size_px, view.pixels(ways)):
+    for name in drawing.placed_names(cross_section, view, size_px, view.pixels(ways)):
         left, top, _, bottom = name.box
         x = view.left_m + (left + 0.5) / view.px_per_m
         y = view.top_m - (0.5 * (top + bottom) + 0.5) / view.px_per_m
@@ -413,8 +415,8 @@ def _outline(
     axis.plot(*closed.T, color=colour, ls=style, lw=1.1, zorder=2)
 
 
-def _heights_at(terrain: Terrain, points: Array) -> Array:
-    heights = terrain.height_m(points[:, 0])
+def _heights_at(cross_section: CrossSection, points: Array) -> Array:
+    heights = cross_section.height_m(points[:, 0])
     heights = heights[np.isfinite(heights)]
     return heights if len(heights) else points[:, 1]
 

@@ -21,7 +21,7 @@ from rock2d.graphics.drawing import Limits, View
 from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, SKY, block_colours, mixed
 from rock2d.graphics.video_file import Progress, write_video
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 __all__ = [
@@ -33,7 +33,7 @@ _PAPER = "#ffffff"
 
 def render_video(
     path: str | Path,
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     series: Sequence[Clip] | Sequence[Sequence[Clip]],
     *,
@@ -58,16 +58,16 @@ def render_video(
     """
     scenes = _dressed(_scenes(series), blocks)
     layout = _Layout(size_px, 1)
-    seen = _view(terrain, blocks, scenes, layout, view)
+    seen = _view(cross_section, blocks, scenes, layout, view)
     frames = _Frames(layout, fps_video, slow_motion, hold_s, title, trail)
     for scene in scenes:
-        frames.add([_Panel(terrain, blocks, scene, (), seen, "", scene)], scene)
+        frames.add([_Panel(cross_section, blocks, scene, (), seen, "", scene)], scene)
     return write_video(path, frames, len(frames), fps_video, size_px, progress)
 
 
 def side_by_side(
     path: str | Path,
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     left: Sequence[Clip],
     right: Sequence[Clip],
@@ -90,14 +90,14 @@ def side_by_side(
     first = [replace(c, colour=c.colour or MEASURED_COLOUR) for c in left]
     second = [replace(c, colour=c.colour or SIMULATED_COLOUR) for c in right]
     return compare_video(
-        path, terrain, blocks, [(first, second)], labels, fps_video=fps_video, slow_motion=slow_motion,
+        path, cross_section, blocks, [(first, second)], labels, fps_video=fps_video, slow_motion=slow_motion,
         size_px=size_px, titles=[title], view=view, trail=trail, hold_s=hold_s, progress=progress,
     )  # fmt: skip
 
 
 def compare_video(
     path: str | Path,
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     scenes: Sequence[Sequence[Sequence[Clip]]],
     labels: Sequence[str],
@@ -123,11 +123,11 @@ def compare_video(
     layout = _Layout(size_px, len(labels))
     dressed = [[_dressed([panel], blocks)[0] for panel in scene] for scene in scenes]
     together = [[clip for panel in scene for clip in panel] for scene in dressed]
-    seen = _view(terrain, blocks, together, layout, view)
+    seen = _view(cross_section, blocks, together, layout, view)
     frames = _Frames(layout, fps_video, slow_motion, hold_s, "", trail)
     for i, (scene, clips) in enumerate(zip(dressed, together, strict=True)):
         panels = [
-            _Panel(terrain, blocks, own, scene[0] if k else (), seen, label, clips)
+            _Panel(cross_section, blocks, own, scene[0] if k else (), seen, label, clips)
             for k, (own, label) in enumerate(zip(scene, labels, strict=True))
         ]
         frames.add(panels, clips, titles[i] if i < len(titles) else "")
@@ -135,7 +135,7 @@ def compare_video(
 
 
 def panel_views(
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     series: Sequence[Clip] | Sequence[Sequence[Clip]],
     size_px: tuple[int, int] = (1280, 720),
@@ -145,7 +145,7 @@ def panel_views(
 ) -> list[tuple[int, int, View]]:
     """Where a frame shows what: left and top pixel of each panel, and its `View` relative to that corner."""
     layout = _Layout(size_px, panels)
-    seen = _view(terrain, blocks, _dressed(_scenes(series), blocks), layout, view)
+    seen = _view(cross_section, blocks, _dressed(_scenes(series), blocks), layout, view)
     return [(left, layout.top, seen) for left in layout.lefts]
 
 
@@ -173,7 +173,7 @@ class _Panel:
 
     def __init__(
         self,
-        terrain: Terrain,
+        cross_section: CrossSection,
         blocks: Mapping[str, Block],
         clips: Sequence[Clip],
         ghosts: Sequence[Clip],
@@ -181,18 +181,18 @@ class _Panel:
         label: str,
         all_clips: Sequence[Clip],
     ) -> None:
-        self.terrain, self.blocks, self.clips, self.ghosts = terrain, blocks, clips, ghosts
+        self.cross_section, self.blocks, self.clips, self.ghosts = cross_section, blocks, clips, ghosts
         self.all_clips = all_clips  # names keep off the ways of the other panel too: the same place in both
         self.view, self.label, self.drawn_s = view, label, -np.inf
 
     def prepare(self, layout: _Layout) -> None:
         view, unit = self.view, layout.unit
         self.unit = unit
-        self.background = drawing.ground_image(self.terrain, view, 34 * unit, surface_px=2.2 * unit)
-        drawing.draw_measure_lines(self.background, self.terrain, view, 2 * unit)
+        self.background = drawing.ground_image(self.cross_section, view, 34 * unit, surface_px=2.2 * unit)
+        drawing.draw_measure_lines(self.background, self.cross_section, view, 2 * unit)
         ways = [view.pixels(p) for c in self.all_clips for p in c.path(-np.inf, np.inf)]
         busy = np.vstack(ways) if ways else None
-        names = drawing.placed_names(self.terrain, view, layout.small, busy)
+        names = drawing.placed_names(self.cross_section, view, layout.small, busy)
         drawing.draw_names(self.background, names, layout.small)
         if self.label:
             _chip(self.background, self.label, self.clips[0].colour, layout)
@@ -245,11 +245,11 @@ class _Panel:
         margin = round(12 * layout.unit)
         right, low = self.view.width_px - side - margin, self.view.height_px - side - margin
         busy = np.zeros((self.view.height_px, self.view.width_px), np.uint8)
-        drawing.polyline(busy, self.view.pixels(self.terrain.points_m), "#404040", 12)
+        drawing.polyline(busy, self.view.pixels(self.cross_section.points_m), "#404040", 12)
         for c in self.clips:
             for piece in c.path(-np.inf, np.inf):
                 drawing.polyline(busy, self.view.pixels(piece), "#ffffff", 24)
-        for line in self.terrain.measure_lines.values():
+        for line in self.cross_section.measure_lines.values():
             drawing.polyline(busy, self.view.pixels(line), "#ffffff", 24)
         for x0, y0, x1, y1 in names:
             busy[int(y0) : int(y1), int(x0) : int(x1)] = 255
@@ -266,7 +266,7 @@ class _Panel:
         if pose is None:
             return
         near = self.view.around(pose[0], pose[1], px_per_m, side)
-        part = drawing.ground_image(self.terrain, near, 20 * self.unit, surface_px=2 * self.unit)
+        part = drawing.ground_image(self.cross_section, near, 20 * self.unit, surface_px=2 * self.unit)
         self._blocks(part, near, t_s)
         text = f"{px_per_m / self.view.px_per_m:.0f}× closer"
         size = max(9, round(14 * self.unit))
@@ -447,7 +447,7 @@ def _dressed(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> l
 
 
 def _view(
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     scenes: Sequence[Sequence[Clip]],
     layout: _Layout,
@@ -459,5 +459,5 @@ def _view(
     radius = max(blocks[c.block].radius_m for c in clips)
     x, y = (np.concatenate([getattr(c, key) for c in clips]) for key in ("x_m", "y_m"))
     return drawing.fitted_view(
-        drawing.motion_limits(terrain, x, y, radius), layout.panel_width, layout.panel_height
+        drawing.motion_limits(cross_section, x, y, radius), layout.panel_width, layout.panel_height
     )

@@ -14,9 +14,9 @@ from rock2d.engines.geometry import (
     POINT_Y,
     block_arrays,
     facet_range,
+    ground_arrays,
     point_depth,
     polygon_depth,
-    terrain_arrays,
 )
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, LOOSE, REST, SPIN_LOOSE, partition
@@ -131,7 +131,7 @@ def cut_film(world: World, film: Film) -> Cut:
     """Cut every release into flights, contacts and rests in a world, and estimate the noise from the flights."""
     blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
-    ground = terrain_arrays(world.terrain, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
     g = max(world.gravity_m_s2, 1e-3)
     kinds = np.zeros(len(film.t_s), np.int64)
     found: list[tuple[int, int, int, int, int]] = []
@@ -150,7 +150,7 @@ def cut_film(world: World, film: Film) -> Cut:
         before = -1
         for i, j in stretches:
             kinds[a + i : a + j] = FLIGHT
-            # what still touches its crater is not free, though nothing may press on it
+            # what still touches its indentation is not free, though nothing may press on it
             free = np.flatnonzero(gap[i:j] > 2.0 * noise[1])
             cut_in = max(TRIM, int(free[0]) if len(free) else 0) if i > 0 else 0
             cut_out = max(TRIM, j - i - 1 - int(free[-1]) if len(free) else 0) if j < b - a else 0
@@ -169,8 +169,8 @@ def _true_flights(
     kind: Array, number: Array, t: Array, pose: Array, gap: Array, size: float, g: float, noise: Array
 ) -> list[tuple[int, int]]:
     """Stretches (first, last) of frames that are flights: mended where one was cut in mid-air, and only those that rise
-    above the ground: a hop within the crater is still contact. Where the ground lies higher than stated, blocks do not
-    come down to it: then it is their lower end that flights rise above."""
+    above the ground: a hop within the indentation is still contact. Where the ground lies higher than stated, blocks
+    do not come down to it: then it is their lower end that flights rise above."""
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
         frames = np.flatnonzero(number == k)

@@ -1,4 +1,4 @@
-"""The bench as a film shows it, roughly, where what is stated of it would put the blocks inside the ground.
+"""The set-up as a film shows it, roughly, where what is stated of it would put the blocks inside the ground.
 
 A film can only be cut into flights and impacts on a ground that the blocks come down to. A camera that is scaled or
 turned, or a cross-section that was built otherwise than surveyed, is found here well enough for the cut and for a first
@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.effects import catalogue
 from rock2d.effects.changes import image
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
 
@@ -34,7 +34,7 @@ def below_ground(world: World, film: Film) -> float:
     """Share of frames with the centroid inside the ground."""
     import shapely
 
-    points = world.terrain.points_m
+    points = world.cross_section.points_m
     low = float(points[:, 1].min()) - 10 * float(np.ptp(points, axis=0).max())
     ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
     shapely.prepare(ground)
@@ -56,7 +56,7 @@ def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | 
 
     def miss(other: World) -> float:
         """Median over releases of the distance in block radii of the lowest point from the ground."""
-        ground = terrain_arrays(other.terrain, reach)
+        ground = ground_arrays(other.cross_section, reach)
         gaps = [
             abs(clearances(blocks[b][0], ground, other.view.true(own)).min()) / blocks[b][1]
             for b, own in zip(film.release_block, frames, strict=True)
@@ -72,7 +72,7 @@ def _cameras(world: World, fall: Array | None) -> Iterator[tuple[World, str]]:
     catalogue could be so large."""
     if fall is None:
         return
-    (x, y), width = image(world.terrain)
+    (x, y), width = image(world.cross_section)
     scale = float(np.hypot(*fall)) / max(world.gravity_m_s2, 1e-9)
     tilt = float(np.arctan2(fall[0], -fall[1]))
     for name, value in (("scale_error", scale), ("camera_tilt", tilt)):
@@ -93,7 +93,7 @@ def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
     """Worlds on a cross-section that was built otherwise than surveyed."""
     effect = catalogue()["geometry_error"]
     what, unit = ("facing", "ditch"), "embankment heights"
-    if world.terrain.embankment is None:
+    if world.cross_section.embankment is None:
         what, unit = ("ground", "ground"), "block sizes"
     turns, rises = (np.linspace(p.low, p.high, TURNS) for p in effect.parameters)
     for turn, rise in itertools.product(turns, rises):

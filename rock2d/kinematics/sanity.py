@@ -2,8 +2,8 @@
 
 Every check looks at the recorded frames alone, without a model of contact. A *fault* makes a diagnosis meaningless and
 stops it; a *remark* is printed and goes into the report. What would spoil the cut of the film into flights (a mirrored
-axis, a bench that the blocks seem to fall into) is undone for the cut and for a first fit of the law: the diagnosis has
-to find it.
+axis, a set-up that the blocks seem to fall into) is undone for the cut and for a first fit of the law: the diagnosis
+has to find it.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.registration import CLEAR, below_ground, seated
+from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.world import View, World
 
 Array = np.ndarray
@@ -83,18 +83,18 @@ def _expected_frames(experiment: Experiment, film: Film) -> list[float]:
 
 def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
     size = np.array([b.radius_m for b in experiment.blocks.values()])[film.release_block]
-    bench = max(float(np.ptp(experiment.terrain.points_m, axis=0).max()), 1e-9)
+    setup = max(float(np.ptp(experiment.cross_section.points_m, axis=0).max()), 1e-9)
     extent = float(np.quantile(np.abs(film.pose[:, :2]), 0.95))
-    reach = float(np.abs(experiment.terrain.points_m).max())
+    reach = float(np.abs(experiment.cross_section.points_m).max())
     if extent > 20 * reach:
         found.faults.append(
             f"positions reach {extent:.3g} where the cross-section reaches {reach:.3g} m: "
             "are they in millimetres or pixels?"
         )
-    elif float(np.ptp(film.pose[:, :2], axis=0).max()) < 2e-3 * bench:
+    elif float(np.ptp(film.pose[:, :2], axis=0).max()) < 2e-3 * setup:
         found.faults.append(
-            f"all positions lie within {np.ptp(film.pose[:, :2], axis=0).max():.3g} m of each other on a bench of "
-            f"{bench:.3g} m: wrong unit, or a block that never moved"
+            f"all positions lie within {np.ptp(film.pose[:, :2], axis=0).max():.3g} m of each other on a set-up of "
+            f"{setup:.3g} m: wrong unit, or a block that never moved"
         )
     fall = _fall(experiment, film)
     if fall is not None and not found.faults:
@@ -163,14 +163,14 @@ def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
 def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
     fall = _fall(experiment, film)
     upwards = fall is not None and fall[1] > 0
-    bench = bench_world(experiment)
-    worlds = {axis: replace(bench, view=View(mirror=mirror)) for axis, mirror in MIRRORS.items()}
+    setup = setup_world(experiment)
+    worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORS.items()}
     below = {axis: below_ground(world, film) for axis, world in worlds.items()}
     if upwards and below["y"] < CLEAR:
         found.mirror = "y"
     elif below[""] > SUNK and below["x"] < CLEAR:
         found.mirror = "x"
-    elif below[""] > SUNK and not upwards and (better := seated(bench, film, fall)) is not None:
+    elif below[""] > SUNK and not upwards and (better := seated(setup, film, fall)) is not None:
         found.seen, words = better
         found.remarks.append(
             f"in {100 * below['']:.0f} % of the frames the block's centre lies inside the ground, which {words} would "
@@ -201,7 +201,7 @@ def check_table(experiment: Experiment, data: TableData) -> Sanity:
     _check_count(len(data.order), found)
     if found.faults:
         return found
-    reach = float(np.abs(experiment.terrain.points_m).max())
+    reach = float(np.abs(experiment.cross_section.points_m).max())
     extent = float(np.quantile(np.abs(data.before[:, :2]), 0.95))
     if extent > 20 * reach:
         found.faults.append(

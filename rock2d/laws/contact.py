@@ -16,7 +16,7 @@ from rock2d.compiled import kernel
 from rock2d.scene.cross_section import by_zone
 
 # columns of a parameter row
-K_L, K_UL, K_T, MU, K_R, CAP, CRATER = range(7)
+K_L, K_UL, K_T, MU, K_R, CAP, INDENTATION = range(7)
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class ContactParameters:
     """Parameters of the law in one zone (defaults: the paper's Table 4).
 
     `friction_angle_deg` may be 90 (never slips). `rolling_cap` limits the rolling moment to (arm) × F_n,
-    which the paper does not ask for. `rolling_in_crater`: the rolling spring acts until the block is clear of the
+    which the paper does not ask for. `rolling_in_indentation`: the rolling spring acts until the block is clear of the
     original surface, not only while the ground presses on it: the paper's "rotation since this contact began" can be
     read either way. Raises ValueError on values for which the law makes no sense.
     """
@@ -35,7 +35,7 @@ class ContactParameters:
     friction_angle_deg: float = 30.0
     k_r_Nm_rad: float = 0.025
     rolling_cap: bool = False
-    rolling_in_crater: bool = False
+    rolling_in_indentation: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.k_l_N_m <= self.k_ul_N_m < np.inf:
@@ -51,7 +51,7 @@ class ContactParameters:
             raise ValueError(f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
 
     def row(self) -> np.ndarray:
-        """(7,) k_l, k_ul, k_t, tan φ (inf at 90°), k_r, cap and crater (0 or 1): what the compiled law reads."""
+        """(7,) k_l, k_ul, k_t, tan φ (inf at 90°), k_r, cap and indentation (0 or 1): what the compiled law reads."""
         angle = self.friction_angle_deg
         mu = np.inf if angle == 90 else np.tan(np.deg2rad(angle))
         return np.array(
@@ -62,7 +62,7 @@ class ContactParameters:
                 mu,
                 self.k_r_Nm_rad,
                 float(self.rolling_cap),
-                float(self.rolling_in_crater),
+                float(self.rolling_in_indentation),
             ]
         )
 
@@ -108,10 +108,10 @@ def tangential_force(stretch, force_n, k_t, mu):
 
 
 @kernel(inline="always")
-def rolling_moment(rotation, force_n, arm, k_r, cap, crater):
-    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `crater`, as long as the
+def rolling_moment(rotation, force_n, arm, k_r, cap, indentation):
+    """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `indentation`, as long as the
     contact lasts; cap: at most arm × F_n."""
-    if force_n <= 0.0 and crater == 0.0:
+    if force_n <= 0.0 and indentation == 0.0:
         return 0.0
     moment = k_r * rotation
     if cap > 0.0:

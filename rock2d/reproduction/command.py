@@ -1,4 +1,4 @@
-"""`rock2d reproduce`: the paper's tables and figures from the scenario of its bench, in one command."""
+"""`rock2d reproduce`: the paper's tables and figures from the scenario of its set-up, in one command."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from rock2d.reproduction.results import Results, judge
 from rock2d.reproduction.stages import Effort
 
 Array = np.ndarray
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
-SCENARIO = "paper_bench.yaml"
+SCENARIO = "paper_setup.yaml"
 
 
 def reproduce(
-    out: Path, *, seed: int, effort: Effort, candidates: bool = False, progress: bool, tell: Tell
+    out: Path, *, seed: int, effort: Effort, candidates: bool = False, progress: bool, report: Report
 ) -> Results:
     """Calibrate both models, write every table and figure into the folder `out`, and say how well they agree.
 
@@ -42,7 +42,7 @@ def reproduce(
     from rock2d.runs.demo import scenario_file
 
     begin = time.perf_counter()
-    known = known_bench(load_scenario(scenario_file(SCENARIO)))
+    known = known_setup(load_scenario(scenario_file(SCENARIO)))
     with atomic_folder(out) as folder:
         whole = out.absolute()
         work = Work(whole.with_name(f".{whole.name}.stages"), {"seed": seed, **vars(effort)}, progress)
@@ -50,8 +50,8 @@ def reproduce(
         write_all(results, folder, progress=progress)
     work.clear()
     for line in results.said:
-        tell(line)
-    tell(f"written: {out} in {time.perf_counter() - begin:.0f} s; open {out / 'report.md'}")
+        report(line)
+    report(f"written: {out} in {time.perf_counter() - begin:.0f} s; open {out / 'report.md'}")
     return results
 
 
@@ -77,9 +77,9 @@ def _calibrate(known: Known, work: Work, effort: Effort, seed: int, candidates: 
     return judge(known, samples, reduction, tried, seeds[5], seed)
 
 
-def known_bench(scenario: Any) -> Known:
+def known_setup(scenario: Any) -> Known:
     """Blocks, embankment and gravity of the scenario. Raises KeyError if a block of the paper is missing."""
-    ground = scenario.terrain()
+    ground = scenario.cross_section()
     rise = ground.embankment
     blocks = scenario.make_blocks()
     crest = ground.points_m[rise.crest : rise.crest_end + 1, 0]
@@ -110,8 +110,8 @@ class Work:
                     return {k: kept[k] for k in kept.files if k != "key"}
         except (OSError, ValueError, KeyError, zipfile.BadZipFile):
             pass  # nothing there that can be read
-        with _percent_bar(name.replace("_", " "), self._progress) as told:
-            found = make(told)
+        with _percent_bar(name.replace("_", " "), self._progress) as on_progress:
+            found = make(on_progress)
         unfinished = path.with_suffix(".part.npz")
         np.savez(unfinished, key=np.array(self._key), **found)  # type: ignore[arg-type]
         unfinished.replace(path)
@@ -119,7 +119,7 @@ class Work:
 
     def sample(self, name: str, make: Callable[[Callable[[float], None]], Sample]) -> Sample:
         """As `arrays`, of a posterior."""
-        found = self.arrays(name, lambda told: vars(make(told)))
+        found = self.arrays(name, lambda on_progress: vars(make(on_progress)))
         return Sample(found["u"], found["log_likelihood"], float(found["log_evidence"]))
 
     def clear(self) -> None:
@@ -137,7 +137,7 @@ def _percent_bar(what: str, shown: bool) -> Iterator[Callable[[float], None]]:
     form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}"
     with tqdm(desc=what, total=100, disable=not shown, bar_format=form) as bar:
 
-        def told(share: float) -> None:
+        def on_progress(share: float) -> None:
             bar.update(100 * share - bar.n)
 
-        yield told
+        yield on_progress

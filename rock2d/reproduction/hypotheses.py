@@ -1,4 +1,4 @@
-"""What may be true of the paper's bench: the unknowns with their ranges, and the worlds and starts they make.
+"""What may be true of the paper's set-up: the unknowns with their ranges, and the worlds and starts they make.
 
 Known are the blocks, the embankment's height and crest, the drop; all else is an unknown of a hypothesis. A release
 starts as it leaves the slope for the last time: with what the slope left of the drop's speed, 0 to 1 of it along and
@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 Values = Mapping[str, Array]
@@ -27,7 +27,7 @@ LINE_M = (
     0.6  # of a measure line, or less: none reaches over the slope, where blocks bounce before they arrive
 )
 
-BENCH = (
+SETUP = (
     Quantity("slope_deg", 30.0, 45.0, source=RANGE),
     Quantity("ditch_m", 0.05, 0.20, source=RANGE),
     Quantity("facing_deg", 55.0, 75.0, source=RANGE),
@@ -74,8 +74,8 @@ def arrival(block: str) -> tuple[Quantity, ...]:
 
 
 ARRIVALS = tuple(q for block in BLOCKS for q in arrival(block))
-DETERMINISTIC_SPACE = Space((*BENCH, *CONTACT, *ARRIVALS))
-PROBABILISTIC_SPACE = Space((*BENCH, *REBOUND, *ARRIVALS))
+DETERMINISTIC_SPACE = Space((*SETUP, *CONTACT, *ARRIVALS))
+PROBABILISTIC_SPACE = Space((*SETUP, *REBOUND, *ARRIVALS))
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def starts(values: Values, block: Block, gravity_m_s2: float) -> Starts:
     return Starts(mean, sd, possible)
 
 
-def terrain(values: Values, i: int, height_m: float, crest_m: float) -> Terrain:
+def cross_section(values: Values, i: int, height_m: float, crest_m: float) -> CrossSection:
     """The cross-section of hypothesis `i` round an embankment of the known height and crest width."""
     slope, facing, tilt = (
         float(np.radians(values[k][i])) for k in ("slope_deg", "facing_deg", "line_tilt_deg")
@@ -136,7 +136,7 @@ def terrain(values: Values, i: int, height_m: float, crest_m: float) -> Terrain:
         x, y = foot + share * run, share * height_m
         length = min(LINE_M, x / max(np.sin(tilt), 1e-9))
         lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
-    return Terrain(points, ZONES, lines)
+    return CrossSection(points, ZONES, lines)
 
 
 def contact_table(values: Values) -> Array:

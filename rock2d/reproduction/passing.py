@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, starts, terrain
+from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, cross_section, starts
 from rock2d.reproduction.published import LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
@@ -30,7 +30,7 @@ Change = Callable[[World, int], World]  # world of hypothesis i -> the world to 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the bench: the paper's blocks, the embankment, gravity."""
+    """What is known of the set-up: the paper's blocks, the embankment, gravity."""
 
     blocks: Mapping[str, Block]
     height_m: float
@@ -105,7 +105,7 @@ def _fall(
     for chosen in _chunks(len(begin.mean), n):
         worlds = []
         for i in chosen:
-            ground = terrain(values, i, known.height_m, known.crest_m)
+            ground = cross_section(values, i, known.height_m, known.crest_m)
             world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
             worlds.append(world if change is None else change(world, i))
         states = every[chosen]
@@ -114,7 +114,7 @@ def _fall(
         possible = begin.possible[chosen] & _left_slope(zones, n)
         crossings = np.full((len(chosen), n, len(LINES), 7), np.nan)
         if lines and possible.any():
-            remaining = [world for world, told in zip(worlds, possible, strict=True) if told]
+            remaining = [world for world, useful in zip(worlds, possible, strict=True) if useful]
             result = _run(remaining, block_name, states[possible], stop_when_spent=True)
             crossings[possible] = result.crossings.reshape(-1, n, len(LINES), 7)
         parts.append(_outcome(crossings, zones, before, values["facing_deg"][chosen], possible))
@@ -129,9 +129,11 @@ def _run(worlds: list[World], block: str, states: Array, **options: Any) -> Batc
     of_world = {id(b): i for i, b in enumerate(blocks)}
     block_ids = np.array([of_world[id(world.blocks[block])] for world in worlds])
     ids = np.repeat(np.arange(len(worlds)), states.shape[1])
-    ensemble = Ensemble(blocks, [world.terrain for world in worlds], [world.contact[0] for world in worlds])
+    ensemble = Ensemble(
+        blocks, [world.cross_section for world in worlds], [world.contact[0] for world in worlds]
+    )
     return run_batch(
-        ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], terrain_ids=ids, table_ids=ids,
+        ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], cross_section_ids=ids, table_ids=ids,
         gravity_m_s2=worlds[0].gravity_m_s2, time_limit_s=TIME_LIMIT_S, **options,
     )  # fmt: skip
 
@@ -152,7 +154,7 @@ def bounce(
     seeds = np.zeros(n, np.uint64)  # nothing is drawn at impacts
     parts = []
     for i, states in enumerate(begin.states(draws)):
-        ground = terrain(values, i, known.height_m, known.crest_m)
+        ground = cross_section(values, i, known.height_m, known.crest_m)
         ditch, facing = (
             ReboundParameters(
                 float(values[f"{zone}.friction_angle_deg"][i]),

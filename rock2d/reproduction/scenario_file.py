@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.files.setup_keys import block_keys
 from rock2d.records.track import STATE_NAMES
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import Values, starts, terrain
+from rock2d.reproduction.hypotheses import Values, cross_section, starts
 from rock2d.reproduction.passing import TIME_LIMIT_S, Known
 
 
@@ -21,7 +21,7 @@ def scenario_text(
     """YAML of hypothesis `i` of a model, "deterministic" or "probabilistic"."""
     from ruamel.yaml import YAML
 
-    ground = terrain(values, i, known.height_m, known.crest_m)
+    ground = cross_section(values, i, known.height_m, known.crest_m)
     law = (
         {"default": _contact(values, i)}
         if model == "deterministic"
@@ -38,7 +38,7 @@ def scenario_text(
         }
     keys_of_scenario = {
         "name": f"paper_{model}",
-        "about": f"The paper's bench as the likeliest hypothesis of the {model} model has it.",
+        "about": f"The paper's set-up as the likeliest hypothesis of the {model} model has it.",
         "assumed": [
             "One hypothesis of many that explain the sphere and the words on first impacts; see assumptions.csv.",
             "Releases start as they leave the slope for the last time.",

@@ -21,7 +21,7 @@ from rock2d.reproduction.passing import Change, Known, Outcome, bounce, fall, la
 from rock2d.scene.world import World
 
 Array = np.ndarray
-Told = Callable[[float], None]
+OnProgress = Callable[[float], None]
 Simulated = Callable[[Known, Values, str, Array], Outcome]
 
 PRIOR_SHARE = 4  # draws of the prior for each hypothesis of the posterior
@@ -63,7 +63,7 @@ def calibrate(
     cells_of: Sequence[str],
     effort: Effort,
     seed: np.random.SeedSequence,
-    told: Told,
+    on_progress: OnProgress,
 ) -> Sample:
     """A model on the words of all blocks and on the cells of the blocks `cells_of`: hypotheses of `space`, half of them
     of one run of the sampler and half of another, with other releases, too.
@@ -78,10 +78,12 @@ def calibrate(
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
-            told((len(runs) + power) / 2)
+            on_progress((len(runs) + power) / 2)
 
         start = prior_draws(PRIOR_SHARE * half, width, rng)
-        runs.append(posterior(likelihood, start, half, rng, redrawn=chosen, moves=effort.moves, told=halfway))
+        runs.append(
+            posterior(likelihood, start, half, rng, redrawn=chosen, moves=effort.moves, on_progress=halfway)
+        )
     return Sample(
         np.concatenate([run.u for run in runs]),
         np.concatenate([run.log_likelihood for run in runs]),
@@ -111,30 +113,34 @@ def _likelihood(
     return likelihood
 
 
-def calibrate_deterministic(known: Known, effort: Effort, seed: np.random.SeedSequence, told: Told) -> Sample:
+def calibrate_deterministic(
+    known: Known, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    return calibrate(known, fall, land, DETERMINISTIC_SPACE, ("sphere",), effort, seed, told)
+    return calibrate(known, fall, land, DETERMINISTIC_SPACE, ("sphere",), effort, seed, on_progress)
 
 
-def calibrate_probabilistic(known: Known, effort: Effort, seed: np.random.SeedSequence, told: Told) -> Sample:
+def calibrate_probabilistic(
+    known: Known, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+) -> Sample:
     """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
-    return calibrate(known, bounce, bounce, PROBABILISTIC_SPACE, ("sphere",), effort, seed, told)
+    return calibrate(known, bounce, bounce, PROBABILISTIC_SPACE, ("sphere",), effort, seed, on_progress)
 
 
 def try_candidates(
-    known: Known, left_out: str, effort: Effort, seed: np.random.SeedSequence, told: Told
+    known: Known, left_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != left_out]
     models = fall_with_candidate, land_with_candidate
-    return calibrate(known, *models, CANDIDATE_SPACE, others, effort, seed, told)
+    return calibrate(known, *models, CANDIDATE_SPACE, others, effort, seed, on_progress)
 
 
 def reduce_slopes(
-    known: Known, sample: Array, effort: Effort, seed: np.random.SeedSequence, told: Told
+    known: Known, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
     """block -> (k,) α in degrees for each hypothesis of PROBABILISTIC_SPACE, drawn from its posterior given the block's
-    own cells, hypothesis by hypothesis: bench, starts and the sphere's parameters learn nothing from them."""
+    own cells, hypothesis by hypothesis: set-up, starts and the sphere's parameters learn nothing from them."""
     draw_seed, run_seed = seed.spawn(2)
     draws, rng = draws_of(effort.releases, draw_seed), np.random.default_rng(run_seed)
     values = PROBABILISTIC_SPACE.values(sample)
@@ -144,7 +150,7 @@ def reduce_slopes(
         for i, alpha in enumerate(REDUCTIONS_DEG):
             outcome = bounce(known, values, block, draws[block], np.full(len(sample), alpha))
             table[:, i] = log_lines(outcome, block)
-            told((b + (i + 1) / len(REDUCTIONS_DEG)) / 2)
+            on_progress((b + (i + 1) / len(REDUCTIONS_DEG)) / 2)
         weight = np.exp(table - table.max(axis=1, keepdims=True))
         share = np.cumsum(weight, axis=1) / weight.sum(axis=1, keepdims=True)
         found[block] = REDUCTIONS_DEG[(rng.random(len(sample))[:, None] > share).sum(axis=1)]

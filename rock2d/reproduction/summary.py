@@ -143,14 +143,14 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
         i = space.columns([q.name])[0]
         low, middle, high = np.percentile(q.value(u[:, i]), [2.5, 50.0, 97.5])
         partner = int(np.argmax(np.abs(correlation[i])))
-        told = abs(correlation[i, partner]) > CHANCE_SD / np.sqrt(len(u))
+        correlated = abs(correlation[i, partner]) > CHANCE_SD / np.sqrt(len(u))
         rows.append(
             {
                 "quantity": q.name, "prior_low": q.low, "prior_high": q.high, "prior_log": q.log,
                 "low95": low, "median": middle, "high95": high,
                 "sd_over_prior_sd": float(u[:, i].std() * np.sqrt(12.0)),
-                "correlated_with": space.quantities[partner].name if told else "",
-                "correlation": float(correlation[i, partner]) if told else np.nan,
+                "correlated_with": space.quantities[partner].name if correlated else "",
+                "correlation": float(correlation[i, partner]) if correlated else np.nan,
                 "prior": q.source,
             }
         )  # fmt: skip

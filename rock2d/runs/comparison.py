@@ -92,14 +92,14 @@ def write_comparison(
     noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
     summary = residual_summary(residuals, result.tracks, noise)
     title = f"{film.name}: measured against simulated"
-    overlay = plots.overlay_figure(result.terrain, result.blocks, ran, result.tracks, title=title)
+    overlay = plots.overlay_figure(result.cross_section, result.blocks, ran, result.tracks, title=title)
     plots.save_figure(overlay, folder / "overlay.png")
     plots.save_figure(plots.residuals_figure(residuals, title), folder / "residuals.png")
     shown = _typical(residuals)
     track = next(t for t in result.tracks if t.release == shown)
     with frame_bar("side by side", progress) as show:
         side_by_side(
-            folder / "side_by_side.webm", result.terrain, result.blocks,
+            folder / "side_by_side.webm", result.cross_section, result.blocks,
             [clip_from_measured(ran[ran["release"] == shown])], [clip_from_track(track)],
             slow_motion=result.scenario.outputs.slow_motion, title=f"{film.name}, release {shown}", progress=show,
         )  # fmt: skip

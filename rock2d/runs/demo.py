@@ -1,4 +1,4 @@
-"""`rock2d demo`: the paper's bench in a minute: three blocks, both models, table, figures, video."""
+"""`rock2d demo`: the paper's set-up in a minute: three blocks, both models, table, figures, video."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def scenario_file(name: str) -> Path:
 
 
 def run_demo(out: Path, progress: bool = True) -> None:
-    """Run the paper's bench with both engines, write everything under `out` and print the table."""
+    """Run the paper's set-up with both engines, write everything under `out` and print the table."""
     import pandas as pd
 
     from rock2d.files.scenario import load_scenario
@@ -25,7 +25,7 @@ def run_demo(out: Path, progress: bool = True) -> None:
     from rock2d.runs.tables import passing_text
 
     begin = time.perf_counter()
-    scenario = load_scenario(scenario_file("paper_bench.yaml"))
+    scenario = load_scenario(scenario_file("paper_setup.yaml"))
     passing = []
     for engine, releases in (("pymunk", RELEASES), ("point_mass", scenario.releases)):
         result = simulate(scenario, engine=engine, releases=releases, progress=progress)

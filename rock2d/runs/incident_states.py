@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
@@ -85,7 +85,7 @@ def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) 
     assert experiment is not None and experiment.trajectories is not None
     source = scenario.incident["default"].from_experiment
     assert source is not None
-    blocks, terrain = scenario.make_blocks(), scenario.terrain()
+    blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
     rows = experiment.trajectories.dropna()
     out, taken = [], dict.fromkeys(blocks, 0)
     films = rows["release"].nunique()
@@ -98,13 +98,13 @@ def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) 
         taken[name] += 1
         frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
         sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
-        state, used = fit_first_flight(frames, blocks[name], terrain, experiment.gravity_m_s2, sigma)
+        state, used = fit_first_flight(frames, blocks[name], cross_section, experiment.gravity_m_s2, sigma)
         out.append(Start(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))
     return out
 
 
 def fit_first_flight(
-    frames: Array, block: Block, terrain: Terrain, gravity_m_s2: float, sigma: tuple[float, float]
+    frames: Array, block: Block, cross_section: CrossSection, gravity_m_s2: float, sigma: tuple[float, float]
 ) -> tuple[Array, int]:
     """State (6,) at the first of `frames` (n, 4: t, x, y, theta) and the number of frames that were used.
 
@@ -119,7 +119,7 @@ def fit_first_flight(
     flat[:, 1] += 0.5 * gravity_m_s2 * t**2
     noise = np.maximum([sigma[0], sigma[0], sigma[1]], 1e-9)
     count = 3
-    while count < len(t) and _clear(q[count], block, terrain, CLEAR_SIGMA * noise[0]):
+    while count < len(t) and _clear(q[count], block, cross_section, CLEAR_SIGMA * noise[0]):
         guess, covariance = _line(t[:count], flat[:count])
         ahead = np.array([1.0, t[count]])
         spread = np.sqrt(1 + ahead @ covariance @ ahead)
@@ -138,9 +138,9 @@ def _line(t: Array, values: Array) -> tuple[Array, Array]:
     return covariance @ design.T @ values, covariance
 
 
-def _clear(pose: Array, block: Block, terrain: Terrain, margin_m: float) -> bool:
+def _clear(pose: Array, block: Block, cross_section: CrossSection, margin_m: float) -> bool:
     import shapely
 
     c, s = np.cos(pose[2]), np.sin(pose[2])
     outline = block.outline() @ np.array([[c, s], [-s, c]]) + pose[:2]
-    return bool(shapely.Polygon(outline).distance(shapely.LineString(terrain.points_m)) > margin_m)
+    return bool(shapely.Polygon(outline).distance(shapely.LineString(cross_section.points_m)) > margin_m)

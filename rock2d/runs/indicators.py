@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
@@ -34,7 +34,9 @@ QUANTITIES = ("kinetic_J", "passing_height_m")  # of which percentiles are taken
 PERCENTILES = (95.0, 99.0)
 
 
-def crossings_table(tracks: Iterable[Track], terrain: Terrain, blocks: Mapping[str, Block]) -> pd.DataFrame:
+def crossings_table(
+    tracks: Iterable[Track], cross_section: CrossSection, blocks: Mapping[str, Block]
+) -> pd.DataFrame:
     """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a passing.
 
     - incidence_angle_deg: between the velocity and the line's normal, in [-90, 90]; positive when the block
@@ -48,17 +50,17 @@ def crossings_table(tracks: Iterable[Track], terrain: Terrain, blocks: Mapping[s
 
     rows = []
     for track in tracks:
-        for name, ends in terrain.measure_lines.items():
+        for name, ends in cross_section.measure_lines.items():
             found = track.crossings(ends)[:1]
             if len(found):
-                values = crossing_values(found, ends, terrain, blocks[track.block])[0]
+                values = crossing_values(found, ends, cross_section, blocks[track.block])[0]
                 rows.append((track.block, track.release, name, *map(float, values)))
     return pd.DataFrame(rows, columns=CROSSING_COLUMNS)
 
 
-def crossing_values(found: Array, line: Array, terrain: Terrain, block: Block) -> Array:
+def crossing_values(found: Array, line: Array, cross_section: CrossSection, block: Block) -> Array:
     """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line."""
-    foot, up = _foot_and_direction(line, terrain)
+    foot, up = _foot_and_direction(line, cross_section)
     x, y, vx, vy, omega = found[:, 1], found[:, 2], found[:, 4], found[:, 5], found[:, 6]
     speed, rising = np.hypot(vx, vy), vx * up[0] + vy * up[1]
     across = np.abs(vy * up[0] - vx * up[1])
@@ -70,7 +72,7 @@ def crossing_values(found: Array, line: Array, terrain: Terrain, block: Block) -
     )
 
 
-def passing_table(tracks: Sequence[Track], terrain: Terrain) -> pd.DataFrame:
+def passing_table(tracks: Sequence[Track], cross_section: CrossSection) -> pd.DataFrame:
     """Passing frequency of every block at every measure line; PASSING_COLUMNS.
 
     The 95 % interval is Wilson's (1927) score interval.
@@ -80,7 +82,7 @@ def passing_table(tracks: Sequence[Track], terrain: Terrain) -> pd.DataFrame:
     rows = []
     for block in dict.fromkeys(track.block for track in tracks):
         own = [track for track in tracks if track.block == block]
-        for line, ends in terrain.measure_lines.items():
+        for line, ends in cross_section.measure_lines.items():
             passed = sum(len(track.crossings(ends)) > 0 for track in own)
             rows.append(passing_row(block, line, len(own), passed))
     return pd.DataFrame(rows, columns=PASSING_COLUMNS)
@@ -114,7 +116,7 @@ def percentile_table(
     return pd.DataFrame(rows, columns=PERCENTILE_COLUMNS)
 
 
-def stops_table(tracks: Iterable[Track], terrain: Terrain) -> pd.DataFrame:
+def stops_table(tracks: Iterable[Track], cross_section: CrossSection) -> pd.DataFrame:
     """Where and how every release ended; STOP_COLUMNS.
 
     zone: of the facet nearest to the centroid, None if the block left the cross-section.
@@ -125,8 +127,8 @@ def stops_table(tracks: Iterable[Track], terrain: Terrain) -> pd.DataFrame:
     rows = []
     for track in tracks:
         t, x, y = map(float, track.knots[-1, :3])
-        nearest = int(nearest_facets(track.knots[-1:, 1:3], terrain.points_m)[0])
-        zone = None if track.stop == "exit" else terrain.zones[nearest]
+        nearest = int(nearest_facets(track.knots[-1:, 1:3], cross_section.points_m)[0])
+        zone = None if track.stop == "exit" else cross_section.zones[nearest]
         runout = x - float(track.knots[0, 1])
         rows.append((track.block, track.release, track.stop, t, x, y, zone, runout))
     return pd.DataFrame(rows, columns=STOP_COLUMNS)
@@ -193,16 +195,16 @@ def _interval_ranks(n: int, percentile: float, confidence: float = 0.95) -> tupl
     return lower - 1, upper - 1
 
 
-def _distances(terrain: Terrain, x: float, y: float) -> Array:
+def _distances(cross_section: CrossSection, x: float, y: float) -> Array:
     """(n,) distances from a point to the facets, in m."""
-    start, edge = terrain.points_m[:-1], np.diff(terrain.points_m, axis=0)
+    start, edge = cross_section.points_m[:-1], np.diff(cross_section.points_m, axis=0)
     away = np.array([x, y]) - start
     along = np.clip((away * edge).sum(axis=1) / (edge * edge).sum(axis=1), 0.0, 1.0)
     return np.hypot(*(away - along[:, None] * edge).T)
 
 
-def _foot_and_direction(line: Array, terrain: Terrain) -> tuple[Array, Array]:
+def _foot_and_direction(line: Array, cross_section: CrossSection) -> tuple[Array, Array]:
     """The line's end nearer to the surface (the first, if equal) and the unit vector away from it."""
-    near = [_distances(terrain, x, y).min() for x, y in line]
+    near = [_distances(cross_section, x, y).min() for x, y in line]
     foot, head = (line[0], line[1]) if near[0] <= near[1] else (line[1], line[0])
     return foot, (head - foot) / np.hypot(*(head - foot))

@@ -22,7 +22,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.records.track import IMPACT_COLUMNS, STATE_NAMES, Track
 from rock2d.runs.incident_states import Start, starts
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,7 +35,7 @@ class _Job:
     """What a worker process needs to simulate releases."""
 
     engine: str
-    terrain: Terrain
+    cross_section: CrossSection
     blocks: dict[str, Block]
     parameters: dict[str, Any]  # block -> parameters by zone
     gravity_m_s2: float
@@ -48,7 +48,7 @@ class RunResult:
     scenario: Scenario
     engine: str
     seed: int
-    terrain: Terrain
+    cross_section: CrossSection
     blocks: dict[str, Block]
     starts: list[Start]
     tracks: list[Track]
@@ -72,7 +72,7 @@ def simulate(
 
     engine = engine or scenario.engine
     seed = scenario.seed if seed is None else seed
-    blocks, terrain = scenario.make_blocks(), scenario.terrain()
+    blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
     if engine in ("pymunk", "batch"):
         common = scenario.contact_parameters()
         parameters: dict[str, Any] = dict.fromkeys(blocks, common)
@@ -80,7 +80,7 @@ def simulate(
         parameters = {name: scenario.rebound_parameters(name) for name in blocks}
     else:
         raise ValueError(f"engine must be one of {ENGINES}, got {engine!r}")
-    job = _Job(engine, terrain, blocks, parameters, scenario.gravity_m_s2)
+    job = _Job(engine, cross_section, blocks, parameters, scenario.gravity_m_s2)
     begin = starts(scenario, seed, releases)
     limits = _time_limits(scenario, begin)
     tracks = list(
@@ -89,7 +89,7 @@ def simulate(
             total=len(begin), desc=f"{scenario.name} ({engine})", unit="release", disable=not progress,
         )
     )  # fmt: skip
-    return RunResult(scenario, engine, seed, terrain, blocks, begin, tracks)
+    return RunResult(scenario, engine, seed, cross_section, blocks, begin, tracks)
 
 
 def _time_limits(scenario: Scenario, begin: list[Start]) -> list[float]:
@@ -161,7 +161,7 @@ def _track(job: _Job, start: Start, limit_s: float) -> Track:
         from rock2d.engines.pymunk_engine import run_pymunk
 
         track = run_pymunk(
-            block, job.terrain, parameters, start.state,
+            block, job.cross_section, parameters, start.state,
             release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s,
         )  # fmt: skip
     elif job.engine == "batch":
@@ -169,14 +169,14 @@ def _track(job: _Job, start: Start, limit_s: float) -> Track:
         from rock2d.laws.contact import parameter_table
 
         track = run_batch_track(
-            block, job.terrain, parameter_table(parameters, job.terrain.zone_names), start.state,
+            block, job.cross_section, parameter_table(parameters, job.cross_section.zone_names), start.state,
             release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s,
         )  # fmt: skip
     else:
         from rock2d.engines.point_mass import run_point_mass
 
         track = run_point_mass(
-            block, job.terrain, parameters, start.state,
+            block, job.cross_section, parameters, start.state,
             release=start.release, gravity_m_s2=job.gravity_m_s2, time_limit_s=limit_s, seed=start.seed,
         )  # fmt: skip
     track.shift_time(start.t_s)
@@ -246,13 +246,13 @@ def write_results(
     from rock2d.runs import indicators
 
     scenario, outputs = result.scenario, result.scenario.outputs
-    crossings = indicators.crossings_table(result.tracks, result.terrain, result.blocks)
+    crossings = indicators.crossings_table(result.tracks, result.cross_section, result.blocks)
     tables = {
         "impacts": impacts_table(result.tracks),
         "crossings": crossings,
-        "passing": indicators.passing_table(result.tracks, result.terrain),
+        "passing": indicators.passing_table(result.tracks, result.cross_section),
         "percentiles": indicators.percentile_table(crossings),
-        "stops": indicators.stops_table(result.tracks, result.terrain),
+        "stops": indicators.stops_table(result.tracks, result.cross_section),
         "starts": pd.DataFrame(
             [
                 {"release": s.release, "block": s.block, "t_s": s.t_s,
@@ -268,7 +268,7 @@ def write_results(
         )  # fmt: skip
     simulated = Experiment(
         f"{scenario.name}_{result.engine}", scenario.gravity_m_s2, outputs.fps, outputs.position_noise_m,
-        outputs.angle_noise_rad, result.terrain, result.blocks, trajectories_table(result),
+        outputs.angle_noise_rad, result.cross_section, result.blocks, trajectories_table(result),
     )  # fmt: skip
     title = f"{scenario.name} ({result.engine})"
     with atomic_folder(out) as folder:
@@ -285,7 +285,7 @@ def write_results(
             "rock2d": __version__,
         }  # fmt: skip
         (folder / "run.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-        figure = plots.trajectories_figure(result.terrain, result.blocks, result.tracks, title)
+        figure = plots.trajectories_figure(result.cross_section, result.blocks, result.tracks, title)
         plots.save_figure(figure, folder / "trajectories.png")
         if video:
             write_video(result, folder / "trajectories.webm", title, progress=progress)
@@ -306,4 +306,4 @@ def write_video(result: RunResult, path: Path, title: str, *, progress: bool = T
     with frame_bar("video", progress) as show:
         options = {"slow_motion": outputs.slow_motion, **options}
         scenes = [scene for scene in scenes if scene]
-        render_video(path, result.terrain, result.blocks, scenes, title=title, progress=show, **options)
+        render_video(path, result.cross_section, result.blocks, scenes, title=title, progress=show, **options)

@@ -2,7 +2,7 @@
 
 Points run from left to right with the air on the left of the direction of travel; vertical facings and
 overhangs are allowed. A vertex where the ground turns away by more than `SMOOTH_TURN_RAD` is a *corner* of
-the terrain; smaller turns are joints of a smooth surface.
+the ground; smaller turns are joints of a smooth surface.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FLOOR = 0.05  # of an embankment's height: what rises less above the ground besi
 
 
 @dataclass(frozen=True)
-class Terrain:
+class CrossSection:
     """A checked cross-section.
 
     Attributes
@@ -116,13 +116,13 @@ class Terrain:
             height = np.where(inside, np.maximum(height, y), height)
         return np.where(np.isfinite(height), height, np.nan)
 
-    def subdivided(self, pieces: int) -> Terrain:
+    def subdivided(self, pieces: int) -> CrossSection:
         """The same surface with each facet cut in `pieces` equal parts."""
         step = np.arange(pieces) / pieces
         start, edge = self.points_m[:-1], np.diff(self.points_m, axis=0)
         points = (start[:, None] + step[None, :, None] * edge[:, None]).reshape(-1, 2)
         zones = [z for z in self.zones for _ in range(pieces)]
-        return Terrain(np.vstack([points, self.points_m[-1]]), zones, self.measure_lines)
+        return CrossSection(np.vstack([points, self.points_m[-1]]), zones, self.measure_lines)
 
 
 def by_zone(parameters: Mapping[str, P], zone_names: Sequence[str], law: str) -> list[P]:
@@ -157,29 +157,29 @@ def _refuse_crossing(points: Array) -> None:
     raise ValueError("the cross-section crosses itself")
 
 
-def embankment_facets(terrain: Terrain) -> Array:
-    """(n,) bool, the facets of the embankment: see `Terrain.embankment`. None on a floor or a plain slope."""
-    found = np.zeros(len(terrain.zones), bool)
-    if terrain.embankment is not None:
-        found[terrain.embankment.left : terrain.embankment.right] = True
+def embankment_facets(cross_section: CrossSection) -> Array:
+    """(n,) bool, the facets of the embankment: see `CrossSection.embankment`. None on a floor or a plain slope."""
+    found = np.zeros(len(cross_section.zones), bool)
+    if cross_section.embankment is not None:
+        found[cross_section.embankment.left : cross_section.embankment.right] = True
     return found
 
 
-def ditch_facets(terrain: Terrain) -> Array:
+def ditch_facets(cross_section: CrossSection) -> Array:
     """(n,) bool, the facets of the ditch: the level ground at the foot of the embankment's left flank, if any."""
-    found = np.zeros(len(terrain.zones), bool)
-    if terrain.embankment is not None:
-        y, foot = terrain.points_m[:, 1], terrain.embankment.left
+    found = np.zeros(len(cross_section.zones), bool)
+    if cross_section.embankment is not None:
+        y, foot = cross_section.points_m[:, 1], cross_section.embankment.left
         first = foot
-        while first > 0 and abs(y[first - 1] - y[foot]) < FLOOR * terrain.embankment.height_m:
+        while first > 0 and abs(y[first - 1] - y[foot]) < FLOOR * cross_section.embankment.height_m:
             first -= 1
         found[first:foot] = True
     return found
 
 
-def facet_zones(terrain: Terrain, facets: Array) -> Array:
+def facet_zones(cross_section: CrossSection, facets: Array) -> Array:
     """(zones,) bool, the zones that consist of such facets only."""
-    return ~np.isin(np.arange(len(terrain.zone_names)), terrain.zone_ids[~facets])
+    return ~np.isin(np.arange(len(cross_section.zone_names)), cross_section.zone_ids[~facets])
 
 
 class Rise(NamedTuple):

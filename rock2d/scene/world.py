@@ -1,4 +1,4 @@
-"""The world that a simulation stands on: blocks, bench, soil, camera. What an effect of the catalogue changes.
+"""The world that a simulation stands on: blocks, set-up, soil, camera. What an effect of the catalogue changes.
 
 A World without effects is the paper's model. Effects return changed copies (`rock2d.effects`), engines and the
 diagnosis read it; nothing in here knows a file.
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -77,12 +77,12 @@ class View:
 
 @dataclass(frozen=True)
 class World:
-    """Blocks, bench, soil and camera of n releases (n = 1 if all are alike).
+    """Blocks, set-up, soil and camera of n releases (n = 1 if all are alike).
 
     Attributes
     ----------
     blocks : name -> block
-    terrain : the cross-section
+    ground : the cross-section
     contact : (1 or n, zones, columns) rows of the contact law, see `rock2d.laws.contact` and `effects.columns`
     view : what the camera makes of it
     order : (1 or n,) how many releases of the same block were filmed before
@@ -90,7 +90,7 @@ class World:
     """
 
     blocks: Mapping[str, Block]
-    terrain: Terrain
+    cross_section: CrossSection
     contact: Array
     gravity_m_s2: float = 9.81
     view: View = View()

@@ -1,6 +1,6 @@
-"""What the engines cost, on the paper's bench and at field scale, and what half the contact step changes.
+"""What the engines cost, on the paper's set-up and at field scale, and what half the contact step changes.
 
-    make bench
+    make set-up
 
 or, with the extra `bench` installed,
 
@@ -32,7 +32,7 @@ from rock2d.laws.contact import parameter_table
 from rock2d.runs.incident_states import starts
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
-BENCH = [("paper_bench", block) for block in ("sphere", "cube", "parallelepiped")]
+SETUP = [("paper_setup", block) for block in ("sphere", "cube", "parallelepiped")]
 SLOPE = [("slope_embankment", block) for block in ("ball_1m", "cube_1m", "slab_2m")]
 ROUNDS = 5
 STARTS = 4000  # drawn for each block
@@ -54,10 +54,10 @@ def scenario_of(name):
 
 def ensemble_of(scenario, block_name):
     """The ensemble of one block, and what its runs share."""
-    terrain = scenario.terrain()
-    table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
+    cross_section = scenario.cross_section()
+    table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
     shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
-    return Ensemble([scenario.make_blocks()[block_name]], [terrain], [table]), shared
+    return Ensemble([scenario.make_blocks()[block_name]], [cross_section], [table]), shared
 
 
 def row(what, values, unit="", note=""):
@@ -69,11 +69,11 @@ def row(what, values, unit="", note=""):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "block_name"), BENCH + SLOPE)
+@pytest.mark.parametrize(("name", "block_name"), SETUP + SLOPE)
 def test_releases(benchmark, name, block_name):
     scenario, states = scenario_of(name)
     ensemble, shared = ensemble_of(scenario, block_name)
-    block, terrain, law = ensemble.blocks[0], ensemble.terrains[0], scenario.contact_parameters()
+    block, cross_section, law = ensemble.blocks[0], ensemble.cross_sections[0], scenario.contact_parameters()
     rebound, threads = scenario.rebound_parameters(block_name), numba.get_num_threads()
     few = states[block_name][:DETERMINISTIC]
     many, seeds = np.resize(states[block_name], (POINT_MASS, 6)), np.arange(POINT_MASS, dtype=np.uint64)
@@ -88,17 +88,17 @@ def test_releases(benchmark, name, block_name):
 
     def pymunk(k):
         for state in own(k):
-            run_pymunk(block, terrain, law, state, **shared)
+            run_pymunk(block, cross_section, law, state, **shared)
 
     parts = {
         "batch": (DETERMINISTIC, lambda k: run_batch(ensemble, few, **shared)),
         "captured": (DETERMINISTIC, lambda k: run_batch(ensemble, few, stop_when_captured=True, **shared)),
         "point_mass": (
             POINT_MASS,
-            lambda k: run_point_mass_batch(block, terrain, rebound, many, seeds, **shared),
+            lambda k: run_point_mass_batch(block, cross_section, rebound, many, seeds, **shared),
         ),
     }
-    if name == "paper_bench":
+    if name == "paper_setup":
         parts |= {"one thread": (PYMUNK, one_thread), "pymunk": (PYMUNK, pymunk)}
     seconds = {part: [] for part in parts}
 
@@ -122,7 +122,7 @@ def test_releases(benchmark, name, block_name):
         row("a release to rest: batch / point mass", cost["batch"] / cost["point_mass"]),
         row("a release until captured: batch / point mass", cost["captured"] / cost["point_mass"]),
     ]
-    if name == "paper_bench":
+    if name == "paper_setup":
         rows += [
             row("pymunk, one core, to rest or exit", cost["pymunk"], "s/release"),
             row(f"a release: pymunk / batch, {every}", cost["pymunk"] / cost["batch"]),
@@ -131,7 +131,7 @@ def test_releases(benchmark, name, block_name):
     benchmark.extra_info["rows"] = rows
 
 
-@pytest.mark.parametrize(("name", "block_name"), BENCH)
+@pytest.mark.parametrize(("name", "block_name"), SETUP)
 def test_half_the_contact_step(benchmark, name, block_name):
     """Change of the passing frequency at each line, with the same starts: McNemar's exact test, and the 95 % interval
     of Agresti & Min (2005), which has half a release added to each cell of the table."""
@@ -148,7 +148,7 @@ def test_half_the_contact_step(benchmark, name, block_name):
 
     before, after = benchmark.pedantic(both, rounds=1)
     rows = []
-    for k, line in enumerate(ensemble.terrains[0].measure_lines):
+    for k, line in enumerate(ensemble.cross_sections[0].measure_lines):
         lost, gained = int((before & ~after)[:, k].sum()), int((after & ~before)[:, k].sum())
         n, changed = len(start), lost + gained
         centre = (gained - lost) / (n + 2)

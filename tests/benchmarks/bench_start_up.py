@@ -15,19 +15,19 @@ import numpy as np
 from rock2d.incident import starts
 from rock2d.scenario import load_scenario
 scenario = load_scenario({str(FOLDER / "paper_bench.yaml")!r})
-terrain, block = scenario.terrain(), scenario.make_blocks()["cube"]
+ground, block = scenario.ground(), scenario.make_blocks()["cube"]
 states = np.array([s.state for s in starts(scenario, 1, 10) if s.block == "cube"])
 """
 BATCH = """
 from rock2d.contact import parameter_table
 from rock2d.engines.batch import Ensemble, run_batch
-table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
-print(run_batch(Ensemble([block], [terrain], [table]), states).ends[0])
+table = parameter_table(scenario.contact_parameters(), ground.zone_names)
+print(run_batch(Ensemble([block], [ground], [table]), states).ends[0])
 """
 POINT_MASS = """
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 law = scenario.rebound_parameters("cube")
-print(run_point_mass_batch(block, terrain, law, states, np.arange(10), time_limit_s=3.0).ends[0])
+print(run_point_mass_batch(block, ground, law, states, np.arange(10), time_limit_s=3.0).ends[0])
 """
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rock2d.blind import reality
-from rock2d.blind.reality import FORMS, OUTSIDE, Bench, Block, Hidden, Law, draw, ensemble, film
+from rock2d.blind.reality import FORMS, OUTSIDE, Block, Hidden, Law, Setup, draw, ensemble, film
 
 G = 9.81
 MAY_IMPORT = {"numpy", "numba", *sys.stdlib_module_names}
@@ -30,9 +30,9 @@ SLAB = Block(
 )
 BLOCKS = [SPHERE, CUBE, SLAB]
 LAW = Law(1.0e4, 6.0e4, 2.5e3, math.tan(math.radians(30)), 0.025)
-FLOOR = Bench(np.array([[-1.0, 0.0], [1.0, 0.0]]), ("floor",))
+FLOOR = Setup(np.array([[-1.0, 0.0], [1.0, 0.0]]), ("floor",))
 _PROFILE = [[-0.695, 0.571], [0, 0], [0.148, 0], [0.184, 0.083], [0.239, 0.083], [0.3625, 0], [0.8625, 0]]
-BENCH = Bench(
+SETUP = Setup(
     np.array(_PROFILE),
     ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out"),
     face=(2, 3), embankment=(2, 5), ditch=(1, 2),
@@ -40,13 +40,13 @@ BENCH = Bench(
 
 
 def _fall(
-    bench: Bench, blocks: list[Block], states: np.ndarray, times: np.ndarray, hidden: list[Hidden] | None = None,
+    setup: Setup, blocks: list[Block], states: np.ndarray, times: np.ndarray, hidden: list[Hidden] | None = None,
     *, law: Law = LAW, gravity: float = G, soil_sd: float = 0.0, seed: int = 1,
 ) -> np.ndarray:  # fmt: skip
     states = np.atleast_2d(states)
     n = np.arange(len(states))
     return ensemble(
-        bench, law, blocks, n % len(blocks), states, n // len(blocks), times, gravity_m_s2=gravity,
+        setup, law, blocks, n % len(blocks), states, n // len(blocks), times, gravity_m_s2=gravity,
         soil_sd=np.full(5, soil_sd), hidden=hidden or [], seed=seed,
     )  # fmt: skip
 
@@ -115,30 +115,30 @@ def test_oblique_impact_of_a_circle(
 def test_flight_is_a_parabola(block: Block) -> None:
     times = np.arange(100) * 1e-3
     state = np.array([0.1, 0.4, 0.3, 1.0, 0.5, -20.0])
-    poses = _fall(BENCH, [block], state, times)[0]
+    poses = _fall(SETUP, [block], state, times)[0]
     assert poses[:, 0] == pytest.approx(0.1 + times, abs=1e-12)
     assert poses[:, 1] == pytest.approx(0.4 + 0.5 * times - 0.5 * G * times**2, abs=1e-12)
     assert poses[:, 2] == pytest.approx(0.3 - 20.0 * times, abs=1e-12)
 
 
-def _clear(pose: np.ndarray, block: Block, bench: Bench) -> bool:
+def _clear(pose: np.ndarray, block: Block, setup: Setup) -> bool:
     """Whether no part of the block can touch the ground, which is where springs would hold energy."""
-    start, way = bench.points_m[:-1], np.diff(bench.points_m, axis=0)
+    start, way = setup.points_m[:-1], np.diff(setup.points_m, axis=0)
     share = np.clip(((pose[:2] - start) * way).sum(axis=1) / (way**2).sum(axis=1), 0.0, 1.0)
     gap = np.hypot(*(start + share[:, None] * way - pose[:2]).T).min()
     return bool(gap > block.radius_m)
 
 
-@pytest.mark.parametrize("bench", [BENCH, FLOOR], ids=["bench", "floor"])
-@pytest.mark.parametrize("crater", [False, True])
-def test_energy_of_flights_never_rises(bench: Bench, crater: bool) -> None:
+@pytest.mark.parametrize("setup", [SETUP, FLOOR], ids=["setup", "floor"])
+@pytest.mark.parametrize("indentation", [False, True])
+def test_energy_of_flights_never_rises(setup: Setup, indentation: bool) -> None:
     dt = 5e-4
     states = _states(30)
-    poses = _fall(bench, BLOCKS, states, np.arange(900) * dt, law=replace(LAW, crater=crater))
+    poses = _fall(setup, BLOCKS, states, np.arange(900) * dt, law=replace(LAW, indentation=indentation))
     for i, path in enumerate(poses):
         block = BLOCKS[i % 3]
         speed = (path[2:] - path[:-2]) / (2 * dt)
-        free = np.array([_clear(pose, block, bench) for pose in path])
+        free = np.array([_clear(pose, block, setup) for pose in path])
         free = free[2:] & free[1:-1] & free[:-2]
         energy = block.mass_kg * (0.5 * speed[:, 0] ** 2 + 0.5 * speed[:, 1] ** 2 + G * path[1:-1, 1])
         energy = (energy + 0.5 * block.inertia_kg_m2 * speed[:, 2] ** 2)[free]
@@ -149,10 +149,10 @@ def test_energy_of_flights_never_rises(bench: Bench, crater: bool) -> None:
 def test_same_seed_same_bits_whatever_the_company() -> None:
     times = np.arange(300) * 1e-3
     states = _states(9)
-    first, again = (_fall(BENCH, BLOCKS, states, times, soil_sd=0.1) for _ in range(2))
+    first, again = (_fall(SETUP, BLOCKS, states, times, soil_sd=0.1) for _ in range(2))
     assert np.array_equal(first, again)
-    assert np.array_equal(first[:3], _fall(BENCH, BLOCKS, states[:3], times, soil_sd=0.1))
-    assert not np.array_equal(first, _fall(BENCH, BLOCKS, states, times, soil_sd=0.1, seed=2))
+    assert np.array_equal(first[:3], _fall(SETUP, BLOCKS, states[:3], times, soil_sd=0.1))
+    assert not np.array_equal(first, _fall(SETUP, BLOCKS, states, times, soil_sd=0.1, seed=2))
 
 
 def test_effects_follow_their_closed_forms() -> None:
@@ -173,7 +173,7 @@ def test_effects_follow_their_closed_forms() -> None:
     assert damped[[0, 2]] == pytest.approx([3 * math.exp(-2 * t), 10 * math.exp(-1.4 * t)], rel=1e-3)
     lifted = after("magnus_lift", 0, {"lift": 0.03, "arm_m": 0.0}, [0, 0.5, 0, 3, 0, 100])
     assert math.atan2(lifted[1], lifted[0]) == pytest.approx(3.0 * t, rel=1e-3)
-    # the way out of the crater costs pull × depth, but for half of its first tenth
+    # the way out of the indentation costs pull × depth, but for half of its first tenth
     bottom = 2.0 / math.sqrt(LAW.k_l / SPHERE.mass_kg) * (1 - LAW.k_l / LAW.k_ul)
     wet = {"pull_N": 2.0, "fades": 0.0, "onset_m_s": 0.01}
     plain = replace(LAW, mu=0.0, k_r=0.0)
@@ -182,9 +182,9 @@ def test_effects_follow_their_closed_forms() -> None:
     assert pulled[1] == pytest.approx(math.sqrt(4 * LAW.k_l / LAW.k_ul - 2 * work), rel=0.01)
 
 
-def _filmed(bench: Bench, hidden: list[Hidden], n: int = 9) -> np.ndarray:
+def _filmed(setup: Setup, hidden: list[Hidden], n: int = 9) -> np.ndarray:
     times = np.arange(160) * 1e-3
-    poses = _fall(bench, BLOCKS, _states(n), times, hidden, soil_sd=0.05)
+    poses = _fall(setup, BLOCKS, _states(n), times, hidden, soil_sd=0.05)
     record, stated = film(
         poses, times, hidden=hidden, position_noise_m=0.0, angle_noise_rad=0.0, colour=0.0, lost=0.0,
         centre_m=np.array([0.18, 0.05]), extent_m=0.36, seed=3,
@@ -196,17 +196,17 @@ def _filmed(bench: Bench, hidden: list[Hidden], n: int = 9) -> np.ndarray:
 CASES = [(name, form) for name, forms in FORMS.items() for form in range(forms)] + [(k, 0) for k in OUTSIDE]
 
 
-@pytest.mark.parametrize("bench", [BENCH, FLOOR], ids=["bench", "floor"])
-def test_what_is_hidden_shows_and_vanishes(bench: Bench) -> None:
-    clean = _filmed(bench, [])
+@pytest.mark.parametrize("setup", [SETUP, FLOOR], ids=["setup", "floor"])
+def test_what_is_hidden_shows_and_vanishes(setup: Setup) -> None:
+    clean = _filmed(setup, [])
     for name, form in CASES:
         gaps = []
         for strength in (1.0, 1e-7):
-            hidden = draw(name, form, np.random.default_rng(4), bench, LAW, BLOCKS, G, strength)
-            record = _filmed(bench, [hidden])
+            hidden = draw(name, form, np.random.default_rng(4), setup, LAW, BLOCKS, G, strength)
+            record = _filmed(setup, [hidden])
             assert np.isfinite(record).all(), (name, form, strength)
             gaps.append(float(np.median(np.abs(record - clean).max(axis=(1, 2)))))
-        if name in EMBANKMENT_ONLY and bench is FLOOR:
+        if name in EMBANKMENT_ONLY and setup is FLOOR:
             assert gaps == [0.0, 0.0], name
         else:
             assert gaps[0] > 1e-4, (name, form)
@@ -217,7 +217,7 @@ def test_what_is_hidden_shows_and_vanishes(bench: Bench) -> None:
 def test_forms_of_an_effect_differ() -> None:
     for name, forms in FORMS.items():
         records = [
-            _filmed(BENCH, [draw(name, form, np.random.default_rng(4), BENCH, LAW, BLOCKS, G, 1.0)], 6)
+            _filmed(SETUP, [draw(name, form, np.random.default_rng(4), SETUP, LAW, BLOCKS, G, 1.0)], 6)
             for form in range(forms)
         ]
         assert forms >= 2
@@ -249,11 +249,11 @@ def test_field_scale() -> None:
         Block("cube", 0.95 / math.sqrt(2), _rectangle(0.95, 0.95), mass, mass * 0.95**2 / 6),
     ]
     law = Law(1e4 * k, 6e4 * k, 2.5e3 * k, LAW.mu, 0.025 * k * grow**2)
-    bench = replace(BENCH, points_m=BENCH.points_m * grow)
+    setup = replace(SETUP, points_m=SETUP.points_m * grow)
     times = np.arange(200) * 8e-3
-    clean = _fall(bench, blocks, _states(6, 1.0), times, law=law)
+    clean = _fall(setup, blocks, _states(6, 1.0), times, law=law)
     assert clean[:, -1, 1].max() < 10.0
     for name, form in CASES:
         if name in OUTSIDE or form == 1:
-            hidden = draw(name, form, np.random.default_rng(1), bench, law, blocks, G, 0.5)
-            assert np.isfinite(_fall(bench, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), name
+            hidden = draw(name, form, np.random.default_rng(1), setup, law, blocks, G, 0.5)
+            assert np.isfinite(_fall(setup, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), name

@@ -13,8 +13,8 @@ from rock2d.diagnosis.film_data import film_data
 from rock2d.diagnosis.fitting import PROMISING, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
-from rock2d.kinematics.base_world import base_start, bench_world
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import base_start, setup_world
 from tests.kinematics.synthetic_films import LAW, film, series_order, world
 
 RELEASES = 16
@@ -28,9 +28,9 @@ RIVALS = (
 
 def test_base_law_is_recovered():
     experiment = film(world(), RELEASES, seed=2)
-    bench = bench_world(experiment)
-    data = film_data(load_film(experiment), bench)
-    found = fit(Model(bench, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
+    setup = setup_world(experiment)
+    data = film_data(load_film(experiment), setup)
+    found = fit(Model(setup, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
     law = found.model.law(found.p)
     truth = np.array(
         [LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad]
@@ -90,10 +90,10 @@ def test_result_does_not_depend_on_the_number_of_processes():
 def test_a_law_that_an_effect_has_led_to_is_the_bases():
     """A base left at a poor law would make any effect look good, whose fit finds the law on its way."""
     experiment = film(world(), 12, seed=2)
-    bench, start = bench_world(experiment), base_start(experiment)
-    data = film_data(load_film(experiment), bench)
-    proper = fit(Model(bench, start), data)
-    stuck = fit(Model(bench, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=np.inf)
+    setup, start = setup_world(experiment), base_start(experiment)
+    data = film_data(load_film(experiment), setup)
+    proper = fit(Model(setup, start), data)
+    stuck = fit(Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=np.inf)
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
     assert found.base.total() == pytest.approx(proper.total(), abs=PROMISING)

@@ -10,8 +10,8 @@ from rock2d.diagnosis.film_data import film_data, history_groups
 from rock2d.diagnosis.fitting import HEAVY, Fit, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import setup_world
 from tests.kinematics.synthetic_films import film, series_order, world
 
 RELEASES = 16
@@ -24,13 +24,13 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
     if effect is not None:
         true = known[effect].apply(true, values)
     experiment = film(true, RELEASES, seed=4)
-    bench = bench_world(experiment)
-    data = film_data(load_film(experiment), bench)
+    setup = setup_world(experiment)
+    data = film_data(load_film(experiment), setup)
     start = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
-    base = fit(Model(bench, start), data)
+    base = fit(Model(setup, start), data)
     if effect is None:
         return base, base, data
-    full = Model(bench, start, [known[effect]])
+    full = Model(setup, start, [known[effect]])
     return base, fit(full, data, np.concatenate([base.p, full.start()[len(base.p) :] + 0.05])), data
 
 

@@ -13,10 +13,10 @@ from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
-FLOOR = Terrain([[-2.0, 0.0], [2.0, 0.0]], ["floor"])
+FLOOR = CrossSection([[-2.0, 0.0], [2.0, 0.0]], ["floor"])
 SQUARE = {"square": make_block("square", "square", 0.05, side_m=0.06)}
 HARD = ContactParameters(4e5, 1.6e6, 3e5, 20.0, 0.0)
 

@@ -40,7 +40,7 @@ def of(quantities: list[Quantity], title: str) -> dict[str, dict[str, list]]:
 
 def test_lines_stand_on_the_facing(experiment):
     lines, note = measure_lines(experiment, 0.2)
-    facing = experiment.terrain.points_m[2:4]
+    facing = experiment.cross_section.points_m[2:4]
     for line, share in zip(lines.values(), (1 / 3, 2 / 3, 1.0), strict=True):
         np.testing.assert_allclose(line[0], facing[0] + share * (facing[1] - facing[0]), atol=1e-12)
         assert line[1, 0] == line[0, 0] and line[1, 1] > 0.2

@@ -16,8 +16,8 @@ from rock2d.diagnosis.report import page
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.sanity import Sanity
+from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from tests.kinematics.synthetic_films import film, series_order, world
 
@@ -128,7 +128,7 @@ def test_what_cannot_be_diagnosed_gets_advice_only(written):
 
 def test_remarks_are_shown_and_escaped(written):
     experiment = film(world(), 2)
-    result = Diagnosis(experiment, Sanity(["a <b>fault</b>"], ["a <i>remark</i>"]), bench_world(experiment))
+    result = Diagnosis(experiment, Sanity(["a <b>fault</b>"], ["a <i>remark</i>"]), setup_world(experiment))
     page, _ = written(result)
     assert "a <b>fault</b>" in page.text and "a <i>remark</i>" in page.text
 
@@ -145,10 +145,10 @@ def test_impact_table_has_no_film(diagnosed, written):
 def impact_table(result: Diagnosis) -> pd.DataFrame:
     """The impacts of a film as a table."""
     data = result.data
-    impacts, states = data.impacts, data.states(result.bench).middle
+    impacts, states = data.impacts, data.states(result.setup).middle
     ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    before = drift(result.bench, impacts.block, states[impacts.before], ends)
-    after = drift(result.bench, impacts.block, states[impacts.after], impacts.begin_s)
+    before = drift(result.setup, impacts.block, states[impacts.before], ends)
+    after = drift(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
     columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
     table = pd.DataFrame(before, columns=columns)
     table[["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]] = after[:, 3:]

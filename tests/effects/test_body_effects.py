@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from rock2d.engines import contact_state
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.blocks import make_block, states_at
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import (
-    BENCH,
     BLOCKS,
     CUBE,
     FLOOR,
     LAW,
+    SETUP,
     SLAB,
     SPHERE,
     elastic,
@@ -27,7 +27,7 @@ from tests.effects.worlds import (
 )
 
 SIDE = 0.019
-RIDGE = Terrain([[-1, -0.6], [0, 0], [1, -0.9]], ["left", "right"])
+RIDGE = CrossSection([[-1, -0.6], [0, 0], [1, -0.9]], ["left", "right"])
 ROUND_CUBE = replace(CUBE, rounding_m=0.003)
 ROUND_SLAB = replace(SLAB, rounding_m=0.004)
 OFF_SPHERE = replace(SPHERE, centre_of_mass_m=(0.002, -0.001))
@@ -37,16 +37,18 @@ BODIES = {"round_cube": ROUND_CUBE, "round_slab": ROUND_SLAB, "off_sphere": OFF_
           "off_egg": OFF_EGG, "both": replace(ROUND_SLAB, centre_of_mass_m=(0.002, 0.001))}  # fmt: skip
 
 
-def closest(block, terrain, pose):
-    """Features of all slots at a pose: kind, depth, rate of depth per unit of motion in x, y, theta."""
-    arrays, ground = block_arrays(block), terrain_arrays(terrain, 1.0)
-    n = contact_state.slot_count(block)
+def closest(block, cross_section, pose):
+    """Features of all contacts at a pose: kind, depth, rate of depth per unit of motion in x, y, theta."""
+    arrays, ground = block_arrays(block), ground_arrays(cross_section, 1.0)
+    n = contact_state.contact_count(block)
     rates = []
     for axis in range(3):
-        ints, _ = contact_state.new_slots(block)
-        found_i, found_r = contact_state.new_slots(block)
+        ints, _ = contact_state.new_contacts(block)
+        found_i, found_r = contact_state.new_contacts(block)
         q = np.concatenate([pose, np.eye(3)[axis]])
-        contact_state.find_features(q, 1.0, 0, len(terrain.zones), ground, arrays, ints, found_i, found_r)
+        contact_state.find_features(
+            q, 1.0, 0, len(cross_section.zones), ground, arrays, ints, found_i, found_r
+        )
         rates.append(found_r[:, contact_state.RATE].copy())
     depth = found_r[:, contact_state.DEPTH]
     kept = depth > contact_state.NOWHERE
@@ -73,13 +75,13 @@ def test_depth_rates_are_the_gradient_of_the_depth(name):
             good = np.isfinite(slope) & (depth > 0)
             error = np.abs(slope[good] - rates[good, axis]) / scale
             checked += good.sum()
-            assert np.sum(error > 1e-4) <= 1 and np.all(error < 2.5)  # a kink between the two poses is rare
+            assert np.sum(error > 1e-4) <= 1 and np.all(error < 2.5)  # a event between the two poses is rare
     assert checked > 200
 
 
 @pytest.mark.parametrize("block", [ROUND_CUBE, ROUND_SLAB], ids=lambda b: b.name)
 def test_deepest_point_is_continuous_as_a_rounded_block_slides_and_turns_over_a_ridge(block):
-    """No step of the greatest depth larger than the motion, where circle, face and terrain corner take turns."""
+    """No step of the greatest depth larger than the motion, where circle, face and ground corner take turns."""
     for tilt in np.linspace(-np.pi, np.pi, 6):
         path = np.linspace(-0.03, 0.03, 601)
         deepest = [closest(block, RIDGE, np.array([x, 0.008, tilt + 5 * x]))[0].max() for x in path]
@@ -89,7 +91,7 @@ def test_deepest_point_is_continuous_as_a_rounded_block_slides_and_turns_over_a_
 def test_without_rounding_or_offset_results_are_the_same_bits():
     bare = replace(CUBE, rounding_m=0.0, centre_of_mass_m=(0.0, 0.0))
     state = np.array([[0.05, 0.08, 0.3, 1.0, -1.5, -20.0]])
-    a, b = (run(world(BENCH, (block,)), state, impact_room=5, impact_limit=5) for block in (CUBE, bare))
+    a, b = (run(world(SETUP, (block,)), state, impact_room=5, impact_limit=5) for block in (CUBE, bare))
     assert np.array_equal(a.impacts, b.impacts, equal_nan=True)
 
 
@@ -100,13 +102,13 @@ def test_a_square_rounded_to_a_circle_moves_as_one(engine):
     state = np.array([0.05, 0.05, 0.3, 0.3, -1.0, -60.0])
     ends = []
     for block in (square, circle):
-        w = world(BENCH, (block,))
+        w = world(SETUP, (block,))
         if engine == "batch":
             ends.append(
                 run(w, state[None], impact_limit=1, impact_room=1, step_fraction=0.03).impacts[0, 0, 1:17]
             )
         else:
-            impact = run_pymunk(block, BENCH, LAW, state, impact_limit=1).impacts[0]
+            impact = run_pymunk(block, SETUP, LAW, state, impact_limit=1).impacts[0]
             ends.append([v for k, v in impact.items() if k != "zone"])
     assert ends[0] == pytest.approx(ends[1], rel=2e-4, abs=1e-6)
 
@@ -130,16 +132,16 @@ def test_a_radius_that_no_corner_has_room_for_is_refused():
 
 
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("terrain", [BENCH, RIDGE], ids=["bench", "ridge"])
-def test_springs_alone_keep_the_energy(name, terrain):
+@pytest.mark.parametrize("cross_section", [SETUP, RIDGE], ids=["setup", "ridge"])
+def test_springs_alone_keep_the_energy(name, cross_section):
     """Elastic, frictionless: kinetic, potential and elastic energy stay, wherever the block hits."""
     rng = np.random.default_rng(5)
     block, worst = BODIES[name], []
     for _ in range(5):
-        x = rng.uniform(-0.02, 0.2) if terrain is BENCH else rng.normal(0, 0.01)
-        top = 0.13 if terrain is BENCH else 0.03
+        x = rng.uniform(-0.02, 0.2) if cross_section is SETUP else rng.normal(0, 0.01)
+        top = 0.13 if cross_section is SETUP else 0.03
         state = np.array([x, top, rng.uniform(0, 6), rng.normal(0.2, 0.3), -1.0, rng.normal(0, 20)])
-        sim = PymunkRelease(block, terrain, elastic(), state)
+        sim = PymunkRelease(block, cross_section, elastic(), state)
         while sim.time < 0.12:
             sim.step()
         balance = sim.energy_balance()
@@ -196,12 +198,12 @@ def test_both_engines_agree(name):
     states = np.array(
         [[rng.uniform(0, 0.1), 0.09, rng.uniform(0, 6), 1.2, -1.4, rng.normal(-20, 15)] for _ in range(12)]
     )
-    table = parameter_table(LAW, BENCH.zone_names)
-    batch = run(replace(world(BENCH, (block,)), contact=table[None]), states, impact_limit=1, impact_room=1,
+    table = parameter_table(LAW, SETUP.zone_names)
+    batch = run(replace(world(SETUP, (block,)), contact=table[None]), states, impact_limit=1, impact_room=1,
                 step_fraction=0.03)  # fmt: skip
     errors = []
     for i, state in enumerate(states):
-        impact = run_pymunk(block, BENCH, LAW, state, impact_limit=1).impacts[0]
+        impact = run_pymunk(block, SETUP, LAW, state, impact_limit=1).impacts[0]
         after = [impact[k] for k in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
         scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.reach_m])
         errors.append(np.abs((batch.impacts[i, 0, 12:15] - after) / scale).max())

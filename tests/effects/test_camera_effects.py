@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rock2d.effects.changes import image
-from tests.effects.worlds import BENCH, CATALOGUE, neutral, run, typical, with_effect, world
+from tests.effects.worlds import CATALOGUE, SETUP, neutral, run, typical, with_effect, world
 
 CAMERA = [name for name, effect in CATALOGUE.items() if effect.camera]
 POSES = np.random.default_rng(4).uniform([-0.1, 0.0, -3], [0.4, 0.3, 3], (50, 3))
@@ -71,7 +71,7 @@ def test_scale_and_frame_rate_change_the_gravity_that_is_seen():
 
 
 def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():
-    (x, y), width = image(BENCH)
+    (x, y), width = image(SETUP)
     view = with_effect(world(), "lens_distortion", [0.04, 0.0, 0.0]).view
     out = [view.record(np.array([x + d * width, y, 0.0]))[0] - (x + d * width) for d in (0.5, 1.0)]
     assert out == pytest.approx([0.04 * width / 8, 0.04 * width], rel=1e-9)

@@ -20,11 +20,11 @@ from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import K_L, K_UL, parameter_table
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
 from tests.effects.worlds import (
-    BENCH,
     CATALOGUE,
     FLOOR,
     LAW,
     MECHANICAL,
+    SETUP,
     energies,
     falling,
     neutral,
@@ -94,7 +94,7 @@ def test_the_energy_audit_closes_with_every_effect(name):
         balance = sim.energy_balance()
         residuals.append(abs(balance["residual"]) / balance["initial"])
     assert np.median(residuals) < 1e-6
-    # rounded corners hand contacts over, and a dashpot ceases to be held, at kinks that are met to second order
+    # rounded corners hand contacts over, and a dashpot ceases to be held, at events that are met to second order
     assert max(residuals) < 2e-5
     result = run(w, states, BLOCK, impact_limit=1)
     flown = result.stop == 3
@@ -111,7 +111,7 @@ def test_both_engines_agree_with_every_effect(name):
     batch = run(w, states, BLOCK, impact_limit=1, impact_room=1, step_fraction=0.05)
     errors = []
     for i, state in enumerate(states):
-        track = run_pymunk(block, w.terrain, w.contact[0], state, impact_limit=1, time_limit_s=1.0)
+        track = run_pymunk(block, w.cross_section, w.contact[0], state, impact_limit=1, time_limit_s=1.0)
         impact = track.impacts[0]
         after = [impact[k] for k in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
         scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
@@ -123,9 +123,9 @@ def test_both_engines_agree_with_every_effect(name):
 
 
 def test_tables_of_the_laws_columns_alone_go_on_working():
-    table, states = parameter_table(LAW, BENCH.zone_names), falling(5)
+    table, states = parameter_table(LAW, SETUP.zone_names), falling(5)
     results = [
-        run_batch(Ensemble(list(world().blocks.values()), [BENCH], [t]), states).ends
+        run_batch(Ensemble(list(world().blocks.values()), [SETUP], [t]), states).ends
         for t in (table[:, :6], table, widened(table))
     ]
     assert np.array_equal(results[0], results[1])
@@ -146,28 +146,28 @@ def test_a_world_of_many_releases_has_a_table_for_each():
 
 
 def test_an_embankment_is_told_by_its_shape():
-    zones = np.array(BENCH.zones)
-    assert list(zones[embankment_facets(BENCH)]) == ["face", "crest", "back"]
-    assert list(zones[ditch_facets(BENCH)]) == ["ditch"]
-    fine = BENCH.subdivided(9)
+    zones = np.array(SETUP.zones)
+    assert list(zones[embankment_facets(SETUP)]) == ["face", "crest", "back"]
+    assert list(zones[ditch_facets(SETUP)]) == ["ditch"]
+    fine = SETUP.subdivided(9)
     assert set(np.array(fine.zones)[embankment_facets(fine)]) == {"face", "crest", "back"}
     assert embankment_facets(fine).sum() == 27
     assert not embankment_facets(FLOOR).any()
     assert FLOOR.embankment is None
-    rough = roughened(type(BENCH)([[0, 10], [20, 0]], ["slope"]), 0.1, 0.5, np.random.default_rng(0))
+    rough = roughened(type(SETUP)([[0, 10], [20, 0]], ["slope"]), 0.1, 0.5, np.random.default_rng(0))
     assert not embankment_facets(rough).any()
-    assert facet_zones(BENCH, embankment_facets(BENCH)).tolist() == [False, False, True, True, True, False]
+    assert facet_zones(SETUP, embankment_facets(SETUP)).tolist() == [False, False, True, True, True, False]
 
 
 def test_the_facing_turns_about_its_foot_and_keeps_its_height():
-    built = as_built(BENCH, 0.1, 0.0, 0.02)
+    built = as_built(SETUP, 0.1, 0.0, 0.02)
     run_, rise = built.points_m[3] - built.points_m[2]
     assert np.arctan2(rise, run_) == pytest.approx(np.arctan2(0.083, 0.0519) + 0.1)
-    assert np.array_equal(np.delete(built.points_m, 3, 0), np.delete(BENCH.points_m, 3, 0))
-    level = as_built(BENCH, 0.0, 0.1, 0.02)
+    assert np.array_equal(np.delete(built.points_m, 3, 0), np.delete(SETUP.points_m, 3, 0))
+    level = as_built(SETUP, 0.0, 0.1, 0.02)
     assert level.points_m[1:3, 1] == pytest.approx(0.0083)
     assert (
-        as_built(BENCH, -0.6, 0.0, 0.02).points_m[3, 0] < BENCH.points_m[4, 0]
+        as_built(SETUP, -0.6, 0.0, 0.02).points_m[3, 0] < SETUP.points_m[4, 0]
     )  # never past the crest's end
 
 

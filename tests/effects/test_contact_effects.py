@@ -10,7 +10,7 @@ from rock2d.effects.adhesion import ONSET_WAY
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import (
     CATALOGUE,
     FLOOR,
@@ -38,7 +38,9 @@ def rebound(w, vx=0.0, vy=-2.0, omega=0.0, **options) -> dict[str, np.ndarray]:
 
 def first_impact(w, state) -> dict:
     """The first impact, and the audit at its end, of the pymunk engine."""
-    track = run_pymunk(SPHERE, w.terrain, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, impact_limit=1)
+    track = run_pymunk(
+        SPHERE, w.cross_section, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, impact_limit=1
+    )
     return track.impacts[0] | {"residual": track.energy_J["residual"]}
 
 
@@ -92,19 +94,19 @@ def test_damping_that_grows_with_the_depth_is_hunt_and_crossleys():
 
 
 def test_adhesion_takes_pull_times_way():
-    """On the way out of its crater a ball loses pull × (depth of the crater), less the onset's half."""
+    """On the way out of its indentation a ball loses pull × (depth of the indentation), less the onset's half."""
     law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
     plain = world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0)
     w = with_effect(plain, "adhesion", [4.0])
     pull = w.contact[0, 0, column("adhesion_N")]
-    crater = 2.0 / np.sqrt(law.k_l_N_m / M) * (1 - law.k_l_N_m / law.k_ul_N_m)
+    indentation = 2.0 / np.sqrt(law.k_l_N_m / M) * (1 - law.k_l_N_m / law.k_ul_N_m)
     before, after = rebound(plain), rebound(w)
     for engine, tolerance in (("pymunk", 1e-4), ("batch", 5e-3)):
         lost = 0.5 * M * (before[engine][1] ** 2 - after[engine][1] ** 2)
-        assert lost == pytest.approx(pull * crater * (1 - ONSET_WAY / 2), rel=tolerance), engine
+        assert lost == pytest.approx(pull * indentation * (1 - ONSET_WAY / 2), rel=tolerance), engine
 
 
-def test_a_strong_pull_keeps_the_block_in_its_crater():
+def test_a_strong_pull_keeps_the_block_in_its_indentation():
     law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
     w = with_effect(world(FLOOR, (SPHERE,), law), "adhesion", [12.0])
     result = run(w, np.array([[0, R + 1e-4, 0, 0, -0.5, 0]]), time_limit_s=2.0)
@@ -113,8 +115,8 @@ def test_a_strong_pull_keeps_the_block_in_its_crater():
 
 
 def test_ploughing_slows_the_slip_with_depth():
-    """Without friction, weight or rolling: m dv/dt = -c ∫δ dt on the virgin half-sine, so that the loading phase leaves
-    v exp(-c δmax / (m ω)), and the drag acts at the contact point: m becomes m_t = m q/(1+q) there."""
+    """Without friction, weight or rolling: m dv/dt = -c ∫δ dt on the half-sine of first loading, so that the loading
+    phase leaves v exp(-c δmax / (m ω)), and the drag acts at the contact point: m becomes m_t = m q/(1+q) there."""
     law = ContactParameters(friction_angle_deg=0.0, **NO_ROLLING, k_ul_N_m=1e4)
     w = with_effect(world(FLOOR, (SPHERE,), law, gravity_m_s2=0.0), "ploughing_drag", [500.0])
     c = w.contact[0, 0, column("ploughing_Ns_m2")]
@@ -147,7 +149,9 @@ def test_friction_that_changes_with_speed(change):
 @pytest.mark.parametrize("ratio", [0.1, 0.5])
 def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     """Head-on against an upright wall of mass M: e_eff = (e M - m) / (M + m)."""
-    wall = Terrain([[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"])
+    wall = CrossSection(
+        [[-2, 0], [0, 0], [0, 0.5], [0.2, 0.5], [0.2, 0], [2, 0]], ["floor", *["bank"] * 3, "out"]
+    )
     law = ContactParameters(k_t_N_m=0.0, friction_angle_deg=0.0, **NO_ROLLING)
     w = with_effect(world(wall, (SPHERE,), law, gravity_m_s2=0.0), "embankment_yield", [ratio])
     mass = M / ratio
@@ -168,7 +172,7 @@ def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
 
 def test_only_the_embankment_recoils():
     w = with_effect(world(), "embankment_yield")
-    zones = np.array(w.terrain.zone_names)
+    zones = np.array(w.cross_section.zone_names)
     assert set(zones[w.contact[0, :, column("recoil_1_kg")] > 0]) == {"face", "crest", "back"}
     plain = world(FLOOR)
     assert not with_effect(plain, "embankment_yield").contact[..., column("recoil_1_kg")].any()
@@ -191,7 +195,7 @@ def test_an_effect_of_one_zone_stays_there():
     base = world()
     w = with_effect(base, "viscous_damping", [600.0, 0.0])
     contact = w.contact.copy()
-    contact[:, w.terrain.zone_names.index("ditch"), column("viscous_Ns_m")] = 0.0
+    contact[:, w.cross_section.zone_names.index("ditch"), column("viscous_Ns_m")] = 0.0
     state = np.array([[0.05, 0.05, 0, 0.1, -1.5, 0]])
     fine = {
         "impact_limit": 1,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import (
-    BENCH,
     CUBE,
+    SETUP,
     SPHERE,
     energies,
     pymunk_release,
@@ -18,7 +18,7 @@ from tests.effects.worlds import (
     world,
 )
 
-ABYSS = Terrain([[-1000, -1000], [1000, -1000]], ["floor"])
+ABYSS = CrossSection([[-1000, -1000], [1000, -1000]], ["floor"])
 TIMES = np.linspace(0.05, 3.0, 40)
 
 
@@ -89,7 +89,7 @@ def test_both_engines_fly_alike_and_account_for_the_energy(name):
 @pytest.mark.parametrize("block", [0, 1])
 def test_a_flight_through_air_meets_the_ground_as_finer_strides_do(block):
     """Time and state of the first touch do not depend on how the flight is cut: the ground is never overshot."""
-    w = with_effect(world(BENCH, (SPHERE, CUBE)), "air_drag", [0.6])
+    w = with_effect(world(SETUP, (SPHERE, CUBE)), "air_drag", [0.6])
     states = np.array([[0.0, 0.3, a, 0.4, 0.5, -20.0] for a in np.linspace(0, 6, 12)])
     coarse = run(w, states, block, impact_limit=1, impact_room=1)
     for i, state in enumerate(states):
@@ -103,8 +103,8 @@ def test_a_flight_through_air_meets_the_ground_as_finer_strides_do(block):
 
 
 def test_lines_are_crossed_where_the_path_lies():
-    bench = Terrain([[-1, -50], [100, -50]], ["floor"], {"upright": [[1.0, -20], [1.0, 20]]})
-    w = with_effect(world(bench, (SPHERE,)), "air_drag", [0.5])
+    setup = CrossSection([[-1, -50], [100, -50]], ["floor"], {"upright": [[1.0, -20], [1.0, 20]]})
+    w = with_effect(world(setup, (SPHERE,)), "air_drag", [0.5])
     state = np.array([[0, 0, 0, 4.0, 1.0, 0]])
     crossing = run(w, state, time_limit_s=1.0).crossings[0, 0]
     at = run(w, state, time_limit_s=crossing[0]).ends[0, 1:]

@@ -10,19 +10,19 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.pymunk_engine import PymunkRelease
 from rock2d.laws.contact import ContactParameters, parameter_table
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-from tests.engines.test_pymunk_engine import BENCH, BLOCKS, CUBE, LAW, SLAB, SPHERE
+from tests.engines.test_pymunk_engine import BLOCKS, CUBE, LAW, SETUP, SLAB, SPHERE
 
-FLOOR = Terrain([[-50, 0], [50, 0]], ["floor"])
+FLOOR = CrossSection([[-50, 0], [50, 0]], ["floor"])
 CATALOGUE = catalogue()
 MECHANICAL = [name for name, effect in CATALOGUE.items() if not effect.camera]
 
 
-def world(terrain=BENCH, blocks=(SPHERE, CUBE, SLAB), law=LAW, **changes) -> World:
+def world(cross_section=SETUP, blocks=(SPHERE, CUBE, SLAB), law=LAW, **changes) -> World:
     """A world without effects."""
-    contact = parameter_table(law, terrain.zone_names)[None]
-    return World({b.name: b for b in blocks}, terrain, contact, **changes)
+    contact = parameter_table(law, cross_section.zone_names)[None]
+    return World({b.name: b for b in blocks}, cross_section, contact, **changes)
 
 
 def elastic(**changes) -> ContactParameters:
@@ -49,7 +49,7 @@ def with_effect(base: World, name: str, values=None) -> World:
 
 
 def falling(n: int, seed: int = 3) -> np.ndarray:
-    """States that come down on ditch and facing of the bench."""
+    """States that come down on ditch and facing of the set-up."""
     rng = np.random.default_rng(seed)
     return np.column_stack(
         [rng.normal(0.03, 0.03, n), rng.normal(0.12, 0.01, n), rng.uniform(0, 6.28, n),
@@ -67,7 +67,7 @@ def run(w: World, states, block: int = 0, **options):
 def pymunk_release(w: World, state, block: int = 0, **options) -> PymunkRelease:
     """A release of the pymunk engine on a world."""
     own = list(w.blocks.values())[block]
-    return PymunkRelease(own, w.terrain, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, **options)
+    return PymunkRelease(own, w.cross_section, w.contact[0], state, gravity_m_s2=w.gravity_m_s2, **options)
 
 
 def energies(w: World, states, block: int = 0) -> np.ndarray:
@@ -78,6 +78,23 @@ def energies(w: World, states, block: int = 0) -> np.ndarray:
 
 
 __all__ = [
-    "BENCH", "BLOCKS", "CATALOGUE", "CUBE", "FLOOR", "LAW", "MECHANICAL", "SLAB", "SPHERE", "elastic", "energies",
-    "falling", "neutral", "pymunk_release", "replace", "run", "typical", "with_effect", "world",
+    "BLOCKS",
+    "CATALOGUE",
+    "CUBE",
+    "FLOOR",
+    "LAW",
+    "MECHANICAL",
+    "SETUP",
+    "SLAB",
+    "SPHERE",
+    "elastic",
+    "energies",
+    "falling",
+    "neutral",
+    "pymunk_release",
+    "replace",
+    "run",
+    "typical",
+    "with_effect",
+    "world",
 ]  # fmt: skip

@@ -11,17 +11,17 @@ import pytest
 from rock2d.engines.batch import STEP_FRACTION, STOPS, Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
-from tests.engines.test_pymunk_engine import BENCH, BLOCKS, CONTRAST, LAW
+from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, LAW, SETUP
 
 EACH = 18  # releases of each block on each zone: 5 blocks, 6 zones, 540 in all
 LAWS = (LAW, CONTRAST)
-TABLES = [parameter_table(law, BENCH.zone_names) for law in LAWS]
+TABLES = [parameter_table(law, SETUP.zone_names) for law in LAWS]
 
 
 def falling_on(facet: int, block, rng: np.random.Generator) -> np.ndarray:
     """State of a block clear of the ground that comes down on the middle half of a facet, within 60° of upright."""
-    a, b = BENCH.points_m[facet], BENCH.points_m[facet + 1]
-    normal = BENCH.normals[facet]
+    a, b = SETUP.points_m[facet], SETUP.points_m[facet + 1]
+    normal = SETUP.normals[facet]
     target = a + rng.uniform(0.25, 0.75) * (b - a)
     angle = np.arctan2(-normal[1], -normal[0]) + rng.uniform(-1, 1) * np.pi / 3
     velocity = rng.uniform(0.8, 3.0) * np.array([np.cos(angle), np.sin(angle)])
@@ -36,22 +36,22 @@ def test_state_after_the_first_impact(name):
     """Within 0.1 % of the incident speed; at the batch engine's coarser steps a few come to 0.2 %, and halving those
     steps brings them back."""
     block, rng = BLOCKS[name], np.random.default_rng([7, sorted(BLOCKS).index(name)])
-    states = np.array([falling_on(f, block, rng) for f in range(len(BENCH.zones)) for _ in range(EACH)])
+    states = np.array([falling_on(f, block, rng) for f in range(len(SETUP.zones)) for _ in range(EACH)])
     seen, beyond = set(), 0
     for law, table, part in zip(LAWS, TABLES, (states[0::2], states[1::2]), strict=True):
-        ensemble = Ensemble([block], [BENCH], [table])
+        ensemble = Ensemble([block], [SETUP], [table])
         coarse, fine = (
             run_batch(ensemble, part, impact_limit=1, impact_room=1, step_fraction=f)
             for f in (STEP_FRACTION, 0.5 * STEP_FRACTION)
         )
         rows = zip(part, coarse.stop, coarse.impacts[:, 0], fine.impacts[:, 0], strict=True)
         for state, stop, first, halved in rows:
-            track = run_pymunk(block, BENCH, law, state, impact_limit=1)
+            track = run_pymunk(block, SETUP, law, state, impact_limit=1)
             impact = track.impacts[0]
             if track.stop == "rest":  # it never leaves the ground again
                 assert STOPS[stop] == "rest"
                 continue
-            assert BENCH.zone_names[int(first[0])] == impact["zone"]
+            assert SETUP.zone_names[int(first[0])] == impact["zone"]
             seen.add(impact["zone"])
             after = [impact[key] for key in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
             scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
@@ -59,5 +59,5 @@ def test_state_after_the_first_impact(name):
             beyond += error > 1e-3
             assert error < 3e-3
             assert again < 1e-3
-    assert seen == set(BENCH.zone_names)
+    assert seen == set(SETUP.zone_names)
     assert beyond <= 0.03 * len(states)

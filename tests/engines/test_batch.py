@@ -12,10 +12,10 @@ import pytest
 from rock2d.engines.batch import STOPS, Ensemble, run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
-from rock2d.scene.cross_section import Terrain
-from tests.engines.test_pymunk_engine import BENCH, BLOCKS, CONTRAST, CUBE, LAW, SPHERE
+from rock2d.scene.cross_section import CrossSection
+from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE
 
-TABLE = parameter_table(LAW, BENCH.zone_names)
+TABLE = parameter_table(LAW, SETUP.zone_names)
 
 
 def states(n: int, seed: int) -> np.ndarray:
@@ -29,15 +29,15 @@ def states(n: int, seed: int) -> np.ndarray:
 @pytest.mark.parametrize("name", BLOCKS)
 def test_first_impacts_agree_with_the_pymunk_engine(name):
     block, start = BLOCKS[name], states(40, 11)
-    contrast = parameter_table(CONTRAST, BENCH.zone_names)
-    ensemble = Ensemble([block], [BENCH], [TABLE, contrast])
+    contrast = parameter_table(CONTRAST, SETUP.zone_names)
+    ensemble = Ensemble([block], [SETUP], [TABLE, contrast])
     for table_id, law in enumerate((LAW, CONTRAST)):
         batch = run_batch(
             ensemble, start, table_ids=table_id, impact_limit=1, impact_room=1, step_fraction=0.03
         )
         errors = []
         for i, state in enumerate(start):
-            impact = run_pymunk(block, BENCH, law, state, impact_limit=1).impacts[0]
+            impact = run_pymunk(block, SETUP, law, state, impact_limit=1).impacts[0]
             row = batch.impacts[i, 0]
             assert row[1] == pytest.approx(impact["t_s"], abs=1e-7)  # cubic root against a corner
             after = [impact["vx_after_m_s"], impact["vy_after_m_s"], impact["omega_after_rad_s"]]
@@ -50,21 +50,21 @@ def test_first_impacts_agree_with_the_pymunk_engine(name):
 
 def test_passing_frequencies_agree_with_the_pymunk_engine():
     line = {"crest": [[0.1819, 0.083], [0.1819, 0.3]]}
-    bench = Terrain(BENCH.points_m, BENCH.zones, line)
+    setup = CrossSection(SETUP.points_m, SETUP.zones, line)
     start = states(60, 2)
-    batch = run_batch(Ensemble([SPHERE], [bench], [TABLE]), start, stop_when_spent=True)
+    batch = run_batch(Ensemble([SPHERE], [setup], [TABLE]), start, stop_when_spent=True)
     passed = np.isfinite(batch.crossings[:, 0, 0])
-    tracks = [run_pymunk(SPHERE, bench, LAW, state) for state in start]
-    truth = np.array([len(t.crossings(bench.measure_lines["crest"])) > 0 for t in tracks])
+    tracks = [run_pymunk(SPHERE, setup, LAW, state) for state in start]
+    truth = np.array([len(t.crossings(setup.measure_lines["crest"])) > 0 for t in tracks])
     assert 0.1 < truth.mean() < 0.9
     assert np.mean(passed != truth) < 0.05
 
 
 def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does():
     start = states(4, 5)
-    batch = run_batch(Ensemble([CUBE], [BENCH], [TABLE]), start)
+    batch = run_batch(Ensemble([CUBE], [SETUP], [TABLE]), start)
     for i, state in enumerate(start):
-        track = run_batch_track(CUBE, BENCH, TABLE, state)
+        track = run_batch_track(CUBE, SETUP, TABLE, state)
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
 
@@ -88,9 +88,9 @@ def test_results_do_not_depend_on_the_number_of_threads():
 
 def test_a_captured_block_would_have_come_to_rest_there():
     """Stopping early changes no passing, and moves where blocks end by the creep that the law leaves them."""
-    bench = Terrain(BENCH.points_m, BENCH.zones, {"crest": [[0.1819, 0.083], [0.1819, 0.3]]})
+    setup = CrossSection(SETUP.points_m, SETUP.zones, {"crest": [[0.1819, 0.083], [0.1819, 0.3]]})
     for block in (SPHERE, CUBE, BLOCKS["parallelepiped"]):
-        ensemble, start = Ensemble([block], [bench], [TABLE]), states(100, 8)
+        ensemble, start = Ensemble([block], [setup], [TABLE]), states(100, 8)
         early, late = (run_batch(ensemble, start, stop_when_captured=c) for c in (True, False))
         assert (early.stop == STOPS.index("rest")).all()
         assert (early.ends[:, 0] <= late.ends[:, 0]).all()
@@ -102,8 +102,8 @@ def test_a_captured_block_would_have_come_to_rest_there():
 def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
     """Contacts pass from facet to facet of a straight or gently curved ground without a trace."""
     x = np.linspace(-1.0, 2.0, 1001)
-    flat = Terrain([[-1.0, 0.3], [2.0, -0.6]], ["floor"])
-    cut = Terrain(np.column_stack([x, -0.3 * x]), ["floor"] * 1000)
+    flat = CrossSection([[-1.0, 0.3], [2.0, -0.6]], ["floor"])
+    cut = CrossSection(np.column_stack([x, -0.3 * x]), ["floor"] * 1000)
     table = parameter_table(LAW, ("floor",))
     start = np.array([[0, 0.02, 0, v, -0.2, 0] for v in np.linspace(0.3, 1.2, 6)])
     times = np.linspace(0.02, 0.3, 15)

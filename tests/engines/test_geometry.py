@@ -15,22 +15,22 @@ from rock2d.engines.geometry import (
     block_arrays,
     contact_point,
     facet_range,
+    ground_arrays,
     nearest_on_ellipse,
     point_depth,
-    terrain_arrays,
 )
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
-GROUND = Terrain([[-3, 1], [0, 0], [1, 0], [0.8, 0.9], [1.8, 1], [1.8, 0.2], [4, 0]], list("abcdef"))
+GROUND = CrossSection([[-3, 1], [0, 0], [1, 0], [0.8, 0.9], [1.8, 1], [1.8, 0.2], [4, 0]], list("abcdef"))
 EGG = make_block("egg", "ellipse", 1.0, length_m=0.6, height_m=0.3)
 SLAB = make_block("slab", "rectangle", 1.0, length_m=0.6, height_m=0.3)
 
 
-def signed_depth(terrain, x, y):
+def signed_depth(cross_section, x, y):
     """Depth below a polyline by shapely: distance to it, positive where the ground is."""
-    line = shapely.LineString(terrain.points_m)
-    soil = shapely.Polygon([*terrain.points_m, [4, -50], [-3, -50]])
+    line = shapely.LineString(cross_section.points_m)
+    soil = shapely.Polygon([*cross_section.points_m, [4, -50], [-3, -50]])
     distance = shapely.distance(line, shapely.Point(x, y))
     return distance if soil.contains(shapely.Point(x, y)) else -distance
 
@@ -38,17 +38,17 @@ def signed_depth(terrain, x, y):
 @given(st.floats(-2, 3), st.floats(-0.5, 1.8))
 @settings(deadline=None, max_examples=200)
 def test_depth_of_a_point_is_its_distance_to_the_surface_also_under_an_overhang(x, y):
-    arrays = terrain_arrays(GROUND, 0.0)
+    arrays = ground_arrays(GROUND, 0.0)
     depth, _, _ = point_depth(x, y, arrays.facets, 0, 6)
     assert depth == pytest.approx(signed_depth(GROUND, x, y), abs=1e-12)
-    fine = terrain_arrays(GROUND.subdivided(10), 0.0)
+    fine = ground_arrays(GROUND.subdivided(10), 0.0)
     assert point_depth(x, y, fine.facets, 0, 60)[0] == pytest.approx(depth, abs=1e-12)
 
 
 @given(st.floats(-3, 4), st.floats(0, 1))
 @settings(deadline=None, max_examples=100)
 def test_the_facet_range_of_an_interval_holds_every_facet_that_overlaps_it(x, width):
-    f0, f1 = facet_range(terrain_arrays(GROUND, 0.0), x, x + width)
+    f0, f1 = facet_range(ground_arrays(GROUND, 0.0), x, x + width)
     ends = np.sort(np.stack([GROUND.points_m[:-1, 0], GROUND.points_m[1:, 0]]), axis=0)
     for f in np.flatnonzero((ends[0] <= x + width) & (ends[1] >= x)):
         assert f0 <= f < f1
@@ -79,10 +79,10 @@ def test_the_nearest_point_of_an_ellipse_is_the_nearest(angle, scale, b):
 def test_the_force_acts_along_the_gradient_of_the_depth_so_that_a_spring_conserves_energy(
     kind, index, part, block, pose
 ):
-    terrain, arrays = terrain_arrays(GROUND, 1.0), block_arrays(block)
+    cross_section, arrays = ground_arrays(GROUND, 1.0), block_arrays(block)
 
     def point(p):
-        return contact_point(kind, index, part, p[0], p[1], np.cos(p[2]), np.sin(p[2]), arrays, terrain)
+        return contact_point(kind, index, part, p[0], p[1], np.cos(p[2]), np.sin(p[2]), arrays, cross_section)
 
     _, nx, ny, rx, ry = point(pose)
     assert np.hypot(nx, ny) == pytest.approx(1.0)

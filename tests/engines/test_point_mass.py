@@ -15,7 +15,7 @@ from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.records.track import T, X, Y
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 G = 9.81
 SPHERE = make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025)
@@ -29,14 +29,14 @@ RANDOM_LAW = {
 # slope, ditch, embankment with an upright facing and a nose that overhangs it, tail
 POINTS = [[-0.8, 0.6], [0, 0], [0.1, 0], [0.1, 0.05], [0.08, 0.09], [0.16, 0.1], [0.25, 0], [0.6, 0]]
 ZONES = ["slope", "ditch", "face", "face", "crest", "tail", "tail"]
-BENCH = Terrain(POINTS, ZONES)
-FLOOR = Terrain([[-5, 0], [5, 0]], ["floor"])
+SETUP = CrossSection(POINTS, ZONES)
+FLOOR = CrossSection([[-5, 0], [5, 0]], ["floor"])
 
 
-def run(state, terrain=BENCH, law=SPHERE_LAW, seed=0, block=SPHERE, time_limit_s=20.0, **more):
+def run(state, cross_section=SETUP, law=SPHERE_LAW, seed=0, block=SPHERE, time_limit_s=20.0, **more):
     rng = np.random.default_rng(seed)
     return run_point_mass(
-        block, terrain, law, np.array(state, float), time_limit_s=time_limit_s, rng=rng, **more
+        block, cross_section, law, np.array(state, float), time_limit_s=time_limit_s, rng=rng, **more
     )
 
 
@@ -52,17 +52,17 @@ def energy_J(knots, block=SPHERE):
     return block.mass_kg * (0.5 * (vx**2 + vy**2 + 0.4 * (r * omega) ** 2) + G * y)
 
 
-def inside_ground(terrain, x, y, depth):
+def inside_ground(cross_section, x, y, depth):
     """Which points lie deeper than `depth` in the ground, as a polygon closed far below: no engine code."""
     import shapely
 
-    points = terrain.points_m
+    points = cross_section.points_m
     ground = shapely.Polygon([*points, [points[-1, 0], -9], [points[0, 0], -9]])
     return shapely.contains_xy(ground.buffer(-depth), x, y)
 
 
 def test_the_impact_of_a_thrown_block_on_a_slope_is_that_of_the_closed_form():
-    slope = Terrain([[-10, 10 * np.tan(0.5)], [10, -10 * np.tan(0.5)]], ["slope"])
+    slope = CrossSection([[-10, 10 * np.tan(0.5)], [10, -10 * np.tan(0.5)]], ["slope"])
     vx, vy = 2.0, 1.0
     hit = run([0, 0, 0.3, vx, vy, -7], slope).impacts[0]
     t = 2 * (vy + vx * np.tan(0.5)) / G  # v_y t - g t²/2 = -tan(0.5) v_x t
@@ -82,12 +82,12 @@ def test_bounces_on_a_floor_follow_the_hyperbolic_restitution():
 
 def test_a_flight_knows_only_the_facets_in_its_way():
     # over a pit, and up against the ceiling of a cave from below
-    pit = Terrain(
+    pit = CrossSection(
         [[-1, 0], [0, 0], [0, -1], [1, -1], [1, 0], [2, 0]], ["left", "wall", "pit", "wall", "right"]
     )
     assert run([-0.5, 0.1, 0, 8, 0, 0], pit).impacts[0]["zone"] == "wall"
     assert run([-0.5, 0.1, 0, 12, 0, 0], pit).impacts[0]["zone"] == "right"
-    cave = Terrain(
+    cave = CrossSection(
         [[-1, 0], [1, 0], [1, 0.5], [0, 0.5], [0, 0.6], [2, 0.6]], ["floor", "wall", "ceiling", "nose", "top"]
     )
     assert run([0.2, 0.2, 0, 1, 5, 0], cave).impacts[0]["zone"] == "ceiling"
@@ -108,27 +108,35 @@ def test_no_release_of_a_thousand_gets_into_the_ground(law):
         x.append(states[:, 0])
         y.append(states[:, 1])
         assert track.stop != "time"
-    assert not inside_ground(BENCH, np.concatenate(x), np.concatenate(y), 1e-9).any()
+    assert not inside_ground(SETUP, np.concatenate(x), np.concatenate(y), 1e-9).any()
 
 
 @pytest.mark.parametrize("pieces", [1, 7, 40])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirrored):
-    terrain = BENCH.subdivided(pieces)
+    cross_section = SETUP.subdivided(pieces)
     if mirrored:
-        terrain = Terrain(terrain.points_m[::-1] * [-1, 1], terrain.zones[::-1])
-    surface, rng, stack, hits = make_surface(terrain), np.random.default_rng(5), np.empty(64, np.int64), 0
+        cross_section = CrossSection(cross_section.points_m[::-1] * [-1, 1], cross_section.zones[::-1])
+    surface, rng, stack, hits = (
+        make_surface(cross_section),
+        np.random.default_rng(5),
+        np.empty(64, np.int64),
+        0,
+    )
     for _ in range(300):  # off a facet, hops of micrometres to flights of metres
-        current = int(rng.integers(len(terrain.zones)))
+        current = int(rng.integers(len(cross_section.zones)))
         x, y = (
-            terrain.points_m[current]
-            + rng.uniform() * np.diff(terrain.points_m[current : current + 2], axis=0)[0]
+            cross_section.points_m[current]
+            + rng.uniform() * np.diff(cross_section.points_m[current : current + 2], axis=0)[0]
         )
-        direction = rng.uniform(-1, 1) * terrain.tangents[current] + rng.uniform() * terrain.normals[current]
+        direction = (
+            rng.uniform(-1, 1) * cross_section.tangents[current]
+            + rng.uniform() * cross_section.normals[current]
+        )
         vx, vy = 10 ** rng.uniform(-2.5, 1) * direction
         each = [
             facet_impact(surface.facets, j, x, y, vx, vy, G, j == current, surface.reach_m)[0]
-            for j in range(len(terrain.zones))
+            for j in range(len(cross_section.zones))
         ]
         first = min([tau for tau in each if tau >= 0.0], default=5.0)
         found = next_impact(surface, stack, x, y, vx, vy, G, current, 5.0)
@@ -142,7 +150,7 @@ def test_flights_through_joints_meet_a_facet():
     # aimed straight at every vertex of a rough floor, and dropped right onto it
     rng = np.random.default_rng(3)
     x = np.sort(rng.uniform(0, 1, 200))
-    rough = Terrain(np.column_stack([x, 0.02 * rng.uniform(size=200)]), ["rough"] * 199)
+    rough = CrossSection(np.column_stack([x, 0.02 * rng.uniform(size=200)]), ["rough"] * 199)
     for px, py in rough.points_m[20:-20]:
         for vx in (0.0, 0.7, -0.9):
             fall = 0.05
@@ -153,7 +161,7 @@ def test_flights_through_joints_meet_a_facet():
 
 @pytest.mark.parametrize("law", [SPHERE_LAW, {"default": ReboundParameters(25, 0.5, 0.95, 30)}])
 def test_the_mirrored_release_is_the_mirror_of_the_release(law):
-    mirrored = Terrain(BENCH.points_m[::-1] * [-1, 1], ZONES[::-1])
+    mirrored = CrossSection(SETUP.points_m[::-1] * [-1, 1], ZONES[::-1])
     flip = np.array([-1, 1, -1, -1, 1, -1])
     for state in random_states(50, seed=1):
         # 2 s: later the bounces have blown rounding up
@@ -164,9 +172,11 @@ def test_the_mirrored_release_is_the_mirror_of_the_release(law):
 
 @pytest.mark.parametrize("pieces", [10, 97])
 def test_cutting_the_facets_changes_nothing(pieces):
-    fine = BENCH.subdivided(pieces)
+    fine = SETUP.subdivided(pieces)
     for seed, state in enumerate(random_states(50, seed=2)):
-        coarse_track, fine_track = (run(state, terrain, RANDOM_LAW, seed) for terrain in (BENCH, fine))
+        coarse_track, fine_track = (
+            run(state, cross_section, RANDOM_LAW, seed) for cross_section in (SETUP, fine)
+        )
         assert [i["zone"] for i in coarse_track.impacts] == [i["zone"] for i in fine_track.impacts]
         np.testing.assert_allclose(fine_track.knots, coarse_track.knots, rtol=1e-9, atol=1e-9)
 
@@ -223,9 +233,9 @@ def test_drawn_slope_reductions_are_uniform():
 
 
 def test_without_friction_or_reduction_no_generator_is_needed_and_with_a_draw_it_is():
-    run_point_mass(SPHERE, BENCH, SPHERE_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
+    run_point_mass(SPHERE, SETUP, SPHERE_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
     with pytest.raises(ValueError, match="random generator"):
-        run_point_mass(SPHERE, BENCH, RANDOM_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
+        run_point_mass(SPHERE, SETUP, RANDOM_LAW, np.array([-0.5, 0.7, 0, 1, 0, 0]), time_limit_s=1)
 
 
 def test_ways_to_end():
@@ -239,7 +249,7 @@ def test_ways_to_end():
 
 def test_bounces_too_many_to_follow_end_at_rest():
     # r_n so small that a bounce off the slope takes a nanosecond: the block loses its way along it at once
-    slope = Terrain([[-10, 10], [10, -10]], ["slope"])
+    slope = CrossSection([[-10, 10], [10, -10]], ["slope"])
     track = run([0, 1, 0, 0, 0, 0], slope, {"default": ReboundParameters(0, 1e-12, 1.0)}, stop_speed_m_s=1e-6)
     assert track.stop == "rest"
     assert (
@@ -248,7 +258,7 @@ def test_bounces_too_many_to_follow_end_at_rest():
 
 
 def test_a_block_does_not_come_to_rest_on_a_wall():
-    wall = Terrain([[-1, 0], [0, 0], [0, 1]], ["floor", "wall"])
+    wall = CrossSection([[-1, 0], [0, 0], [0, 1]], ["floor", "wall"])
     track = run([-0.0002, 0.5, 0, 0.02, 0, 0], wall, {"default": ReboundParameters(0, 0.025, 0.1)})
     slow = track.impacts[0]["vx_after_m_s"], track.impacts[0]["vy_after_m_s"]
     assert np.hypot(*slow) < 0.5 * 0.1 * np.sqrt(G * SPHERE.size_m)

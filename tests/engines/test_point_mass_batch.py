@@ -14,55 +14,57 @@ from rock2d.engines.point_mass import STOPS, run_point_mass
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.incident_states import starts
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 AFTER = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
 BEFORE = ["t_s", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
 
 
-def ensemble(name, block_name, n, terrain=None, **more):
+def ensemble(name, block_name, n, cross_section=None, **more):
     """Arguments of an ensemble of one block of a scenario, and its result."""
     scenario = load_scenario(FOLDER / f"{name}.yaml")
-    block, terrain = scenario.make_blocks()[block_name], terrain or scenario.terrain()
+    block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.cross_section()
     states = np.array([s.state for s in starts(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
     law = scenario.rebound_parameters(block_name)
     options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s, **more}
-    given = block, terrain, law, states, seeds
+    given = block, cross_section, law, states, seeds
     return given, options, run_point_mass_batch(*given, **options, impact_room=40)
 
 
-def undulating(terrain, pieces, height_m):
+def undulating(cross_section, pieces, height_m):
     """The cross-section with every facet cut and waves on it: many flights meet lines and joints."""
-    fine = terrain.subdivided(pieces)
+    fine = cross_section.subdivided(pieces)
     points = fine.points_m.copy()
     points[:, 1] += height_m * np.sin(np.arange(len(points)) * 2 * np.pi * 3 / pieces)
-    return Terrain(points, fine.zones, fine.measure_lines)
+    return CrossSection(points, fine.zones, fine.measure_lines)
 
 
 @pytest.mark.parametrize(
     ("name", "block_name"),
     [
-        *(("paper_bench", b) for b in ("sphere", "cube", "parallelepiped")),
+        *(("paper_setup", b) for b in ("sphere", "cube", "parallelepiped")),
         *(("slope_embankment", b) for b in ("ball_1m", "cube_1m", "slab_2m")),
     ],
 )
 @pytest.mark.parametrize("fine", [False, True])
 def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, fine):
-    terrain = load_scenario(FOLDER / f"{name}.yaml").terrain()
+    cross_section = load_scenario(FOLDER / f"{name}.yaml").cross_section()
     if fine:
-        terrain = undulating(terrain, 60, 2e-3 * np.ptp(terrain.points_m[:, 0]))
-    (block, terrain, law, states, seeds), options, batch = ensemble(name, block_name, 120, terrain)
-    lines = list(terrain.measure_lines.values())
+        cross_section = undulating(cross_section, 60, 2e-3 * np.ptp(cross_section.points_m[:, 0]))
+    (block, cross_section, law, states, seeds), options, batch = ensemble(
+        name, block_name, 120, cross_section
+    )
+    lines = list(cross_section.measure_lines.values())
     for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, terrain, law, state, seed=int(seed), **options)
+        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
         assert len(track.impacts) == batch.impact_count[i]
         for k, impact in enumerate(track.impacts[:40]):
             assert np.array_equal([impact[c] for c in BEFORE + AFTER], batch.impacts[i, k, :10])
-            assert impact["zone"] == terrain.zones[int(batch.impacts[i, k, 10])]
+            assert impact["zone"] == cross_section.zones[int(batch.impacts[i, k, 10])]
         assert np.isnan(batch.impacts[i, len(track.impacts) :]).all()
         for k, line in enumerate(lines):
             found = track.crossings(line)
@@ -73,15 +75,17 @@ def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, 
 
 def test_lines_of_any_direction_are_met_where_the_track_says():
     scenario = load_scenario(FOLDER / "slope_embankment.yaml")
-    base, rng = scenario.terrain(), np.random.default_rng(0)
+    base, rng = scenario.cross_section(), np.random.default_rng(0)
     ends = rng.uniform([0, 0], [140, 70], (40, 2, 2))
     ends[:4, 1, 1] = ends[:4, 0, 1]  # level lines: a flight may cross one twice
     ends[4:8, 1, 0] = ends[4:8, 0, 0]  # upright ones
-    terrain = Terrain(base.points_m, base.zones, {str(k): line for k, line in enumerate(ends)})
-    (block, _, law, states, seeds), options, batch = ensemble("slope_embankment", "ball_1m", 200, terrain)
+    cross_section = CrossSection(base.points_m, base.zones, {str(k): line for k, line in enumerate(ends)})
+    (block, _, law, states, seeds), options, batch = ensemble(
+        "slope_embankment", "ball_1m", 200, cross_section
+    )
     twice = 0
     for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, terrain, law, state, seed=int(seed), **options)
+        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
         for k, line in enumerate(ends):
             found = track.crossings(line)
             twice += len(found) > 1
@@ -91,9 +95,9 @@ def test_lines_of_any_direction_are_met_where_the_track_says():
 
 
 def test_without_lines_or_room_only_ends_are_kept_and_they_are_the_same():
-    terrain = load_scenario(FOLDER / "paper_bench.yaml").terrain()
-    bare = Terrain(terrain.points_m, terrain.zones)
-    given, options, batch = ensemble("paper_bench", "cube", 50)
+    cross_section = load_scenario(FOLDER / "paper_setup.yaml").cross_section()
+    bare = CrossSection(cross_section.points_m, cross_section.zones)
+    given, options, batch = ensemble("paper_setup", "cube", 50)
     lean = run_point_mass_batch(given[0], bare, *given[2:], **options)
     assert lean.crossings.shape == (50, 0, 7)
     assert lean.impacts.shape == (50, 0, 11)
@@ -134,10 +138,10 @@ def test_results_do_not_depend_on_the_number_of_threads():
     ],
 )
 def test_impossible_input_is_refused(wrong, said):
-    scenario = load_scenario(FOLDER / "paper_bench.yaml")
+    scenario = load_scenario(FOLDER / "paper_setup.yaml")
     given = {
         "parameters": scenario.rebound_parameters("cube"), "states": [[0, 1, 0, 0, 0, 0]], "seeds": [1],
         "time_limit_s": 1.0,
     } | wrong  # fmt: skip
     with pytest.raises(ValueError, match=said):
-        run_point_mass_batch(scenario.make_blocks()["cube"], scenario.terrain(), **given)
+        run_point_mass_batch(scenario.make_blocks()["cube"], scenario.cross_section(), **given)

@@ -18,7 +18,7 @@ from rock2d.laws import closed_forms
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.track import T, Track, ballistic
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from tests.laws.test_contact import REFERENCE
 
 SPHERE = make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025)
@@ -30,13 +30,13 @@ STONE = make_block(
 )
 BLOCKS = {b.name: b for b in (SPHERE, CUBE, SLAB, EGG, STONE)}
 LAW = ContactParameters()
-FLOOR = Terrain([[-5, 0], [5, 0]], ["floor"])
-BENCH = Terrain(
+FLOOR = CrossSection([[-5, 0], [5, 0]], ["floor"])
+SETUP = CrossSection(
     [[-0.7, 0.547], [0, 0], [0.13, 0], [0.1819, 0.083], [0.2369, 0.083], [0.3599, 0], [0.86, 0]],
     ["slope", "ditch", "face", "crest", "back", "out"],
 )
 # an overhang of 27° beyond the vertical, and an upright wall
-WALLS = Terrain(
+WALLS = CrossSection(
     [[-0.5, 0.35], [0, 0], [0.15, 0], [0.1, 0.1], [0.22, 0.12], [0.22, 0.02], [0.6, 0]], list("abcdef")
 )
 CONTRAST = {
@@ -48,18 +48,18 @@ CONTRAST = {
 every_block = pytest.mark.parametrize("name", BLOCKS)
 
 
-def rough(seed: int) -> Terrain:
+def rough(seed: int) -> CrossSection:
     """A rough slope with convex and concave corners, zones dealt at random."""
     rng = np.random.default_rng(seed)
     x = np.cumsum(rng.uniform(0.005, 0.04, 40))
     y = -0.6 * x + rng.normal(0, 0.003, 40)
-    return Terrain(
+    return CrossSection(
         np.column_stack([x - 0.1, y]), rng.choice(["slope", "ditch", "face", "other"], 39).tolist()
     )
 
 
 def random_state(seed: int) -> np.ndarray:
-    """A release onto the bench, near those of the paper."""
+    """A release onto the set-up, near those of the paper."""
     rng = np.random.default_rng(seed)
     return np.array(
         [
@@ -76,8 +76,8 @@ def velocities(track: Track, block) -> np.ndarray:
     return np.array(v)
 
 
-def first_impact(block, terrain, parameters, state, **options) -> dict:
-    return run_pymunk(block, terrain, parameters, state, impact_limit=1, **options).impacts[0]
+def first_impact(block, cross_section, parameters, state, **options) -> dict:
+    return run_pymunk(block, cross_section, parameters, state, impact_limit=1, **options).impacts[0]
 
 
 # closed forms and reference values ------------------------------------------------------------------------
@@ -115,7 +115,7 @@ def test_normal_restitution_and_sticking_follow_the_closed_forms_at_any_scale(ma
     speed = 1.0
     k_l = mass * (speed / (depth * 0.5 * radius)) ** 2  # goes `depth` half radii deep
     law = ContactParameters(k_l, k_l * k, 0.25 * k_l, 90, 0)
-    floor = Terrain([[-100, 0], [100, 0]], ["floor"])
+    floor = CrossSection([[-100, 0], [100, 0]], ["floor"])
     out = first_impact(
         ball, floor, law, [0, radius, 0, v_t, -speed, 0], gravity_m_s2=0, time_limit_s=100 * radius
     )
@@ -163,12 +163,12 @@ def test_contact_steps_converge_with_at_least_third_order_over_four_halvings():
 
 @pytest.mark.parametrize("block", [SPHERE, CUBE, SLAB], ids=lambda b: b.name)
 def test_halving_the_contact_step_changes_first_rebounds_by_less_than_a_thousandth(block):
-    step = contact_step.contact_steps_s(block, parameter_table(LAW, BENCH.zone_names))[1]
+    step = contact_step.contact_steps_s(block, parameter_table(LAW, SETUP.zone_names))[1]
     changes = []
     for seed in range(12):
         state = random_state(seed)
-        a = run_pymunk(block, BENCH, LAW, state, impact_limit=1, contact_step_s=step)
-        b = run_pymunk(block, BENCH, LAW, state, impact_limit=1, contact_step_s=step / 2)
+        a = run_pymunk(block, SETUP, LAW, state, impact_limit=1, contact_step_s=step)
+        b = run_pymunk(block, SETUP, LAW, state, impact_limit=1, contact_step_s=step / 2)
         speed = np.hypot(a.impacts[0]["vx_m_s"], a.impacts[0]["vy_m_s"])
         changes.append(np.abs(velocities(a, block) - velocities(b, block)).max() / speed)
     assert max(changes) < 1e-3, np.sort(changes)
@@ -183,9 +183,9 @@ def test_the_mirror_image_of_a_release_moves_as_the_mirror_image(name):
     twin = block
     if name == "stone":
         twin = make_block("stone", "polygon", 0.0231, vertices_m=block.corners_m * [-1, 1])
-    mirror = Terrain(BENCH.points_m[::-1] * [-1, 1], BENCH.zones[::-1])
+    mirror = CrossSection(SETUP.points_m[::-1] * [-1, 1], SETUP.zones[::-1])
     state = random_state(3)
-    a = first_impact(block, BENCH, CONTRAST, state)
+    a = first_impact(block, SETUP, CONTRAST, state)
     b = first_impact(twin, mirror, CONTRAST, state * [-1, 1, -1, -1, 1, -1])
     assert b["zone"] == a["zone"]
     for key, sign in [
@@ -201,16 +201,16 @@ def test_the_mirror_image_of_a_release_moves_as_the_mirror_image(name):
 def test_a_facet_cut_in_ten_is_the_same_ground(name):
     for seed in range(4):
         state = random_state(seed)
-        a = first_impact(BLOCKS[name], BENCH, LAW, state)
-        b = first_impact(BLOCKS[name], BENCH.subdivided(10), LAW, state)
+        a = first_impact(BLOCKS[name], SETUP, LAW, state)
+        b = first_impact(BLOCKS[name], SETUP.subdivided(10), LAW, state)
         for key in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s", "t_after_s"):
             assert b[key] == pytest.approx(a[key], rel=1e-4, abs=1e-5), (seed, key)
 
 
 @every_block
 def test_zones_of_equal_parameters_are_one_ground(name):
-    one = Terrain(BENCH.points_m, ["soil"] * 6).subdivided(5)
-    many = Terrain(one.points_m, [f"z{i % 7}" for i in range(30)])
+    one = CrossSection(SETUP.points_m, ["soil"] * 6).subdivided(5)
+    many = CrossSection(one.points_m, [f"z{i % 7}" for i in range(30)])
     state = random_state(5)
     a, b = (run_pymunk(BLOCKS[name], t, LAW, state, time_limit_s=0.5) for t in (one, many))
     np.testing.assert_array_equal(a.knots, b.knots)
@@ -235,10 +235,10 @@ def test_the_change_of_momentum_is_the_impulse_of_the_recorded_force(name):
     assert impulse > 2.0 * block.mass_kg * 0.3
 
 
-def audited(block, terrain, parameters, state, time_limit_s):
+def audited(block, cross_section, parameters, state, time_limit_s):
     """Run a release; the audit's worst gap on the way and a dissipation's largest fall, both relative."""
-    sim = PymunkRelease(block, terrain, parameters, state)
-    ends = terrain.points_m[[0, -1], 0]
+    sim = PymunkRelease(block, cross_section, parameters, state)
+    ends = cross_section.points_m[[0, -1], 0]
     balance = sim.energy_balance()
     gap, fall, before = 0.0, 0.0, sim.audit.copy()
     while sim.time < time_limit_s and ends[0] < sim.q[0] < ends[1]:
@@ -251,8 +251,8 @@ def audited(block, terrain, parameters, state, time_limit_s):
 
 
 GROUNDS = {
-    "bench": (BENCH, LAW),
-    "bench of unlike zones": (BENCH, CONTRAST),
+    "setup": (SETUP, LAW),
+    "set-up of unlike zones": (SETUP, CONTRAST),
     "walls and an overhang": (WALLS, LAW),
     "walls of unlike zones": (WALLS, {"a": CONTRAST["slope"], "c": CONTRAST["face"], "default": LAW}),
     "rough": (rough(1), LAW),
@@ -263,11 +263,11 @@ GROUNDS = {
 @every_block
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_the_energy_audit_closes_and_no_mechanism_gives_energy_back(name, ground):
-    terrain, parameters = GROUNDS[ground]
+    cross_section, parameters = GROUNDS[ground]
     for seed in range(2):
         state = random_state(100 + seed)
-        gap, fall, sim = audited(BLOCKS[name], terrain, parameters, state, 0.5)
-        # on rough ground a circle or ellipse rolls over many corners, where the law has kinks of second order
+        gap, fall, sim = audited(BLOCKS[name], cross_section, parameters, state, 0.5)
+        # on rough ground a circle or ellipse rolls over many corners, where the law has events of second order
         assert gap < 1e-6
         assert fall < 1e-6
         assert sim.audit.sum() > 0.0
@@ -295,10 +295,10 @@ def test_a_block_that_starts_inside_the_ground_is_seated_and_gains_no_energy(nam
 # rest and sliding -----------------------------------------------------------------------------------------
 
 
-def incline(degrees: float) -> tuple[Terrain, np.ndarray]:
+def incline(degrees: float) -> tuple[CrossSection, np.ndarray]:
     angle = np.deg2rad(degrees)
     down = np.array([np.cos(angle), -np.sin(angle)])
-    return Terrain([-0.5 * down, 20 * down], ["slope"]), np.array([np.sin(angle), np.cos(angle)])
+    return CrossSection([-0.5 * down, 20 * down], ["slope"]), np.array([np.sin(angle), np.cos(angle)])
 
 
 @pytest.mark.parametrize("degrees", [5, 15, 25, 35])
@@ -307,7 +307,7 @@ def test_a_block_laid_on_a_slope_rests_below_the_friction_angle_and_slides_above
     # the sphere is held by its rolling spring: k_r = 0.025 N m/rad is far above m g r
     angle = np.deg2rad(degrees)
     along, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    slope = Terrain([-2 * along, 2 * along], ["slope"])
+    slope = CrossSection([-2 * along, 2 * along], ["slope"])
     reach = float(block.lowest_reach(np.array([0.0]))[0])
     track = run_pymunk(block, slope, LAW, np.array([*(reach * out), -angle, 0, 0, 0]), time_limit_s=1.0)
     speed = float(np.hypot(*track.knots[-1, 4:6]))
@@ -323,19 +323,21 @@ def test_a_block_laid_on_a_slope_rests_below_the_friction_angle_and_slides_above
 def test_a_square_pushed_down_a_slope_below_the_friction_angle_loses_its_speed(degrees):
     # The law has no damping below its thresholds: an elastic tremor is left that lets the block creep, so its
     # speed falls to a creep and not to zero.
-    terrain, normal = incline(degrees)
+    cross_section, normal = incline(degrees)
     angle = np.deg2rad(degrees)
-    push = 0.3 * terrain.tangents[0]
-    track = run_pymunk(CUBE, terrain, LAW, [*(0.5 * 0.019 * normal), -angle, *push, 0], time_limit_s=0.5)
+    push = 0.3 * cross_section.tangents[0]
+    track = run_pymunk(
+        CUBE, cross_section, LAW, [*(0.5 * 0.019 * normal), -angle, *push, 0], time_limit_s=0.5
+    )
     assert np.hypot(*track.knots[-1, 4:6]) < 0.05
 
 
 @pytest.mark.parametrize("degrees", [35, 44])
 def test_a_square_above_the_friction_angle_slides_with_g_sin_minus_mu_cos(degrees):
-    terrain, normal = incline(degrees)
+    cross_section, normal = incline(degrees)
     start = np.array([*(0.5 * 0.019 * normal), -np.deg2rad(degrees), 0, 0, 0])
     law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(CUBE, terrain, law, start, time_limit_s=0.3)
+    track = run_pymunk(CUBE, cross_section, law, start, time_limit_s=0.3)
     angle = np.deg2rad(degrees)
     expected = 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
     moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
@@ -344,19 +346,19 @@ def test_a_square_above_the_friction_angle_slides_with_g_sin_minus_mu_cos(degree
 
 
 def test_a_ball_without_rolling_spring_rolls_down_with_five_sevenths_of_g_sin():
-    terrain, normal = incline(20)
+    cross_section, normal = incline(20)
     start = np.array([*(SPHERE.radius_m * normal), 0, 0, 0, 0])
     law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(SPHERE, terrain, law, start, time_limit_s=0.3)
+    track = run_pymunk(SPHERE, cross_section, law, start, time_limit_s=0.3)
     moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
     assert 2 * moved / track.end_s**2 == pytest.approx(5 / 7 * 9.81 * np.sin(np.deg2rad(20)), rel=0.01)
 
 
 def test_a_rolling_spring_holds_a_ball_that_would_roll_freely_without_it():
-    terrain, normal = incline(20)
+    cross_section, normal = incline(20)
     start = [*(SPHERE.radius_m * normal), 0, 0, 0, 0]
-    held = run_pymunk(SPHERE, terrain, LAW, start, time_limit_s=0.3)
-    free = run_pymunk(SPHERE, terrain, ContactParameters(k_r_Nm_rad=0), start, time_limit_s=0.3)
+    held = run_pymunk(SPHERE, cross_section, LAW, start, time_limit_s=0.3)
+    free = run_pymunk(SPHERE, cross_section, ContactParameters(k_r_Nm_rad=0), start, time_limit_s=0.3)
     assert np.hypot(*held.knots[-1, 4:6]) < 0.1 * np.hypot(*free.knots[-1, 4:6])
 
 

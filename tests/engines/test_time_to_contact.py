@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.engines.time_to_contact import facet_tree, time_to_ground
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 G = 9.81
 BALL = make_block("ball", shape="circle", diameter_m=0.5, mass_kg=100)
@@ -17,14 +17,14 @@ SLAB = make_block("slab", shape="rectangle", length_m=0.8, height_m=0.3, mass_kg
 OVAL = make_block("oval", shape="ellipse", length_m=0.8, height_m=0.3, mass_kg=100)
 
 
-def rough_slope(seed: int) -> Terrain:
+def rough_slope(seed: int) -> CrossSection:
     rng = np.random.default_rng(seed)
     x = np.linspace(0, 20, 301)
-    return Terrain(np.column_stack([x, -0.5 * x + rng.normal(0, 0.05, 301)]), ["rock"] * 300)
+    return CrossSection(np.column_stack([x, -0.5 * x + rng.normal(0, 0.05, 301)]), ["rock"] * 300)
 
 
-def bound(block, terrain, q):
-    arrays = terrain_arrays(terrain, 5.0)
+def bound(block, cross_section, q):
+    arrays = ground_arrays(cross_section, 5.0)
     tree = facet_tree(arrays.facets[:, :2])
     return time_to_ground(q, G, block_arrays(block), arrays.facets, tree, np.empty(64, np.int64))
 
@@ -39,21 +39,21 @@ def outline(block, q, t):
 
 @pytest.mark.parametrize("block", [BALL, SLAB, OVAL], ids=lambda b: b.name)
 def test_no_block_touches_before_the_bound(block):
-    terrain = rough_slope(3)
-    line = shapely.LineString(terrain.points_m)
+    cross_section = rough_slope(3)
+    line = shapely.LineString(cross_section.points_m)
     rng = np.random.default_rng(4)
     for _ in range(40):
         x = rng.uniform(3, 15)
         q = np.array([x, -0.5 * x + rng.uniform(0.8, 4), rng.uniform(0, 6), rng.normal(0, 6), rng.normal(0, 6),
                       rng.normal(0, 10)])  # fmt: skip
-        tau = bound(block, terrain, q)
+        tau = bound(block, cross_section, q)
         assert tau > 0
         for t in np.linspace(0, tau, 40)[:-1]:
             assert not outline(block, q, t).intersects(line)
 
 
 def test_a_ball_above_a_plane_is_timed_exactly():
-    slope = Terrain(np.array([[0.0, 0.0], [40.0, -20.0]]), ["rock"])
+    slope = CrossSection(np.array([[0.0, 0.0], [40.0, -20.0]]), ["rock"])
     normal = slope.normals[0]
     q = np.array([5.0, 3.0, 0.0, 2.0, 1.0, 40.0])
     gap, rate = normal @ q[:2] - 0.25, normal @ q[3:5]
@@ -64,23 +64,24 @@ def test_a_ball_above_a_plane_is_timed_exactly():
 @pytest.mark.parametrize("block", [BALL, SLAB, OVAL], ids=lambda b: b.name)
 def test_a_block_let_go_at_rest_finds_the_ground(block):
     """Without any speed, and inside the boxes of the tree: 0 / 0 once hid the ground, and the block fell through."""
-    terrain = rough_slope(3)
+    cross_section = rough_slope(3)
     bounds = [
-        bound(block, terrain, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0])) for x in (4.0, 9.0, 14.0)
+        bound(block, cross_section, np.array([x, -0.5 * x + 1.5, 0.0, 0.0, 0.0, 0.0]))
+        for x in (4.0, 9.0, 14.0)
     ]
     falls = np.sqrt(2 * (1.5 + 0.3) / G)  # a little more than from the block's centre to the ground
     assert all(0 < tau < falls for tau in bounds)
 
 
 def test_a_slab_that_does_not_turn_is_timed_exactly():
-    floor = Terrain(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
+    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     q = np.array([5.0, 2.15, 0.0, 2.0, 0.0, 0.0])
     assert bound(SLAB, floor, q) == pytest.approx(np.sqrt(2 * 2.0 / G), rel=1e-12)
 
 
 def test_repeated_bounds_arrive_at_the_ground():
     """Each bound leaves an error of second order in the time flown, so a turning slab is there in a few."""
-    floor = Terrain(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
+    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     q = np.array([5.0, 3.0, 0.3, 2.0, -1.0, 9.0])
     for count in range(1, 30):  # noqa: B007
         tau = bound(SLAB, floor, q)
@@ -97,7 +98,7 @@ def test_repeated_bounds_arrive_at_the_ground():
 @pytest.mark.parametrize("gap", [1e-3, 1e-12, 1e-18])
 def test_a_ball_that_has_just_left_the_ground_comes_back(gap):
     """Rounding of a tiny gap must not hide the return."""
-    floor = Terrain(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
+    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     ball = make_block("ball", shape="circle", diameter_m=1.0, mass_kg=100)
     q = np.array([5.0, 0.5 + gap, 0.0, 0.1, 2.0, 0.0])
     height = q[1] - 0.5

@@ -16,11 +16,11 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, read_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from tests.files.mutation import mutate_bytes, mutate_data
 
-BENCH = """\
-name: bench
+SETUP = """\
+name: set-up
 gravity_m_s2: 9.81
 camera:
   fps: 1000
@@ -52,7 +52,7 @@ IMPACTS = ",".join(REQUIRED_IMPACT_COLUMNS) + "\n0,sphere,0.05,0.0125,1,1.5,-1.6
 def folder(tmp_path):
     path = tmp_path / "seen"
     path.mkdir()
-    (path / "experiment.yaml").write_text(BENCH)
+    (path / "experiment.yaml").write_text(SETUP)
     (path / "seen.csv").write_text(ROWS)
     return path
 
@@ -65,7 +65,7 @@ def refusal(folder) -> str:
 
 def test_reads_what_was_measured_and_keeps_lost_frames_as_nan(folder):
     experiment = read_experiment(folder)
-    assert experiment.fps == 1000 and experiment.terrain.zones == ("slope", "ditch", "uphill_face")
+    assert experiment.fps == 1000 and experiment.cross_section.zones == ("slope", "ditch", "uphill_face")
     assert experiment.blocks["sphere"].inertia_kg_m2 == pytest.approx(0.4 * 0.022 * 0.0125**2)
     assert experiment.blocks["stone"].inertia_kg_m2 == 4.0e-7
     seen = experiment.trajectories
@@ -74,7 +74,7 @@ def test_reads_what_was_measured_and_keeps_lost_frames_as_nan(folder):
 
 
 def test_impacts_may_stand_in_for_trajectories(folder):
-    (folder / "experiment.yaml").write_text(BENCH.replace("trajectories: seen.csv", "impacts: seen.csv"))
+    (folder / "experiment.yaml").write_text(SETUP.replace("trajectories: seen.csv", "impacts: seen.csv"))
     (folder / "seen.csv").write_text(IMPACTS)
     experiment = read_experiment(folder)
     assert experiment.trajectories is None
@@ -110,13 +110,13 @@ def test_impacts_may_stand_in_for_trajectories(folder):
         ("seen.csv", "/etc/passwd", "/etc", "absolute"),
         ("seen.csv", "gone.csv", "gone.csv", "no file 'gone.csv'"),
         ("seen.csv", "seen.csv\nimpacts: seen.csv", "impacts", "not both"),
-        ("name: bench", "name: [bench", "gravity_m_s2", "not YAML"),
+        ("name: set-up", "name: [set-up", "gravity_m_s2", "not YAML"),
     ],
 )
 def test_a_mistake_in_the_yaml_gets_its_place_and_what_was_expected(folder, old, new, at, words):
     file = folder / "experiment.yaml"
-    assert old in BENCH
-    damaged = BENCH.replace(old, new, 1)
+    assert old in SETUP
+    damaged = SETUP.replace(old, new, 1)
     before = damaged[: damaged.index(at)]
     place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
     file.write_text(damaged)
@@ -168,10 +168,10 @@ def test_a_link_out_of_the_folder_is_refused(folder, tmp_path):
 def test_damaged_experiments_never_end_in_a_traceback(tmp_path_factory, seed):
     rng = random.Random(seed)
     folder = tmp_path_factory.mktemp("damaged")
-    yaml, rows = BENCH.encode(), ROWS.encode()
+    yaml, rows = SETUP.encode(), ROWS.encode()
     kind = rng.choice(("data", "yaml", "csv", "impacts"))
     if kind == "data":
-        data = YAML(typ="safe").load(BENCH)
+        data = YAML(typ="safe").load(SETUP)
         with (folder / "experiment.yaml").open("w") as out:
             YAML(typ="safe").dump(mutate_data(data, rng), out)
     else:
@@ -207,17 +207,19 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
         make_block("null", "ellipse", mass, length_m=size, height_m=size / 3),
     ]
     seen = pd.DataFrame({"release": 7, "block": "null", "t_s": time, "x_m": x, "y_m": y, "theta_rad": theta})
-    terrain = Terrain(
+    cross_section = CrossSection(
         [[-size, 0.1], [size / 7, 0.0], [size, mass]], ["1", "yes"], {"no": [[0, 0], [0, size]]}
     )
-    given = Experiment("3", 9.81, 1000 / 3, 1e-5, 0.0, terrain, {b.name: b for b in blocks}, seen)
+    given = Experiment("3", 9.81, 1000 / 3, 1e-5, 0.0, cross_section, {b.name: b for b in blocks}, seen)
     folder = tmp_path_factory.mktemp("round") / "trip"
     write_experiment(folder, given)
     back = read_experiment(folder)
     pd.testing.assert_frame_equal(back.trajectories, seen, check_exact=True)
     assert (back.name, back.fps, back.position_noise_m) == ("3", 1000 / 3, 1e-5)
-    assert (back.terrain.points_m == terrain.points_m).all() and back.terrain.zones == terrain.zones
-    assert (back.terrain.measure_lines["no"] == terrain.measure_lines["no"]).all()
+    assert (
+        back.cross_section.points_m == cross_section.points_m
+    ).all() and back.cross_section.zones == cross_section.zones
+    assert (back.cross_section.measure_lines["no"] == cross_section.measure_lines["no"]).all()
     for name, block in given.blocks.items():
         other = back.blocks[name]
         assert (other.shape, other.mass_kg, other.semi_axes_m) == (

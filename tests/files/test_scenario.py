@@ -50,7 +50,7 @@ outputs: {fps: 100}
 FILMED = """\
 name: filmed
 model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}
-incident: {default: {from_experiment: {folder: bench/drops, frames: 4}}}
+incident: {default: {from_experiment: {folder: set-up/drops, frames: 4}}}
 """
 DROPS = """\
 name: drops
@@ -161,21 +161,25 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     monkeypatch.delenv("ROCK2D_DATA", raising=False)
     file = write(FILMED)
     assert "--data or ROCK2D_DATA" in refusal(file)
-    assert "no folder 'bench/drops'" in refusal(file, data_root=tmp_path / "data")
-    write(DROPS, "data/bench/drops/experiment.yaml")
+    assert "no folder 'set-up/drops'" in refusal(file, data_root=tmp_path / "data")
+    write(DROPS, "data/set-up/drops/experiment.yaml")
     rows = [f"{release},ball,{k / 100},0,{1 - k / 100},0" for release in (2, 5) for k in range(6)]
-    write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/bench/drops/t.csv")
+    write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/set-up/drops/t.csv")
     scenario = load_scenario(file, data_root=tmp_path / "data")
     assert scenario.gravity_m_s2 == 9.7 and scenario.releases == 2
-    assert scenario.terrain().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
+    assert scenario.cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
     assert scenario.experiment.trajectories["release"].nunique() == 2
     monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
     assert load_scenario(file).gravity_m_s2 == 9.7
     other = "escape.yaml"
-    for escape in ("../data/bench/drops", str(tmp_path / "data/bench/drops"), "bench/../../data/bench/drops"):
-        assert "inside" in refusal(write(FILMED.replace("bench/drops", escape), other))
+    for escape in (
+        "../data/set-up/drops",
+        str(tmp_path / "data/set-up/drops"),
+        "set-up/../../data/set-up/drops",
+    ):
+        assert "inside" in refusal(write(FILMED.replace("set-up/drops", escape), other))
     (tmp_path / "root").mkdir()
-    (tmp_path / "root" / "bench").symlink_to(tmp_path / "data" / "bench")
+    (tmp_path / "root" / "setup").symlink_to(tmp_path / "data" / "setup")
     assert "leads out" in refusal(file, data_root=tmp_path / "root")
 
 
@@ -202,15 +206,15 @@ def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
 def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
     scenario = load_scenario(path)
     assert scenario.name == path.stem and scenario.about and scenario.assumed
-    zones = set(scenario.terrain().zone_names)
+    zones = set(scenario.cross_section().zone_names)
     assert len(zones) == 1 or {"ditch", "uphill_face", "crest"} <= zones
     assert scenario.contact_parameters()
     for block in scenario.make_blocks():
         assert scenario.rebound_parameters(block)
 
 
-def test_the_paper_bench_has_the_paper_s_values():
-    scenario = load_scenario(SHIPPED / "paper_bench.yaml")
+def test_the_paper_setup_has_the_paper_s_values():
+    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
     blocks = scenario.make_blocks()
     assert {name: block.mass_kg for name, block in blocks.items()} == {
         "sphere": 0.022, "cube": 0.0233, "parallelepiped": 0.0231
@@ -226,7 +230,7 @@ def test_the_paper_bench_has_the_paper_s_values():
             row = scenario.rebound_parameters(block)[zone]
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
-    points = scenario.terrain().points_m
+    points = scenario.cross_section().points_m
     assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
         0.055
     )
@@ -235,7 +239,7 @@ def test_the_paper_bench_has_the_paper_s_values():
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert scenario.terrain().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    assert scenario.cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
 
 
 def test_every_key_of_the_json_schema_is_described():

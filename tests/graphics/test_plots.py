@@ -16,10 +16,10 @@ from rock2d.graphics.plots import (
 )
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 G = 9.81
-FLOOR = Terrain([[-2, 0], [2, 0]], ["floor"], {"gate": [[0.5, 0], [0.5, 0.4]]})
+FLOOR = CrossSection([[-2, 0], [2, 0]], ["floor"], {"gate": [[0.5, 0], [0.5, 0.4]]})
 BLOCKS = {
     "ball": make_block("ball", "circle", 0.02, "solid_sphere", diameter_m=0.05),
     "cube": make_block("cube", "square", 0.02, side_m=0.04),

@@ -14,9 +14,9 @@ from rock2d.graphics.palette import SKY
 from rock2d.graphics.video import panel_views, render_video, side_by_side
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
-FLOOR = Terrain([[-2, 0], [2, 0]], ["floor"])
+FLOOR = CrossSection([[-2, 0], [2, 0]], ["floor"])
 BLOCKS = {
     "ball": make_block("ball", "circle", 0.02, "solid_sphere", diameter_m=0.1),
     "cube": make_block("cube", "square", 0.02, side_m=0.1),
@@ -213,18 +213,18 @@ def test_clip_of_a_track_follows_the_parabola_and_stays_where_it_stopped():
 
 
 def test_ground_under_an_overhang_is_air_and_a_vertical_facing_has_its_own_tone():
-    terrain = Terrain(
+    cross_section = CrossSection(
         [[0, 0], [1, 0], [1, 1], [0.6, 1.2], [2, 1.2]], ["floor", "wall", "roof", "top"]
     )  # the roof leans out over the floor
     view = View(0.0, 2.0, 100.0, 200, 220)
-    image = ground_image(terrain, view, 20)
+    image = ground_image(cross_section, view, 20)
 
     def tone(x_m: float, y_m: float) -> list[int]:
         x, y = np.rint(view.pixels(np.array([x_m, y_m]))[0]).astype(int)
         return image[y, x].tolist()
 
     assert tone(0.8, 0.9) == list(bgr(SKY))
-    tones = {zone: list(bgr(colour)) for zone, colour in zone_tones(terrain).items()}
+    tones = {zone: list(bgr(colour)) for zone, colour in zone_tones(cross_section).items()}
     assert np.abs(np.subtract(tone(1.05, 0.5), tones["wall"])).max() <= 2
     assert np.abs(np.subtract(tone(0.5, -0.05), tones["floor"])).max() <= 2
     assert np.abs(np.subtract(tone(1.5, 1.15), tones["top"])).max() <= 2

@@ -10,7 +10,7 @@ from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 POINTS = [[-0.6, 0.5], [0.0, 0.0], [0.14, 0.0], [0.18, 0.083], [0.235, 0.083], [0.36, 0.0], [0.9, 0.0]]
@@ -23,10 +23,10 @@ BLOCKS = {
 
 
 def world(order: np.ndarray | None = None, law: ContactParameters = LAW) -> World:
-    """A bench like the paper's, with the base law."""
-    terrain = Terrain(POINTS, ZONES)
-    table = parameter_table(law, terrain.zone_names)[None]
-    return World(BLOCKS, terrain, table, order=np.zeros(1) if order is None else order)
+    """A set-up like the paper's, with the base law."""
+    cross_section = CrossSection(POINTS, ZONES)
+    table = parameter_table(law, cross_section.zone_names)[None]
+    return World(BLOCKS, cross_section, table, order=np.zeros(1) if order is None else order)
 
 
 def film(
@@ -35,7 +35,7 @@ def film(
 ) -> Experiment:  # fmt: skip
     """`releases` of each block filmed in a true world whose soil varies by `soil` from release to release.
 
-    The experiment that comes back states the bench without effects.
+    The experiment that comes back states the set-up without effects.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     n = releases * len(BLOCKS)
@@ -60,7 +60,14 @@ def film(
         "theta_rad": pose[..., 2].ravel(),
     })  # fmt: skip
     return Experiment(
-        "synthetic", 9.81, fps, noise_m, noise_rad, Terrain(POINTS, ZONES), dict(BLOCKS), trajectories=table
+        "synthetic",
+        9.81,
+        fps,
+        noise_m,
+        noise_rad,
+        CrossSection(POINTS, ZONES),
+        dict(BLOCKS),
+        trajectories=table,
     )
 
 

@@ -96,7 +96,7 @@ def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
     experiment = film(true, 8, seed=4, duration_s=1.0)
     found = check_film(experiment, load_film(experiment))
     assert not found.faults and "geometry_error" in found.remarks[0]
-    ditch = [w.terrain.points_m[1, 1] for w in (true, found.seen)]
+    ditch = [w.cross_section.points_m[1, 1] for w in (true, found.seen)]
     assert ditch[1] == pytest.approx(ditch[0], abs=0.3 * min(b.radius_m for b in true.blocks.values()))
 
 

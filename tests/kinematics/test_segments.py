@@ -12,9 +12,9 @@ from rock2d.diagnosis.film_data import film_data
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
-from rock2d.kinematics.base_world import base_start, bench_world
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
+from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.states import drift
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import film, world
@@ -47,7 +47,7 @@ def test_noise_is_read_from_the_flights():
     experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
     experiment.position_noise_m = 1e-3  # what the file says is not believed
     read = load_film(experiment)
-    film_data(read, bench_world(experiment))
+    film_data(read, setup_world(experiment))
     assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
 
@@ -77,23 +77,23 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
     raised = replace(
         experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
     )
-    bench = bench_world(experiment)
-    count = [len(film_data(load_film(e), bench).cut.flights) for e in (experiment, raised)]
+    setup = setup_world(experiment)
+    count = [len(film_data(load_film(e), setup).cut.flights) for e in (experiment, raised)]
     assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
 
 
 def test_flight_of_the_parabola_is_reversible():
-    bench = world()
+    setup = world()
     state = np.array([[0.1, 0.2, 0.3, 1.0, -2.0, 30.0]])
-    there = drift(bench, np.zeros(1, int), state, np.array([0.05]))
-    assert drift(bench, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
+    there = drift(setup, np.zeros(1, int), state, np.array([0.05]))
+    assert drift(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
     assert there[0, 1] == pytest.approx(0.2 - 2.0 * 0.05 - 0.5 * 9.81 * 0.05**2, abs=1e-12)
 
 
 def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
-    data = film_data(load_film(experiment), bench_world(experiment))
+    data = film_data(load_film(experiment), setup_world(experiment))
     left = data.left(true)
     assert len(data.impacts) > 30
     assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
@@ -112,21 +112,21 @@ def test_no_lens_makes_the_noise_look_smaller(edge):
     """Taken back through a lens noise shrinks as lengths do: degrees 4 to 6 of flights are noise in any lens."""
     experiment = film(world(), 12, seed=5, fps=2000.0)
     read = load_film(experiment)
-    bench = bench_world(experiment)
-    data = film_data(read, bench)
-    seen = catalogue()["lens_distortion"].apply(bench, [edge, 1.0, 0.0])
-    plain, through = (data.left(w).flights[:, :2, 2:] for w in (bench, seen))
-    told = plain != 0.0  # a short flight has fewer degrees
-    assert told.sum() > 50
-    assert (through[told] ** 2).mean() == pytest.approx((plain[told] ** 2).mean(), rel=0.07)
+    setup = setup_world(experiment)
+    data = film_data(read, setup)
+    seen = catalogue()["lens_distortion"].apply(setup, [edge, 1.0, 0.0])
+    plain, through = (data.left(w).flights[:, :2, 2:] for w in (setup, seen))
+    long_enough = plain != 0.0  # a short flight has fewer degrees
+    assert long_enough.sum() > 50
+    assert (through[long_enough] ** 2).mean() == pytest.approx((plain[long_enough] ** 2).mean(), rel=0.07)
 
 
 def test_a_step_that_leaps_is_shortened():
     """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
     experiment = film(world(), 12, seed=5)
-    bench = bench_world(experiment)
-    data = film_data(load_film(experiment), bench)
-    found = fit(Model(bench, base_start(experiment)), data)
+    setup = setup_world(experiment)
+    data = film_data(load_film(experiment), setup)
+    found = fit(Model(setup, base_start(experiment)), data)
     flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
     lost = hold_out(found, data).score.sum() - hold_out(flat, data).score.sum()
     assert abs(lost) < 30.0  # 138 if it is taken whole

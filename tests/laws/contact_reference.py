@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from rock2d.laws.contact import (
     CAP,
-    CRATER,
+    INDENTATION,
     K_L,
     K_R,
     K_T,
@@ -62,7 +62,7 @@ def rebound(
         def f(_, y):
             n = force_n(y, peak)
             t = tangential_force(slip * np.inf if slip else y[STRETCH], n, p[K_T], p[MU])
-            moment = rolling_moment(y[ROTATION], n, radius_m, p[K_R], p[CAP], p[CRATER])
+            moment = rolling_moment(y[ROTATION], n, radius_m, p[K_R], p[CAP], p[INDENTATION])
             u = y[V_T] + radius_m * y[OMEGA]
             return [
                 y[RATE],

@@ -113,8 +113,8 @@ def test_work_done_into_the_ground_is_what_it_stores_and_what_plasticity_took(pa
     k_ul, peak, work = k_l * k, 0.0, 0.0
     for start, end in pairwise([0.0, *path]):
         # between these depths the force is linear, so that trapezia are exact
-        kinks = np.clip([0.0, residual(peak, k_l, k_ul), peak], min(start, end), max(start, end))
-        legs = [start, *(kinks if end > start else kinks[::-1]), end]
+        events = np.clip([0.0, residual(peak, k_l, k_ul), peak], min(start, end), max(start, end))
+        legs = [start, *(events if end > start else events[::-1]), end]
         for a, b in pairwise(legs):
             f0 = normal_force(a, peak, k_l, k_ul)
             peak = max(peak, b)

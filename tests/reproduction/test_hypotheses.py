@@ -1,4 +1,4 @@
-"""Hypotheses of the paper's bench: their starts, their cross-sections, and what both models make of them."""
+"""Hypotheses of the paper's set-up: their starts, their cross-sections, and what both models make of them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import shapely
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
 from rock2d.reproduction import passing, published
-from rock2d.reproduction.command import known_bench
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, starts, terrain
+from rock2d.reproduction.command import known_setup
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, cross_section, starts
 from rock2d.reproduction.passing import DITCH, FACING, bounce, fall, land
 from rock2d.reproduction.scenario_file import scenario_text
 from rock2d.reproduction.stages import (
@@ -22,7 +22,7 @@ from rock2d.reproduction.stages import (
 from rock2d.runs.demo import scenario_file
 from rock2d.runs.incident_states import drawn_states
 
-KNOWN = known_bench(load_scenario(scenario_file("paper_bench.yaml")))
+KNOWN = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 RNG = np.random.default_rng(5)
 HYPOTHESES = prior_draws(32, len(DETERMINISTIC_SPACE.quantities), RNG)
 VALUES = DETERMINISTIC_SPACE.values(HYPOTHESES)
@@ -31,10 +31,10 @@ MODELS = [(fall, VALUES), (bounce, REBOUNDS)]
 DRAWS = RNG.standard_normal((30, 6))
 
 
-def test_the_bench_has_what_the_paper_publishes():
+def test_the_setup_has_what_the_paper_publishes():
     assert (KNOWN.height_m, KNOWN.crest_m) == pytest.approx((0.083, 0.055))
     for i in range(len(HYPOTHESES)):
-        rise = terrain(VALUES, i, KNOWN.height_m, KNOWN.crest_m).embankment
+        rise = cross_section(VALUES, i, KNOWN.height_m, KNOWN.crest_m).embankment
         assert rise is not None and rise.height_m == pytest.approx(0.083)
 
 
@@ -43,7 +43,7 @@ def test_no_release_within_three_deviations_starts_in_the_ground(name):
     block = KNOWN.blocks[name]
     states = starts(VALUES, block, KNOWN.gravity_m_s2).states(np.clip(DRAWS, -3, 3))
     for i, own in enumerate(states):
-        ground = shapely.LineString(terrain(VALUES, i, KNOWN.height_m, KNOWN.crest_m).points_m)
+        ground = shapely.LineString(cross_section(VALUES, i, KNOWN.height_m, KNOWN.crest_m).points_m)
         for x, y, *_ in own:
             assert shapely.Point(x, y).distance(ground) > block.radius_m
 
@@ -141,8 +141,8 @@ def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path, model, values
     path = tmp_path / "one.yaml"
     path.write_text(scenario_text(KNOWN, values, 3, {"cube": 6.0}, 2, model), encoding="utf-8")
     scenario = load_scenario(path)
-    ground = terrain(values, 3, KNOWN.height_m, KNOWN.crest_m)
-    assert scenario.terrain().points_m == pytest.approx(ground.points_m)
+    ground = cross_section(values, 3, KNOWN.height_m, KNOWN.crest_m)
+    assert scenario.cross_section().points_m == pytest.approx(ground.points_m)
     if model == "deterministic":
         law = scenario.contact_parameters()["default"]
         assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(values["restitution"][3] ** 2)

@@ -24,7 +24,7 @@ FILES = {
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("reproduce") / "out"
-    command.reproduce(out, seed=3, effort=SMALL, candidates=True, progress=False, tell=lambda line: None)
+    command.reproduce(out, seed=3, effort=SMALL, candidates=True, progress=False, report=lambda line: None)
     return out
 
 
@@ -46,7 +46,7 @@ def test_every_table_and_figure_is_written(made):
 def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_from_the_validation(
     monkeypatch,
 ):
-    known = command.known_bench(load_scenario(scenario_file("paper_bench.yaml")))
+    known = command.known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
     def calibrated():
         return stages.calibrate_deterministic(known, SMALL, np.random.SeedSequence(3), lambda share: None).u
@@ -58,7 +58,7 @@ def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_fr
 
 def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
     """Of likelihoods that peak at one α a block, that α is drawn; the sphere has none."""
-    known = command.known_bench(load_scenario(scenario_file("paper_bench.yaml")))
+    known = command.known_setup(load_scenario(scenario_file("paper_setup.yaml")))
     peaks = {"cube": 12.0, "parallelepiped": 42.0}
     asked = []
 
@@ -76,11 +76,11 @@ def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
 
 
 def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):
-    def pressed(told):
+    def pressed(on_progress):
         raise KeyboardInterrupt
 
     work = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)
-    assert work.arrays("one", lambda told: {"a": np.arange(3)})["a"].tolist() == [0, 1, 2]
+    assert work.arrays("one", lambda on_progress: {"a": np.arange(3)})["a"].tolist() == [0, 1, 2]
     with pytest.raises(KeyboardInterrupt):
         work.arrays("two", pressed)
     again = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)

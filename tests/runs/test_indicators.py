@@ -13,11 +13,11 @@ from rock2d.runs.indicators import (
     wilson_interval,
 )
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 G = 9.81
 CUBE = make_block("cube", "square", 0.5, side_m=0.1)
-GROUND = Terrain(
+GROUND = CrossSection(
     [[0, 0], [4, 0], [6, 2]],
     ["ditch", "face"],
     {"upright": [[2, 0], [2, 3]], "across_face": [[4, 2], [5, 1]]},  # the second is drawn head first

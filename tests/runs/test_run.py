@@ -18,7 +18,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.runs.incident_states import fit_first_flight, starts
 from rock2d.runs.run import impacts_table, simulate, trajectories_table, write_results
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -35,19 +35,19 @@ def digest(folder: Path) -> dict[str, str]:
 
 
 def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path):
-    scenario = str(SCENARIOS / "paper_bench.yaml")
+    scenario = str(SCENARIOS / "paper_setup.yaml")
     seen = []
     for name, workers, hash_seed in (("a", "1", "1"), ("b", "2", "2")):
         options = ["--releases", "2", "--workers", workers, "--quiet", "--out", str(tmp_path / name)]
         done = rock2d("run", scenario, *options, PYTHONHASHSEED=hash_seed)
         assert done.returncode == 0, done.stderr
-        seen.append(digest(tmp_path / name / "paper_bench_pymunk"))
+        seen.append(digest(tmp_path / name / "paper_setup_pymunk"))
     assert seen[0] == seen[1]
     assert "trajectories.csv" in seen[0]
 
 
 def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_many_there_are():
-    scenario = load_scenario(SCENARIOS / "paper_bench.yaml")
+    scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
     few, many = starts(scenario, 1, 2), starts(scenario, 1, 5)
     assert np.array_equal(few[1].state, many[1].state)
     assert not np.array_equal(few[0].state, starts(scenario, 2, 2)[0].state)
@@ -55,7 +55,7 @@ def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_
 
 @pytest.mark.parametrize("engine", ["pymunk", "point_mass"])
 def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
-    scenario = load_scenario(SCENARIOS / "paper_bench.yaml")
+    scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
     result = simulate(scenario, engine=engine, releases=2, workers=1, progress=False)
     write_results(result, tmp_path / "out", progress=False)
     back = read_experiment(tmp_path / "out")
@@ -93,7 +93,7 @@ def test_a_mistake_is_one_line_with_its_place_and_exit_code_2(tmp_path):
 
 def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-m", "rock2d.cli", "run", str(SCENARIOS / "paper_bench.yaml"), "--releases", "2000",
+        [sys.executable, "-m", "rock2d.cli", "run", str(SCENARIOS / "paper_setup.yaml"), "--releases", "2000",
          "--out", str(tmp_path / "out"), "--workers", "1"],
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -106,22 +106,25 @@ def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
 
 
 def test_first_flight_is_recovered_from_exact_frames_and_stops_at_the_impact():
-    block, terrain = make_block("cube", "square", 0.05, side_m=0.06), Terrain([[-1, 0], [1, 0]], ["floor"])
+    block, cross_section = (
+        make_block("cube", "square", 0.05, side_m=0.06),
+        CrossSection([[-1, 0], [1, 0]], ["floor"]),
+    )
     t = np.arange(60) / 250
     truth = np.array([0.1, 0.15, 0.3, -0.4, 0.2, 5.0])
     q = truth[:3] + np.outer(t, truth[3:])
     q[:, 1] -= 0.5 * 9.81 * t**2
     hits = int(np.argmax(q[:, 1] < block.lowest_reach(q[:, 2])))
     q[hits:] = q[hits]  # it stops dead: these frames must not be used
-    state, used = fit_first_flight(np.column_stack([t, q]), block, terrain, 9.81, (1e-4, 1e-3))
+    state, used = fit_first_flight(np.column_stack([t, q]), block, cross_section, 9.81, (1e-4, 1e-3))
     assert used <= hits
     assert np.allclose(state, truth, atol=1e-9)
 
 
 def test_first_flight_errors_are_those_of_least_squares():
-    block, terrain = (
+    block, cross_section = (
         make_block("ball", "circle", 0.05, diameter_m=0.02),
-        Terrain([[-9, 0], [9, 0]], ["floor"]),
+        CrossSection([[-9, 0], [9, 0]], ["floor"]),
     )
     t, truth, sigma = np.arange(20) / 1000, np.array([0.0, 1.0, 0.0, 1.0, -1.0, 3.0]), (3e-4, 2e-2)
     exact = truth[:3] + np.outer(t, truth[3:])
@@ -131,7 +134,7 @@ def test_first_flight_errors_are_those_of_least_squares():
         [
             fit_first_flight(
                 np.column_stack([t, exact + rng.normal(size=exact.shape) * [sigma[0], sigma[0], sigma[1]]]),
-                block, terrain, 9.81, sigma,
+                block, cross_section, 9.81, sigma,
             )[0]
             for _ in range(400)
         ]

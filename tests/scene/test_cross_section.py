@@ -3,40 +3,40 @@
 import numpy as np
 import pytest
 
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 OVERHANG = [[0, 0], [2, 0], [1.5, 1], [3, 1], [3, 0], [4, 0]]
 
 
 def test_overhangs_and_upright_walls_are_allowed_and_every_normal_points_into_the_air():
-    terrain = Terrain(OVERHANG, list("abcde"))
-    np.testing.assert_allclose(np.hypot(*terrain.normals.T), 1.0)
-    middles = 0.5 * (terrain.points_m[1:] + terrain.points_m[:-1])
+    cross_section = CrossSection(OVERHANG, list("abcde"))
+    np.testing.assert_allclose(np.hypot(*cross_section.normals.T), 1.0)
+    middles = 0.5 * (cross_section.points_m[1:] + cross_section.points_m[:-1])
     import shapely
 
     ground = shapely.Polygon([*OVERHANG, [4, -5], [0, -5]])
-    assert not shapely.contains_xy(ground, *(middles + 1e-3 * terrain.normals).T).any()
-    assert shapely.contains_xy(ground, *(middles - 1e-3 * terrain.normals).T).all()
+    assert not shapely.contains_xy(ground, *(middles + 1e-3 * cross_section.normals).T).any()
+    assert shapely.contains_xy(ground, *(middles - 1e-3 * cross_section.normals).T).all()
 
 
 def test_the_height_is_that_of_the_highest_surface_and_unknown_beside_the_section():
-    terrain = Terrain(OVERHANG, list("abcde"))
-    np.testing.assert_allclose(terrain.height_m([1.0, 1.75, 2.5, 3.0, 3.5]), [0, 1, 1, 1, 0])
-    assert np.isnan(terrain.height_m([-0.1, 4.1])).all()
+    cross_section = CrossSection(OVERHANG, list("abcde"))
+    np.testing.assert_allclose(cross_section.height_m([1.0, 1.75, 2.5, 3.0, 3.5]), [0, 1, 1, 1, 0])
+    assert np.isnan(cross_section.height_m([-0.1, 4.1])).all()
 
 
 def test_the_ground_turns_negative_at_convex_corners_and_positive_in_hollows():
-    terrain = Terrain([[0, 0], [1, 0], [2, 1], [3, 1]], list("abc"))
-    np.testing.assert_allclose(np.rad2deg(terrain.turns_rad), [0, 45, -45, 0], atol=1e-12)
+    cross_section = CrossSection([[0, 0], [1, 0], [2, 1], [3, 1]], list("abc"))
+    np.testing.assert_allclose(np.rad2deg(cross_section.turns_rad), [0, 45, -45, 0], atol=1e-12)
 
 
 def test_cutting_facets_leaves_surface_and_zones_as_they_were():
-    terrain = Terrain(OVERHANG, list("abaca"), {"line": [[0, 0], [0, 1]]})
-    fine = terrain.subdivided(7)
-    assert len(fine.zones) == 35 and fine.zone_names == terrain.zone_names
-    np.testing.assert_array_equal(fine.points_m[::7], terrain.points_m)
+    cross_section = CrossSection(OVERHANG, list("abaca"), {"line": [[0, 0], [0, 1]]})
+    fine = cross_section.subdivided(7)
+    assert len(fine.zones) == 35 and fine.zone_names == cross_section.zone_names
+    np.testing.assert_array_equal(fine.points_m[::7], cross_section.points_m)
     x = np.linspace(0.01, 3.99, 97)
-    np.testing.assert_allclose(fine.height_m(x), terrain.height_m(x), atol=1e-12)
+    np.testing.assert_allclose(fine.height_m(x), cross_section.height_m(x), atol=1e-12)
     assert [fine.zones[7 * i + 3] for i in range(5)] == list("abaca")
 
 
@@ -55,9 +55,9 @@ def test_cutting_facets_leaves_surface_and_zones_as_they_were():
 )
 def test_bad_cross_sections_are_refused_with_the_reason(points, zones, message):
     with pytest.raises(ValueError, match=message):
-        Terrain(points, zones)
+        CrossSection(points, zones)
 
 
 def test_a_measure_line_without_length_is_refused():
     with pytest.raises(ValueError, match="gate"):
-        Terrain([[0, 0], [1, 0]], ["a"], {"gate": [[0, 0], [0, 0]]})
+        CrossSection([[0, 0], [1, 0]], ["a"], {"gate": [[0, 0], [0, 0]]})

@@ -1,4 +1,4 @@
-"""Releases of known motion on a small bench, to be filmed and tracked."""
+"""Releases of known motion on a small set-up, to be filmed and tracked."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.blocks import make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 SIZE_PX = (640, 400)
 CAMERA = PixelMap(6e-4, (100.0, 320.0))
-TERRAIN = Terrain([[-0.3, 0.0], [0.18, 0.0], [0.22, 0.06], [0.6, 0.06]], ["ditch", "uphill_face", "crest"])
+CROSS_SECTION = CrossSection(
+    [[-0.3, 0.0], [0.18, 0.0], [0.22, 0.06], [0.6, 0.06]], ["ditch", "uphill_face", "crest"]
+)
 BLOCKS = {
     "sphere": make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025),
     "cube": make_block("cube", "square", 0.0233, side_m=0.019),
@@ -32,7 +34,7 @@ SYMMETRY = {"sphere": 2 * np.pi, "cube": np.pi / 2, "slab": np.pi}
 def falls(frames: int = 220, fps: float = 1000.0) -> Experiment:
     """One release of each block, `frames` frames long, without noise."""
     law = ContactParameters(1.1e4, 7.0e4, 3.0e3, 32.0, 0.03)
-    world = World(BLOCKS, TERRAIN, parameter_table(law, TERRAIN.zone_names)[None])
+    world = World(BLOCKS, CROSS_SECTION, parameter_table(law, CROSS_SECTION.zone_names)[None])
     t = np.tile(np.arange(frames) / fps, (3, 1))
     ensemble, tables = world_ensemble(world)
     result = run_batch(
@@ -48,4 +50,4 @@ def falls(frames: int = 220, fps: float = 1000.0) -> Experiment:
         "release": np.repeat(np.arange(3), frames), "block": np.repeat(list(BLOCKS), frames), "t_s": t.ravel(),
         "x_m": pose[..., 0].ravel(), "y_m": pose[..., 1].ravel(), "theta_rad": pose[..., 2].ravel(),
     })  # fmt: skip
-    return Experiment("falls", 9.81, fps, 0.0, 0.0, TERRAIN, dict(BLOCKS), trajectories=table)
+    return Experiment("falls", 9.81, fps, 0.0, 0.0, CROSS_SECTION, dict(BLOCKS), trajectories=table)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_file import Setup
 
 from rock2d.errors import InputError
 
-BENCH = """\
-name: bench
+SETUP = """\
+name: set-up
 gravity_m_s2: 9.81
 camera:
   fps: 1000.0
@@ -26,12 +26,12 @@ releases: [cube]
 """
 
 
-def bench(tmp_path, scale: str, **changes: str) -> Bench:
-    text = BENCH.format(scale=scale)
+def setup(tmp_path, scale: str, **changes: str) -> Setup:
+    text = SETUP.format(scale=scale)
     for old, new in changes.items():
         text = text.replace(old, new)
-    (tmp_path / "bench.yaml").write_text(text)
-    return Bench(tmp_path / "bench.yaml")
+    (tmp_path / "setup.yaml").write_text(text)
+    return Setup(tmp_path / "setup.yaml")
 
 
 @pytest.mark.parametrize("up", [-1, 1])
@@ -58,12 +58,12 @@ def test_angles_turn_as_directions_do():
 def test_scale_from_a_known_length_and_from_a_checkerboard(tmp_path):
     import cv2
 
-    assert bench(tmp_path, "{points_px: [[0, 0], [300, 400]], distance_m: 0.25}").metres_per_pixel == 5e-4
+    assert setup(tmp_path, "{points_px: [[0, 0], [300, 400]], distance_m: 0.25}").metres_per_pixel == 5e-4
     squares = (np.indices((8, 11)).sum(axis=0) % 2 * 255).astype(np.uint8)
     board = cv2.copyMakeBorder(np.kron(squares, np.ones((24, 24), np.uint8)), 40, 40, 40, 40,
                                cv2.BORDER_CONSTANT, value=255)  # fmt: skip
     cv2.imwrite(str(tmp_path / "board.png"), board)
-    found = bench(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
+    found = setup(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
     assert found.metres_per_pixel == pytest.approx(0.012 / 24, rel=1e-3)
 
 
@@ -80,7 +80,7 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
         str(tmp_path / "board.png"), cv2.warpPerspective(board, slant, (width, height), borderValue=255)
     )
     with pytest.raises(InputError, match="slant"):
-        bench(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
+        setup(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")
 
 
 @pytest.mark.parametrize(
@@ -95,5 +95,5 @@ def test_a_checkerboard_seen_at_a_slant_is_refused(tmp_path):
 )
 def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
     with pytest.raises(InputError, match=said) as error:
-        bench(tmp_path, scale, **changes)
-    assert "bench.yaml:" in str(error.value)
+        setup(tmp_path, scale, **changes)
+    assert "setup.yaml:" in str(error.value)

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
-from rock2d_tracking.setup_writing import write_bench
+from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
 from rock2d_tracking.synthetic.film import film_frames, write_film
 
@@ -26,19 +26,19 @@ def run(*arguments: object) -> str:
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory):
-    """A folder with film.avi (quality 90), its bench.yaml, and the experiment filmed."""
+    """A folder with film.avi (quality 90), its setup.yaml, and the experiment filmed."""
     folder = tmp_path_factory.mktemp("film")
     experiment = falls(140)
     write_experiment(folder / "truth", experiment)
     shots = film_frames(experiment, CAMERA, SIZE_PX, faults=CLEAN, seed=1, rest_frames=40)
     write_film(folder / "film.avi", shots, SIZE_PX, 25, 90)
-    write_bench(folder / "bench.yaml", experiment, CAMERA, ["sphere", "cube", "slab"])
+    write_setup(folder / "setup.yaml", experiment, CAMERA, ["sphere", "cube", "slab"])
     return folder
 
 
 def test_from_film_to_experiment(filmed, tmp_path):
     said = run(
-        "track", filmed / "film.avi", "--config", filmed / "bench.yaml", "--out", tmp_path / "out", "--quiet"
+        "track", filmed / "film.avi", "--config", filmed / "setup.yaml", "--out", tmp_path / "out", "--quiet"
     )
     assert "3 releases, 420 of 420 frames trusted" in said
     found, truth = read_experiment(tmp_path / "out"), read_experiment(filmed / "truth")
@@ -50,7 +50,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
     assert page.count("<img") == 4 and "http" not in page.replace("http-equiv", "")
 
 
-def test_film_writes_its_truth_and_a_bench_that_tracks_it(filmed, tmp_path):
+def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
     run("film", filmed / "truth", "--out", tmp_path / "f.avi", "--size", 480, 320, "--releases", 1, "--quiet")
     said = run(
         "track", tmp_path / "f.avi", "--config", tmp_path / "f.yaml", "--out", tmp_path / "out", "--quiet"
@@ -63,8 +63,8 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     run("export", filmed / "truth", "--out", tmp_path / "t.txt")
     metres = PixelMap(1.0, (0.0, 0.0))  # the file's own unit, and its own origin
     truth = read_experiment(filmed / "truth")
-    write_bench(tmp_path / "bench.yaml", truth, metres, ["cube"])
-    run("import", tmp_path / "t_1.txt", "--kind", "tracker", "--config", tmp_path / "bench.yaml", "--y", "up",
+    write_setup(tmp_path / "setup.yaml", truth, metres, ["cube"])
+    run("import", tmp_path / "t_1.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y", "up",
         "--out", tmp_path / "out")  # fmt: skip
     found = read_experiment(tmp_path / "out")
     own = truth.trajectories[truth.trajectories["release"] == 1]
@@ -87,7 +87,7 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
             "track",
             tmp_path / "bad.avi",
             "--config",
-            filmed / "bench.yaml",
+            filmed / "setup.yaml",
             "--out",
             tmp_path / "out",
             "--quiet",
@@ -103,13 +103,13 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
         ("up: up", "up: down", r"no block was seen .* `up`"),
     ],
 )
-def test_a_bench_that_is_not_the_films_is_told(filmed, tmp_path, true, wrong, said):
-    text = (filmed / "bench.yaml").read_text()
+def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong, said):
+    text = (filmed / "setup.yaml").read_text()
     assert true in text
-    bench, out = tmp_path / "bench.yaml", tmp_path / "out"
-    bench.write_text(text.replace(true, wrong))
+    setup, out = tmp_path / "setup.yaml", tmp_path / "out"
+    setup.write_text(text.replace(true, wrong))
     with pytest.raises(InputError, match=said):
-        run("track", filmed / "film.avi", "--config", bench, "--out", out, "--quiet")
+        run("track", filmed / "film.avi", "--config", setup, "--out", out, "--quiet")
     assert not out.exists()
 
 

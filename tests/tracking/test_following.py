@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from rock2d_tracking.following import Path, follow
 from rock2d_tracking.recording import Record, film_of, record
-from rock2d_tracking.setup_file import Bench
-from rock2d_tracking.setup_writing import write_bench
+from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import Shot, film_frames
 from rock2d_tracking.velocities import flights_and_impacts
@@ -32,12 +32,12 @@ class Tracked:
     pictures: list[list[int]]  # of each release: which pictures of the film its frames are
     paths: list[Path]
     record: Record
-    bench: Bench
+    setup: Setup
 
     def flights_and_impacts(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """The two tables."""
         experiment = self.record.experiment
-        return flights_and_impacts(film_of(experiment, self.bench), experiment)[:2]
+        return flights_and_impacts(film_of(experiment, self.setup), experiment)[:2]
 
     def misses(self, block: str) -> tuple[np.ndarray, np.ndarray]:
         """Distance in px and angle in rad by which each trusted frame of a block is off."""
@@ -63,17 +63,17 @@ class Tracked:
 def tracked(tmp_path_factory):
     """A film with some faults, tracked."""
     experiment = falls()
-    path = tmp_path_factory.mktemp("bench") / "bench.yaml"
-    write_bench(path, experiment, CAMERA, ["sphere", "cube", "slab"])
-    bench = Bench(path)
+    path = tmp_path_factory.mktemp("setup") / "setup.yaml"
+    write_setup(path, experiment, CAMERA, ["sphere", "cube", "slab"])
+    setup = Setup(path)
     known: dict[Faults, Tracked] = {}
 
     def make(faults: Faults) -> Tracked:
         if faults not in known:
             shots = list(film_frames(experiment, CAMERA, SIZE_PX, faults=faults, seed=3, rest_frames=40))
-            paths = follow([s.image for s in shots], bench, SIZE_PX)
+            paths = follow([s.image for s in shots], setup, SIZE_PX)
             pictures = [[s.frame for s in p.sights] for p in paths]
-            known[faults] = Tracked(experiment, shots, pictures, paths, record(paths, bench, SIZE_PX), bench)
+            known[faults] = Tracked(experiment, shots, pictures, paths, record(paths, setup, SIZE_PX), setup)
         return known[faults]
 
     return make
@@ -162,6 +162,6 @@ def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
 def test_what_never_moves_is_no_release(tracked):
     found = tracked(CLEAN)
     still = [Path("cube", [s] * 30) for s in found.paths[1].seen[:1]]
-    again = record([*copy.deepcopy(found.paths), *still], found.bench, SIZE_PX)
+    again = record([*copy.deepcopy(found.paths), *still], found.setup, SIZE_PX)
     assert again.experiment.trajectories["release"].nunique() == 3
     assert any("never moved" in remark for remark in again.remarks)

@@ -108,7 +108,7 @@ def refusal(function, *args, **kwargs) -> InputError:
 
 
 def test_trackers_time_is_not_believed_but_its_frames_are(put):
-    seen = import_tracks([put(TRACKER)], "tracker", **SCALE, block=SPHERE, tell=lambda _: None)
+    seen = import_tracks([put(TRACKER)], "tracker", **SCALE, block=SPHERE, report=lambda _: None)
     assert tuple(seen.columns) == TRAJECTORY_COLUMNS
     assert seen["t_s"].tolist() == [0.120, 0.121, 0.123]  # the lost frame is a missing row
     assert seen["x_m"].tolist() == [-3.5, -3.0, -2.0] and seen["y_m"].tolist() == [4.25, 4.5, 5.0]
@@ -173,7 +173,7 @@ def test_marks_may_lie_in_files_of_their_own(put):
 
 def test_one_mark_shows_no_spin(put):
     heard = []
-    seen = import_tracks([put(TRACKER)], "tracker", **SCALE, block=SPHERE, tell=heard.append)
+    seen = import_tracks([put(TRACKER)], "tracker", **SCALE, block=SPHERE, report=heard.append)
     assert seen["theta_rad"].tolist() == [0.0] * 3
     assert len(heard) == 1 and "sphere" in heard[0] and "spin" in heard[0]
     error = refusal(import_tracks, [put(TRACKER)], "tracker", **SCALE, block=CUBE)
@@ -240,7 +240,7 @@ def test_old_kinovea_text_has_tracks_without_names(put):
 
 def test_the_files_times_count_its_frames_and_the_true_frame_rate_tells_the_time(put):
     path = put(KINOVEA_TEXT)
-    say = {**SCALE, "metres_per_unit": 0.01, "block": SPHERE, "marks": ("ball",), "tell": lambda _: None}
+    say = {**SCALE, "metres_per_unit": 0.01, "block": SPHERE, "marks": ("ball",), "report": lambda _: None}
     seen = import_tracks(path, "kinovea", **say, file_fps=30)
     assert seen["t_s"].tolist() == [0.0, 0.001, 0.002]
     assert "file_fps" in refusal(import_tracks, path, "kinovea", **say).message
@@ -291,7 +291,7 @@ def test_with_several_animals_deeplabcut_names_them_all(put):
 def test_releases_are_parted_by_long_gaps_or_by_files(put, tmp_path):
     rows = "".join(f"0,{frame},{frame},0\n" for frame in (0, 1, 4, 5, 9, 10))
     path = put("A\nt,frame,x,y\n" + rows)
-    say = {**SCALE, "block": SPHERE, "tell": lambda _: None}
+    say = {**SCALE, "block": SPHERE, "report": lambda _: None}
     for gap, releases in ((None, [0] * 6), (3, [0] * 6), (2, [0, 0, 0, 0, 1, 1]), (1, [0, 0, 1, 1, 2, 2])):
         assert import_tracks(path, "tracker", **say, gap_frames=gap)["release"].tolist() == releases
     two = import_tracks([path, put(TRACKER, "b.csv")], "tracker", **say, first_release=7)

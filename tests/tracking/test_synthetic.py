@@ -19,7 +19,7 @@ from rock2d_tracking.synthetic.scene import Look, coverage
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block, make_block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 cv2.setNumThreads(1)
 
@@ -35,8 +35,8 @@ BLOCKS = {
         "stone", "polygon", 0.02, vertices_m=np.array([[0, 0], [20, -4], [30, 10], [12, 20]]) * MM
     ),
 }
-FLOOR = Terrain([[-1, -10 * MM], [1, -10 * MM]], ["floor"])
-ABYSS = Terrain([[-1, -1], [1, -1]], ["floor"])  # out of the picture
+FLOOR = CrossSection([[-1, -10 * MM], [1, -10 * MM]], ["floor"])
+ABYSS = CrossSection([[-1, -1], [1, -1]], ["floor"])  # out of the picture
 EVEN = Look(gradient_grey=0.0, texture_grey=0.0, rough_px=0.0, marked=())
 POSES = [
     (0.0, 0.0, 0.0),
@@ -46,16 +46,18 @@ POSES = [
 ]
 
 
-def trajectories(table: pd.DataFrame, terrain: Terrain, blocks: dict[str, Block]) -> Experiment:
-    return Experiment("bench", 9.81, 1000.0, 0.0, 0.0, terrain, blocks, trajectories=table)
+def trajectories(table: pd.DataFrame, cross_section: CrossSection, blocks: dict[str, Block]) -> Experiment:
+    return Experiment("setup", 9.81, 1000.0, 0.0, 0.0, cross_section, blocks, trajectories=table)
 
 
-def filmed(block: str, poses: Any, terrain: Terrain = ABYSS, blocks: Any = BLOCKS, **how: Any) -> list[Shot]:
+def filmed(
+    block: str, poses: Any, cross_section: CrossSection = ABYSS, blocks: Any = BLOCKS, **how: Any
+) -> list[Shot]:
     """Shots of one release, a pose a frame, without rest frames."""
     table = pd.DataFrame(np.array(poses, float), columns=["x_m", "y_m", "theta_rad"])
     table = table.assign(release=0, block=block, t_s=np.arange(len(table)) / 1000.0)
     options = {"pixel_map": MAP, "size_px": SIZE, "look": EVEN, "seed": 1, "rest_frames": 0} | how
-    return list(film_frames(trajectories(table, terrain, blocks), **options))
+    return list(film_frames(trajectories(table, cross_section, blocks), **options))
 
 
 def two_releases() -> Experiment:

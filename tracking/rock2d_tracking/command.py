@@ -13,15 +13,15 @@ from rock2d.files.folders import atomic_folder
 from rock2d_tracking import following as following
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
-from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_file import Setup
 
 Array = np.ndarray
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 FRAME = 0.08  # share of the picture that is left free around what moves
 
 
-def track(video: Path, config: Path, out: Path, *, last: int | None, progress: bool, tell: Tell) -> None:
+def track(video: Path, config: Path, out: Path, *, last: int | None, progress: bool, report: Report) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
     `last`: number of frames after which to stop. Raises `InputError` for input that cannot be used.
@@ -33,53 +33,53 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
     from rock2d_tracking.recording import film_of, record
     from rock2d_tracking.velocities import flights_and_impacts
 
-    bench = Bench(config)
+    setup = Setup(config)
     film = FilmFile(video)
     with atomic_folder(out) as folder:
-        overlay = Overlay(folder / "overlay.webm", bench, film.size_px, film.promised)
+        overlay = Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)
         still: list[Array] = []
         try:
             with tqdm(total=film.promised or None, unit="frame", disable=not progress) as bar:
 
-                def told(number: int, frame: Array, path: following.Path | None) -> None:
+                def on_progress(number: int, frame: Array, path: following.Path | None) -> None:
                     if not still:
                         still.append(frame)
                     overlay.draw(number, frame, path)
                     bar.update()
 
-                paths = following.follow(film.frames(last), bench, film.size_px, told)
+                paths = following.follow(film.frames(last), setup, film.size_px, on_progress)
             try:
-                found = record(paths, bench, film.size_px)
+                found = record(paths, setup, film.size_px)
             except ValueError as error:
                 raise InputError(str(error), video) from None
             overlay.finish()
         finally:
             overlay.drop()
-        found.remarks.extend(_refuse_what_cannot_be(found.experiment, bench))
-        flights, impacts, data = flights_and_impacts(film_of(found.experiment, bench), found.experiment)
+        found.remarks.extend(_refuse_what_cannot_be(found.experiment, setup))
+        flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
         for name, table in (("frames", found.frames), ("flights", flights), ("bounces", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
     trusted = (found.frames["reason"] == "").sum()
-    tell(
+    report(
         f"{found.frames['release'].nunique()} releases, {trusted} of {len(found.frames)} frames trusted, "
         f"{len(flights)} flights, {len(impacts)} impacts"
     )
     for remark in found.remarks:
-        tell(f"note: {remark}")
-    tell(f"written: {out}")
+        report(f"note: {remark}")
+    report(f"written: {out}")
 
 
 def film(
     experiment_folder: Path, out: Path, *, size_px: tuple[int, int], faults: str, releases: int | None, seed: int,
-    progress: bool, tell: Tell,
+    progress: bool, report: Report,
 ) -> None:  # fmt: skip
-    """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a bench file to track it with."""
+    """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a set-up file to track it with."""
     from tqdm import tqdm
 
     from rock2d.files.experiment import read_experiment
-    from rock2d_tracking.setup_writing import write_bench
+    from rock2d_tracking.setup_writing import write_setup
     from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, SEVERE
     from rock2d_tracking.synthetic.film import film_frames, write_film
 
@@ -100,10 +100,10 @@ def film(
                 yield shot
 
         write_film(out, counted(), size_px, 25, spoiled.quality, truth=True)
-    bench = out.with_suffix(".yaml")
+    setup = out.with_suffix(".yaml")
     first = experiment.trajectories.groupby("release")["block"].first()
-    write_bench(bench, experiment, camera, [str(first[n]) for n in numbers])
-    tell(f"written: {out}, {out.with_suffix('.csv')} (truth), {bench}")
+    write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])
+    report(f"written: {out}, {out.with_suffix('.csv')} (truth), {setup}")
 
 
 def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
@@ -119,36 +119,36 @@ def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
 
 def import_files(
     files: Sequence[Path], kind: str, config: Path, out: Path, *, y: str, block: str | None, marks: Sequence[str],
-    centroid: Sequence[str], file_fps: float | None, min_confidence: float | None, gap_frames: int | None, tell: Tell,
-) -> None:  # fmt: skip
-    """Turn what another program tracked into the experiment folder `out`; scale and frame rate are the bench's."""
+    centroid: Sequence[str], file_fps: float | None, min_confidence: float | None, gap_frames: int | None, report:
+Report, ) -> None:  # fmt: skip
+    """Turn what another program tracked into the experiment folder `out`; scale and frame rate are the set-up's."""
     from rock2d_tracking.importers.importing import import_tracks
     from rock2d_tracking.recording import film_of, with_measured_noise
 
-    bench = Bench(config)
-    name = block or bench.block_of(0)
-    if name not in bench.blocks:
-        raise InputError(f"no block {name!r} in it; it has {', '.join(bench.blocks)}", config)
-    camera = bench.keys.camera
+    setup = Setup(config)
+    name = block or setup.block_of(0)
+    if name not in setup.blocks:
+        raise InputError(f"no block {name!r} in it; it has {', '.join(setup.blocks)}", config)
+    camera = setup.keys.camera
     table = import_tracks(
-        files, kind, metres_per_unit=bench.metres_per_pixel, y=y, fps=camera.fps, block=bench.blocks[name], marks=marks,
+        files, kind, metres_per_unit=setup.metres_per_pixel, y=y, fps=camera.fps, block=setup.blocks[name], marks=marks,
         centroid=centroid, origin=(camera.origin_px[0], camera.origin_px[1]),
         origin_m=(camera.origin_m[0], camera.origin_m[1]), file_fps=file_fps, min_confidence=min_confidence,
-        gap_frames=gap_frames, tell=tell,
+        gap_frames=gap_frames, report=report,
     )  # fmt: skip
     stated = Experiment(
-        bench.keys.name, bench.keys.gravity_m_s2, camera.fps, bench.metres_per_pixel, np.deg2rad(1.0), bench.terrain,
-        {name: bench.blocks[name]}, trajectories=table,
+        setup.keys.name, setup.keys.gravity_m_s2, camera.fps, setup.metres_per_pixel, np.deg2rad(1.0),
+        setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
     )  # fmt: skip
-    found = with_measured_noise(film_of(stated, bench), stated)
-    _refuse_what_cannot_be(found, bench)
+    found = with_measured_noise(film_of(stated, setup), stated)
+    _refuse_what_cannot_be(found, setup)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
-    tell(f"{table['release'].nunique()} releases, {len(table)} frames")
-    tell(f"written: {out}")
+    report(f"{table['release'].nunique()} releases, {len(table)} frames")
+    report(f"written: {out}")
 
 
-def export_tracker(experiment_folder: Path, out: Path, *, tell: Tell) -> None:
+def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> None:
     """Write the trajectories of an experiment for Tracker (Open Source Physics)."""
     from rock2d.files.experiment import read_experiment
     from rock2d_tracking.importers.tracker_text import write_tracker
@@ -157,24 +157,24 @@ def export_tracker(experiment_folder: Path, out: Path, *, tell: Tell) -> None:
     if experiment.trajectories is None:
         raise InputError("has impacts only; Tracker takes trajectories", experiment_folder)
     for path in write_tracker(out, experiment.trajectories, experiment.fps):
-        tell(f"written: {path}")
+        report(f"written: {path}")
 
 
-def _refuse_what_cannot_be(experiment: Experiment, bench: Bench) -> list[str]:
+def _refuse_what_cannot_be(experiment: Experiment, setup: Setup) -> list[str]:
     """Remarks on an experiment; raises `InputError` where frame rate, scale or axes must be wrong."""
     from rock2d.kinematics.sanity import check_film
     from rock2d_tracking.recording import film_of
 
-    sanity = check_film(experiment, film_of(experiment, bench))
+    sanity = check_film(experiment, film_of(experiment, setup))
     wrong = [fault for fault in sanity.faults if "releases are too few" not in fault]
     if wrong:
-        raise InputError("; ".join(wrong), bench.path)
+        raise InputError("; ".join(wrong), setup.path)
     if sanity.mirror:
         raise InputError(
             f"seen with {sanity.mirror} mirrored, blocks would fall and stay above the ground: "
             "does the film stand on its head (camera: up), or is it filmed from behind?",
-            bench.path,
+            setup.path,
         )
     if sanity.seen is not None:
-        raise InputError(sanity.remarks[-1], bench.path)
+        raise InputError(sanity.remarks[-1], setup.path)
     return sanity.remarks

@@ -9,16 +9,16 @@ from itertools import islice
 
 import numpy as np
 
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.outline import BLUR, FLOOR_BLUR, GREY, THETA, Outline, X, Y, fit_pose, outline_of
-from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_file import Setup
 
 Array = np.ndarray
 
-FIRST = 100  # frames from which the background is learned, unless the bench names some
+FIRST = 100  # frames from which the background is learned, unless the set-up names some
 ROUNDS = 25
 SEEN_NEW = 0.75  # share of the outline that must be seen for a block to be taken up
 WORST = 0.2  # misfit of the edge, over the contrast, above which it is not this block
@@ -73,26 +73,27 @@ class Path:
 
 def follow(
     frames: Iterable[Array],
-    bench: Bench,
+    setup: Setup,
     size_px: tuple[int, int],
-    told: Callable[[int, Array, Path | None], None] = lambda number, frame, path: None,
+    on_progress: Callable[[int, Array, Path | None], None] = lambda number, frame, path: None,
 ) -> list[Path]:
     """Every release of a film, in the order filmed.
 
-    `told` hears of every frame: its number, picture (height, width) and the release that is being followed, if any.
+    `on_progress` hears of every frame: its number, picture (height, width) and the release that is being followed,
+    if any.
     """
     stream = iter(frames)
-    named = bench.keys.detection.background_frames
+    named = setup.keys.detection.background_frames
     buffer = list(islice(stream, max(FIRST, named[1] + 1 if named else 0)))
     still = buffer[named[0] : named[1] + 1] if named else buffer
     if not buffer:
         return []
-    follower = _Follower(bench, size_px, Background(still or buffer))
+    follower = _Follower(setup, size_px, Background(still or buffer))
     number = 0
     for part in (buffer, stream):
         for frame in part:
             follower.look(number, frame)
-            told(number, frame, follower.path)
+            on_progress(number, frame, follower.path)
             number += 1
     follower.end()
     return follower.paths
@@ -101,15 +102,15 @@ def follow(
 class _Follower:
     """What is known while a film is read."""
 
-    def __init__(self, bench: Bench, size_px: tuple[int, int], background: Background) -> None:
-        self.bench, self.background = bench, background
-        self.map: PixelMap = bench.pixel_map(size_px)
-        self.soil = _above(bench.terrain, self.map, size_px)
+    def __init__(self, setup: Setup, size_px: tuple[int, int], background: Background) -> None:
+        self.setup, self.background = setup, background
+        self.map: PixelMap = setup.pixel_map(size_px)
+        self.soil = _above(setup.cross_section, self.map, size_px)
         self.outlines = {
-            name: outline_of(block, bench.metres_per_pixel, self.map.up)
-            for name, block in bench.blocks.items()
+            name: outline_of(block, setup.metres_per_pixel, self.map.up)
+            for name, block in setup.blocks.items()
         }
-        self.patience = max(3, round(PATIENCE * bench.keys.camera.fps))
+        self.patience = max(3, round(PATIENCE * setup.keys.camera.fps))
         self.paths: list[Path] = []
         self.path: Path | None = None
         self.blur = 1.0
@@ -144,7 +145,7 @@ class _Follower:
         self.path, self._lost, self._new = None, 0, []
 
     def _next_block(self) -> str:
-        return self.bench.block_of(len(self.paths) + (self.path is not None))
+        return self.setup.block_of(len(self.paths) + (self.path is not None))
 
     def _learn(self, frame: Array) -> None:
         if self.path is None:
@@ -167,7 +168,7 @@ class _Follower:
                 best = other if not other.reason else best
         if not best.reason and self._jumped(best.pose, expected, outline):
             best = _lost(number, "too far from where it should be")
-        if not best.reason and outline.symmetry_rad == 0.0 and self.bench.keys.detection.marks:
+        if not best.reason and outline.symmetry_rad == 0.0 and self.setup.keys.detection.marks:
             best = self._turned(frame, best, expected[2], outline)
         return best
 
@@ -183,7 +184,7 @@ class _Follower:
         ahead = number - last.frame
         expected = last.pose + pace * ahead
         if ahead > 1 and np.hypot(*pace[:2]) > STILL_PX:
-            g = self.bench.keys.gravity_m_s2 / self.bench.metres_per_pixel / self.bench.keys.camera.fps**2
+            g = self.setup.keys.gravity_m_s2 / self.setup.metres_per_pixel / self.setup.keys.camera.fps**2
             expected[1] -= self.map.up * 0.5 * g * ahead**2
         return np.asarray(expected)
 
@@ -243,7 +244,7 @@ class _Follower:
             before = self.path.sights[-1].pose[2] if self.path.sights else sight.pose[2]
             if outline.symmetry_rad > 0.0:
                 sight.pose[2] = _nearest(sight.pose[2], before, outline.symmetry_rad)
-            elif self.bench.keys.detection.marks:
+            elif self.setup.keys.detection.marks:
                 self._turned(own, sight, before, outline)
             self.path.sights.append(sight)
         self._new = []
@@ -320,7 +321,7 @@ class _Follower:
             reason = "no fit"
         elif contrast < max(FAINT * self.background.noise, FAINT_GREY, PALER * self._usual):
             reason = "no contrast"
-        elif seen < (least or self.bench.keys.detection.least_seen):
+        elif seen < (least or self.setup.keys.detection.least_seen):
             reason = "hidden"
         elif misfit > WORST:
             reason = "another outline"
@@ -364,9 +365,9 @@ def _nearest(angle: float, near: float, symmetry: float) -> float:
     return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
 
 
-def _above(terrain: Terrain, camera: PixelMap, size_px: tuple[int, int]) -> Array:
+def _above(cross_section: CrossSection, camera: PixelMap, size_px: tuple[int, int]) -> Array:
     """(height, width) uint8, 1 where the picture shows what lies above the surveyed ground."""
     v, u = np.mgrid[0 : size_px[1], 0 : size_px[0]]
     world = camera.to_world(np.stack([u, v], axis=-1))
-    ground = terrain.height_m(world[..., 0].ravel()).reshape(u.shape)
+    ground = cross_section.height_m(world[..., 0].ravel()).reshape(u.shape)
     return np.asarray(~(world[..., 1] <= ground), np.uint8)  # beside the cross-section nothing hides

@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.graphics.video_file import opened
 from rock2d_tracking.following import Path
-from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_file import Setup
 
 Array = np.ndarray
 
@@ -24,16 +24,16 @@ POINTS = 48
 class Overlay:
     """Writes a WebM as frames come; there only if `finish` was called."""
 
-    def __init__(self, path: FilePath, bench: Bench, size_px: tuple[int, int], promised: int) -> None:
+    def __init__(self, path: FilePath, setup: Setup, size_px: tuple[int, int], promised: int) -> None:
         self._path, self._part = path, path.with_name(f".{path.stem}.{os.getpid()}.part.webm")
         self._scale = min(1.0, WIDTH_PX / size_px[0])
         self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
         self._stride = max(1, -(-promised // MOST))
         self._writer = opened(self._part, "VP80", FPS, self._size)
-        up = bench.pixel_map(size_px).up
+        up = setup.pixel_map(size_px).up
         self._shapes = {
-            name: block.outline(POINTS) / bench.metres_per_pixel * [1.0, up]
-            for name, block in bench.blocks.items()
+            name: block.outline(POINTS) / setup.metres_per_pixel * [1.0, up]
+            for name, block in setup.blocks.items()
         }
 
     def draw(self, number: int, frame: Array, path: Path | None) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.flights import SHORTEST, Film, cut_film, load_film
+from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.following import Path, Sight
-from rock2d_tracking.setup_file import Bench
+from rock2d_tracking.setup_file import Setup
 
 Array = np.ndarray
 
@@ -44,9 +44,9 @@ class Record:
     remarks: list[str]
 
 
-def record(paths: Sequence[Path], bench: Bench, size_px: tuple[int, int]) -> Record:
+def record(paths: Sequence[Path], setup: Setup, size_px: tuple[int, int]) -> Record:
     """The experiment that a film shows; raises ValueError if it shows no release."""
-    camera = bench.pixel_map(size_px)
+    camera = setup.pixel_map(size_px)
     remarks: list[str] = []
     kept = [path for path in paths if _moved(path)]
     if len(kept) < len(paths):
@@ -58,23 +58,23 @@ def record(paths: Sequence[Path], bench: Bench, size_px: tuple[int, int]) -> Rec
             "no block was seen to move in this film: are the scale and the blocks' sizes right, is the cross-section "
             "where it is in the picture, does `up` point to where it is up?"
         )
-    stated = len(bench.keys.releases)
+    stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
-        remarks.append(f"{len(kept)} releases were seen, {stated} are listed in the bench file")
+        remarks.append(f"{len(kept)} releases were seen, {stated} are listed in the set-up file")
     missing = 0
     for path in kept:
         _lose_the_odd(path.sights)
-        missing += _count_the_missing(path.sights, bench.blocks[path.block].radius_m / bench.metres_per_pixel)
+        missing += _count_the_missing(path.sights, setup.blocks[path.block].radius_m / setup.metres_per_pixel)
     if missing:
         remarks.append(
             f"{missing} frames are missing in the film: blocks moved twice as far where they should be"
         )
-    fps = bench.keys.camera.fps
+    fps = setup.keys.camera.fps
     rows = [_rows(k, path, fps) for k, path in enumerate(kept)]
     frames = pd.DataFrame([row for own in rows for row in own])
-    if not bench.keys.detection.marks and any(bench.blocks[p.block].shape == "circle" for p in kept):
+    if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
         remarks.append("circles carry no marks: their angle is written as 0, no spin can be read off")
-    return Record(_experiment(frames, bench, camera, fps), frames, remarks)
+    return Record(_experiment(frames, setup, camera, fps), frames, remarks)
 
 
 def _moved(path: Path) -> bool:
@@ -158,7 +158,7 @@ def _rows(release: int, path: Path, fps: float) -> list[dict[str, object]]:
     ]  # fmt: skip
 
 
-def _experiment(frames: pd.DataFrame, bench: Bench, camera: PixelMap, fps: float) -> Experiment:
+def _experiment(frames: pd.DataFrame, setup: Setup, camera: PixelMap, fps: float) -> Experiment:
     seen = frames[frames["reason"] == ""]
     world = camera.to_world(seen[["u_px", "v_px"]].to_numpy(float))
     theta = camera.angle_to_world(seen["angle_px_rad"].to_numpy(float))
@@ -167,29 +167,29 @@ def _experiment(frames: pd.DataFrame, bench: Bench, camera: PixelMap, fps: float
         "x_m": world[:, 0], "y_m": world[:, 1], "theta_rad": theta,
     })  # fmt: skip
     errors = seen[["u_error_px", "v_error_px", "angle_error_rad"]].to_numpy(float)
-    position = float(np.nanmedian(errors[:, :2])) * bench.metres_per_pixel
+    position = float(np.nanmedian(errors[:, :2])) * setup.metres_per_pixel
     angle = float(np.nanmedian(errors[:, 2])) if np.isfinite(errors[:, 2]).any() else 0.0
     stated = Experiment(
-        bench.keys.name, bench.keys.gravity_m_s2, fps, position, angle, bench.terrain, dict(bench.blocks),
+        setup.keys.name, setup.keys.gravity_m_s2, fps, position, angle, setup.cross_section, dict(setup.blocks),
         trajectories=table,
     )  # fmt: skip
-    return with_measured_noise(film_of(stated, bench), stated)
+    return with_measured_noise(film_of(stated, setup), stated)
 
 
-def film_of(experiment: Experiment, bench: Bench) -> Film:
+def film_of(experiment: Experiment, setup: Setup) -> Film:
     """The frames of an experiment, with as much noise as what even a film without any leaves: a few thousandths of a
     pixel that go with the place of the block within its pixels."""
     film = load_film(experiment)
     reach = min(b.radius_m for b in experiment.blocks.values())
     film.noise = np.maximum(
-        film.noise, FINEST_PX * bench.metres_per_pixel * np.array([1.0, 1.0, 1.0 / reach])
+        film.noise, FINEST_PX * setup.metres_per_pixel * np.array([1.0, 1.0, 1.0 / reach])
     )
     return film
 
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
     """The experiment with the noise that its own flights show, if it has any; else as it is."""
-    cut = cut_film(bench_world(experiment), film)
+    cut = cut_film(setup_world(experiment), film)
     if not len(cut.flights):
         return experiment
     x, y, theta = cut.film.noise

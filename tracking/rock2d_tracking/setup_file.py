@@ -1,4 +1,4 @@
-"""`bench.yaml`: what a film shows and how it was filmed."""
+"""`setup.yaml`: what a film shows and how it was filmed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake
-from rock2d.files.setup_keys import BlockKeys, CrossSection, Name, Point
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.checkerboard import scale_of_board
 
@@ -84,13 +84,13 @@ class DetectionKeys(Checked):
     )
 
 
-class BenchKeys(Checked):
-    """`bench.yaml`. SI units but for pixels."""
+class SetupKeys(Checked):
+    """`setup.yaml`. SI units but for pixels."""
 
     name: Name
     gravity_m_s2: float = Field(ge=0, le=1000)
     camera: CameraKeys
-    cross_section: CrossSection
+    cross_section: CrossSectionKeys
     blocks: dict[Name, BlockKeys] = Field(min_length=1)
     releases: list[Name] = Field(
         min_length=1, description="Block of each release in the order filmed; one name: all are of that block"
@@ -98,22 +98,22 @@ class BenchKeys(Checked):
     detection: DetectionKeys = DetectionKeys()
 
     @model_validator(mode="after")
-    def _known_blocks(self) -> BenchKeys:
+    def _known_blocks(self) -> SetupKeys:
         for i, name in enumerate(self.releases):
             if name not in self.blocks:
                 raise mistake(f"no block {name!r}{did_you_mean(name, self.blocks)}", "releases", i)
         return self
 
 
-class Bench:
-    """A checked bench: keys, terrain, blocks, and the map from pixels once the image's size is known."""
+class Setup:
+    """A checked set-up: keys, ground, blocks, and the map from pixels once the image's size is known."""
 
     def __init__(self, path: str | Path) -> None:
-        """Read `bench.yaml`; raises `InputError` with the place of the first mistake."""
+        """Read `setup.yaml`; raises `InputError` with the place of the first mistake."""
         self.path = Path(path)
         document = Document(self.path)
-        self.keys = document.check(BenchKeys)
-        self.terrain: Terrain = self.keys.cross_section.make()
+        self.keys = document.check(SetupKeys)
+        self.cross_section: CrossSection = self.keys.cross_section.make()
         self.blocks: dict[str, Block] = {name: keys.make(name) for name, keys in self.keys.blocks.items()}
         camera = self.keys.camera
         scale = camera.scale

@@ -1,4 +1,4 @@
-"""A bench file written for a film whose camera is known."""
+"""A set-up file written for a film whose camera is known."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rock2d.files.setup_keys import block_keys
 from rock2d_tracking.camera import PixelMap
 
 
-def write_bench(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
-    """Write what `tracking.bench.Bench` reads; `releases`: the block of each."""
+def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
+    """Write what `tracking.setup.Setup` reads; `releases`: the block of each."""
     import io
 
     from ruamel.yaml import YAML
@@ -31,8 +31,8 @@ def write_bench(path: Path, experiment: Experiment, camera: PixelMap, releases: 
             "tilt_deg": float(np.rad2deg(camera.tilt_rad)),
         },
         "cross_section": {
-            "points_m": experiment.terrain.points_m.tolist(),
-            "zones": list(experiment.terrain.zones),
+            "points_m": experiment.cross_section.points_m.tolist(),
+            "zones": list(experiment.cross_section.zones),
         },
         "blocks": {name: block_keys(block) for name, block in experiment.blocks.items()},
         "releases": list(releases),

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.engines.geometry import block_arrays, terrain_arrays
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.base_world import bench_world
 from rock2d.kinematics.flights import Film, clearances
+from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from rock2d.scene.world import World
 
@@ -32,14 +32,14 @@ def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFram
     zone, velocities before and after with standard errors, `penetration_m`, `rebound_m`, `flag` ("", "deep", "low",
     "deep low").
     """
-    bench = bench_world(experiment)
-    data = film_data(film, bench)
-    states = data.states(bench)
+    setup = setup_world(experiment)
+    data = film_data(film, setup)
+    states = data.states(setup)
     known = np.minimum(states.left.shape[2], data.basis.degrees)
     # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise
     misfit = np.sqrt((states.left**2).sum(axis=2) / known[:, None])
     flights = _flights(experiment, data, states.middle, misfit)
-    return flights, _impacts(experiment, data, bench, states.middle, misfit), data
+    return flights, _impacts(experiment, data, setup, states.middle, misfit), data
 
 
 def _flights(experiment: Experiment, data: FilmData, middle: Array, misfit: Array) -> pd.DataFrame:
@@ -72,7 +72,7 @@ def _impacts(
     begins = film.t_s[flights.first[impacts.after]] - data.basis.middle[impacts.after]
     before = drift(world, impacts.block, middle[impacts.before], ends)
     after = drift(world, impacts.block, middle[impacts.after], begins)
-    names, zones = list(experiment.blocks), experiment.terrain.zone_names
+    names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     t = 0.5 * (film.t_s[flights.last[impacts.before] - 1] + film.t_s[flights.first[impacts.after]])
     table = pd.DataFrame({
         "release": film.release_names[impacts.release], "block": np.array(names)[impacts.block], "t_s": t,
@@ -100,7 +100,7 @@ def _depths(experiment: Experiment, data: FilmData) -> tuple[Array, Array]:
     """(n,) deepest seen penetration between the two flights of an impact, and height that the flight after reaches."""
     film, flights, impacts = data.film, data.cut.flights, data.impacts
     blocks = list(experiment.blocks.values())
-    ground = terrain_arrays(experiment.terrain, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(experiment.cross_section, 10 * max(b.radius_m for b in blocks))
     arrays = [block_arrays(b) for b in blocks]
     deep, high = np.zeros(len(impacts)), np.zeros(len(impacts))
     for i in range(len(impacts)):

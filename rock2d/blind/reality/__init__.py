@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from rock2d.blind.reality.camera import film
 from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, draw
-from rock2d.blind.reality.data_model import Bench, Block, Hidden, Law
+from rock2d.blind.reality.data_model import Block, Hidden, Law, Setup
 from rock2d.blind.reality.ensemble import fall
 from rock2d.blind.reality.outside import PHASES
 
-__all__ = ["FORMS", "OUTSIDE", "PHASES", "Bench", "Block", "Hidden", "Law", "draw", "fall", "film"]
+__all__ = ["FORMS", "OUTSIDE", "PHASES", "Block", "Hidden", "Law", "Setup", "draw", "fall", "film"]

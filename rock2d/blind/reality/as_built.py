@@ -6,22 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array, Bench, Block
+from rock2d.blind.reality.data_model import Array, Block, Setup
 
 STEEPEST_RAD = np.deg2rad(85.0)  # of a facing
 
 
-def with_facing(bench: Bench, error: dict[str, float], size_m: float) -> Bench:
-    """The bench with its facing turned about its foot, or its ditch raised by `rise` of the embankment's height.
+def with_facing(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
+    """The set-up with its facing turned about its foot, or its ditch raised by `rise` of the embankment's height.
 
     Without an embankment all ground is inclined about its middle, or raised by `rise` of a block's size.
     """
-    points = np.array(bench.points_m, float)
+    points = np.array(setup.points_m, float)
     turn, rise = error.get("turn_rad", 0.0), error.get("rise", 0.0)
-    if bench.face is None:
+    if setup.face is None:
         points[:, 1] += rise * size_m + np.tan(turn) * (points[:, 0] - points[:, 0].mean())
-        return replace(bench, points_m=points)
-    foot, crest = bench.face
+        return replace(setup, points_m=points)
+    foot, crest = setup.face
     run, height = points[crest] - points[foot]
     angle = np.clip(np.arctan2(height, run) + turn, np.deg2rad(5.0), STEEPEST_RAD)
     shear = height / np.tan(angle) - run
@@ -29,13 +29,13 @@ def with_facing(bench: Bench, error: dict[str, float], size_m: float) -> Bench:
         shear = min(shear, 0.9 * (points[crest + 1, 0] - points[crest, 0]))
     share = (points[foot : crest + 1, 1] - points[foot, 1]) / height
     points[foot : crest + 1, 0] += shear * share
-    if bench.ditch is not None:
-        points[bench.ditch[0] : bench.ditch[1] + 1, 1] += rise * height
-    return replace(bench, points_m=points)
+    if setup.ditch is not None:
+        points[setup.ditch[0] : setup.ditch[1] + 1, 1] += rise * height
+    return replace(setup, points_m=points)
 
 
 def profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
-    """A rough profile through the bench's vertices, and the facet of the bench that each of its pieces lies on.
+    """A rough profile through the set-up's vertices, and the facet of the set-up that each of its pieces lies on.
 
     Neighbouring heights are correlated; the slopes of the pieces have the standard deviation `sd_rad`.
     """

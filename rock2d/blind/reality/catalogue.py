@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rock2d.blind.reality.camera_effects import CAMERA
-from rock2d.blind.reality.data_model import Bench, Block, Hidden, Soil
+from rock2d.blind.reality.data_model import Block, Hidden, Setup, Soil
 from rock2d.blind.reality.outside import KINDS
 from rock2d.blind.reality.scale import Scale, scale_of
 from rock2d.blind.reality.world_effects import WORLD
@@ -28,13 +28,13 @@ def draw(
     name: str,
     form: int,
     rng: np.random.Generator,
-    bench: Bench,
+    setup: Setup,
     law: Soil,
     blocks: Sequence[Block],
     gravity: float,
     strength: float,
 ) -> Hidden:
-    """An effect of `strength` (0 to 1) times the largest plausible size for this bench; signs are drawn.
+    """An effect of `strength` (0 to 1) times the largest plausible size for this set-up; signs are drawn.
 
     Raises KeyError for a name that is neither in FORMS nor OUTSIDE, ValueError for a form that does not exist.
     """
@@ -42,5 +42,5 @@ def draw(
         raise ValueError(f"{name} has forms 0 to {FORMS.get(name, 1) - 1}, got {form}")
     share = strength * float(rng.uniform(LEAST_SHARE, 1.0))
     sizes: Sizes = KNOWN[name] if name in KNOWN else KINDS[name][1]
-    values = sizes(form, share, rng, scale_of(bench, law, blocks, gravity))
+    values = sizes(form, share, rng, scale_of(setup, law, blocks, gravity))
     return Hidden(name, form, {key: float(value) for key, value in values.items()})

@@ -11,7 +11,7 @@ from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import DEEPEST, K_L, K_UL, N_MEMORY, ON, SOFT, START, ZONE, press
 
 # sums over the contacts: force, moment, horizontal force on the embankment, last outward unit vector, way in m to the
-# next contact that may press, how many are on, how many press, how many of them enter virgin soil
+# next contact that may press, how many are on, how many press, how many of them enter first-loading soil
 FX, FY, MOMENT, EMBANKMENT, OUT_X, OUT_Y, WAY, COUNT, PRESSING, VIRGIN = range(10)
 N_SUMS = 10
 
@@ -55,7 +55,7 @@ def settle(
 @numba.njit
 def add_up(
     low: int, high: int, corners: int, x: float, y: float, velocity: Array, going: Array, span: float, ground_vx: float,
-    ground_vy: float, yielding: Array, soil: Array, crater: bool, dial: Array, found: Array, memory: Array,
+    ground_vy: float, yielding: Array, soil: Array, indentation: bool, dial: Array, found: Array, memory: Array,
     sums: Array,
 ) -> None:  # fmt: skip
     """Fill `sums` with the forces of all contacts on a block at (x, y).
@@ -82,7 +82,7 @@ def add_up(
         zone = int(memory[j, ZONE])
         before = memory[j, DEEPEST]
         force, along, moment, pressing = press(
-            found[j, DEPTH], rate, slip, slid, span * going[2], soil[zone], crater, dial, memory[j]
+            found[j, DEPTH], rate, slip, slid, span * going[2], soil[zone], indentation, dial, memory[j]
         )
         fx, fy = force * nx + along * ny, force * ny - along * nx
         sums[FX] += fx

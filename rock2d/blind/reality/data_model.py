@@ -1,4 +1,4 @@
-"""What there is: blocks, the bench, the soil's law, and what is hidden."""
+"""What there is: blocks, the set-up, the soil's law, and what is hidden."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """The cross-section: a polyline from left to right (x strictly rising), solid below.
 
     zones : name of the soil of each facet
@@ -63,7 +63,7 @@ class Bench:
     def __post_init__(self) -> None:
         points = np.asarray(self.points_m, float)
         if not (np.diff(points[:, 0]) > 0.0).all():
-            raise ValueError("x of a bench's points must rise strictly")
+            raise ValueError("x of a set-up's points must rise strictly")
         if len(self.zones) != len(points) - 1:
             raise ValueError(f"{len(points) - 1} facets need as many zones, got {len(self.zones)}")
 
@@ -72,7 +72,7 @@ class Bench:
 class Law:
     """Soil: stiffnesses in N/m, friction coefficient, rolling stiffness in N m/rad.
 
-    crater : the rolling spring acts until the block is clear of the surface, not only while the ground presses
+    indentation : the rolling spring acts until the block is clear of the surface, not only while the ground presses
     """
 
     k_l: float
@@ -80,7 +80,7 @@ class Law:
     k_t: float
     mu: float
     k_r: float
-    crater: bool = False
+    indentation: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def soil_of(soil: Soil, zone: str) -> Law:
 
 
 def mean_size_m(blocks: Sequence[Block]) -> float:
-    """Mean size of the blocks in m: the length that scales a bench."""
+    """Mean size of the blocks in m: the length that scales a set-up."""
     return float(np.mean([block.size_m for block in blocks]))
 
 

@@ -1,4 +1,4 @@
-"""Many releases on a bench, in parallel."""
+"""Many releases on a set-up, in parallel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array, Bench, Block, Hidden, Soil
+from rock2d.blind.reality.data_model import Array, Block, Hidden, Setup, Soil
 from rock2d.blind.reality.ground import CONVEX, patches, turns
 from rock2d.blind.reality.motion import CENTROID_X, CENTROID_Y, release
 from rock2d.blind.reality.motion_inputs import setting_of, stiffening
@@ -20,7 +20,7 @@ STEEPEST_TILT = 0.3  # rad
 
 
 def fall(
-    bench: Bench,
+    setup: Setup,
     law: Soil,
     blocks: Sequence[Block],
     block_ids: Array,
@@ -44,7 +44,7 @@ def fall(
     states = np.array(np.atleast_2d(states), float)
     n = len(states)
     order = np.asarray(order, float)
-    world = setting_of(bench, law, blocks, hidden)
+    world = setting_of(setup, law, blocks, hidden)
     factors, tilts, shares = _luck(n, np.asarray(soil_sd, float), hidden, seed)
     slopes = np.diff(world.points, axis=0)
     room = min(STEEPEST_TILT, np.deg2rad(88.0) - np.abs(np.arctan2(slopes[:, 1], slopes[:, 0])).max())
@@ -68,7 +68,7 @@ def fall(
     poses = np.full((n, len(times_s), 3), np.nan)
     _releases(
         states, _true_times(np.asarray(times_s, float), n, hidden, seed), world.points, world.zone,
-        patches(world.points), ridges, world.yielding, corners, counts, bodies, ids, soil, world.crater,
+        patches(world.points), ridges, world.yielding, corners, counts, bodies, ids, soil, world.indentation,
         float(gravity_m_s2), factors, tilts, shares, world.dial, poses,
     )  # fmt: skip
     return poses
@@ -112,7 +112,7 @@ def _compiled(sources: int) -> Any:
     @numba.njit(cache=True, parallel=True)
     def releases(
         states: Array, times: Array, points: Array, zone: Array, patch: Array, ridges: Array, yielding: Array,
-        corners: Array, counts: Array, bodies: Array, ids: Array, soil: Array, crater: bool, gravity: float,
+        corners: Array, counts: Array, bodies: Array, ids: Array, soil: Array, indentation: bool, gravity: float,
         factors: Array, tilts: Array, shares: Array, dial: Array, poses: Array,
     ) -> None:  # fmt: skip
         if sources == 0:
@@ -121,7 +121,7 @@ def _compiled(sources: int) -> Any:
             b = ids[i]
             release(
                 states[i], times[i], points, zone, patch, ridges, yielding, corners[b, : counts[b]], bodies[b], soil[i],
-                crater, gravity, factors[i], tilts[i], shares[i], dial, poses[i],
+                indentation, gravity, factors[i], tilts[i], shares[i], dial, poses[i],
             )  # fmt: skip
 
     return releases

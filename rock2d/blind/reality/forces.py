@@ -15,7 +15,7 @@ from rock2d.blind.reality.data_model import Array
 ON, DEEPEST, STRETCH, TURN, START, ZONE, SOFT = range(7)
 N_MEMORY = 7
 K_L, K_UL, K_T, MU, K_R = range(5)
-SET_IN = 0.1  # of the way out of the crater over which a tension sets in
+SET_IN = 0.1  # of the way out of the indentation over which a tension sets in
 
 
 @numba.njit
@@ -38,7 +38,7 @@ def slip_factor(slip: float, dial: Array) -> float:
 
 @numba.njit
 def tension(depth: float, bottom: float, rate: float, dial: Array) -> float:
-    """Pull in N of wet soil on a block that rises from its crater, at `depth` above its `bottom` (m)."""
+    """Pull in N of wet soil on a block that rises from its indentation, at `depth` above its `bottom` (m)."""
     pull = dial[parameters.TENSION]
     if pull == 0.0 or rate >= 0.0 or depth >= bottom or depth <= 0.0:
         return 0.0
@@ -50,7 +50,7 @@ def tension(depth: float, bottom: float, rate: float, dial: Array) -> float:
 
 @numba.njit
 def press(
-    depth: float, rate: float, slip: float, slid: float, turned: float, soil: Array, crater: bool, dial: Array,
+    depth: float, rate: float, slip: float, slid: float, turned: float, soil: Array, indentation: bool, dial: Array,
     memory: Array,
 ) -> tuple[float, float, float, bool]:  # fmt: skip
     """(normal force N, force along the tangent N, moment N m, whether the ground presses); updates `memory`.
@@ -75,9 +75,9 @@ def press(
     if k_t > 0.0:
         along = min(max(k_t * (memory[STRETCH] + slid), -limit), limit)
         memory[STRETCH] = along / k_t
-    if pressing or crater:
+    if pressing or indentation:
         memory[TURN] += turned
-    moment = soil[K_R] * memory[TURN] if force > 0.0 or crater else 0.0
+    moment = soil[K_R] * memory[TURN] if force > 0.0 or indentation else 0.0
     if not pressing:
         force -= tension(depth, memory[DEEPEST] * (1.0 - k_l / k_ul), rate, dial)
     return force, -along - drag, -moment, pressing

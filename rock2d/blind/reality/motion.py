@@ -117,8 +117,8 @@ def clearance(x: float, y: float, reach: float, points: Array) -> float:
 @numba.njit
 def release(
     state: Array, times: Array, base: Array, zone: Array, patch: Array, ridges: Array, yielding: Array, corners: Array,
-    block: Array, laws: Array, crater: bool, gravity: float, factors: Array, tilts: Array, shares: Array, dial: Array,
-    poses: Array,
+    block: Array, laws: Array, indentation: bool, gravity: float, factors: Array, tilts: Array, shares: Array, dial:
+    Array, poses: Array,
 ) -> None:  # fmt: skip
     """Fill `poses` (frames, 3) of a release that starts at times[0] with `state` (of the centre of mass)."""
     body = block.copy()
@@ -207,7 +207,7 @@ def release(
             if on > 0:
                 add_up(
                     low, high, fixed, q[0], q[1], velocity, going, 0.5 * (h + last), drift, heave, yielding, soil,
-                    crater, dial, found, memory, sums,
+                    indentation, dial, found, memory, sums,
                 )  # fmt: skip
                 ax, ay, alpha = sums[FX] / mass, sums[FY] / mass, sums[MOMENT] / inertia
                 last = h

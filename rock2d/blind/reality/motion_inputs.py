@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.as_built import profile, reshaped, with_facing
-from rock2d.blind.reality.data_model import Array, Bench, Block, Hidden, Soil, mean_size_m, soil_of
+from rock2d.blind.reality.data_model import Array, Block, Hidden, Setup, Soil, mean_size_m, soil_of
 from rock2d.blind.reality.motion import CENTROID_X, CENTROID_Y, GROUP, INERTIA, MASS, REACH, ROUNDING, SIZE
 
 # where the values of an effect go
@@ -63,7 +63,7 @@ DIALS: dict[str, dict[str, int]] = {
 class Setting:
     """Arrays of the motion.
 
-    points (m, 2), zone (m - 1,), yielding (m - 1,) : the ground; soil (zones, 5); crater : of the rolling spring
+    points (m, 2), zone (m - 1,), yielding (m - 1,) : the ground; soil (zones, 5); indentation : of the rolling spring
     corners : per block (k, 2) from the centre of mass (a circle: its middle); bodies : per block a row of `motion`
     """
 
@@ -71,23 +71,23 @@ class Setting:
     zone: Array
     yielding: Array
     soil: Array
-    crater: bool
+    indentation: bool
     corners: list[Array]
     bodies: list[Array]
     dial: Array
 
 
-def setting_of(bench: Bench, law: Soil, blocks: Sequence[Block], hidden: Sequence[Hidden]) -> Setting:
-    """The arrays of a bench with what is hidden in it."""
+def setting_of(setup: Setup, law: Soil, blocks: Sequence[Block], hidden: Sequence[Hidden]) -> Setting:
+    """The arrays of a set-up with what is hidden in it."""
     known = {effect.name: effect.values for effect in hidden}
     size = mean_size_m(blocks)
     if "geometry_error" in known:
-        bench = with_facing(bench, known["geometry_error"], size)
-    soil, zone = _soil(bench, law, known.get("zone_contrast"))
-    points = np.array(bench.points_m, float)
+        setup = with_facing(setup, known["geometry_error"], size)
+    soil, zone = _soil(setup, law, known.get("zone_contrast"))
+    points = np.array(setup.points_m, float)
     yielding = np.zeros(len(zone))
-    if bench.embankment is not None:
-        yielding[slice(*bench.embankment)] = 1.0
+    if setup.embankment is not None:
+        yielding[slice(*setup.embankment)] = 1.0
     if "surface_roughness" in known and "spacing_m" in known["surface_roughness"]:
         points, pieces = profile(points, known["surface_roughness"])
         zone, yielding = zone[pieces], yielding[pieces]
@@ -106,8 +106,8 @@ def setting_of(bench: Bench, law: Soil, blocks: Sequence[Block], hidden: Sequenc
         body[CENTROID_X], body[CENTROID_Y] = -offset
         bodies.append(body)
         corners.append(np.ascontiguousarray(shape))
-    crater = soil_of(law, bench.zones[0]).crater
-    return Setting(points, zone, yielding, soil, crater, corners, bodies, _dial(hidden, size))
+    indentation = soil_of(law, setup.zones[0]).indentation
+    return Setting(points, zone, yielding, soil, indentation, corners, bodies, _dial(hidden, size))
 
 
 def stiffening(hidden: Sequence[Hidden], order: Array) -> Array:
@@ -124,15 +124,15 @@ def _form(hidden: Sequence[Hidden], name: str) -> int:
     return next((effect.form for effect in hidden if effect.name == name), 0)
 
 
-def _soil(bench: Bench, law: Soil, contrast: dict[str, float] | None) -> tuple[Array, Array]:
+def _soil(setup: Setup, law: Soil, contrast: dict[str, float] | None) -> tuple[Array, Array]:
     """(facets, 5) rows of the law, one a facet, and the row of each facet."""
     rows = []
-    for name in bench.zones:
+    for name in setup.zones:
         own = soil_of(law, name)
         rows.append([own.k_l, own.k_ul, own.k_t, own.mu, own.k_r])
     soil = np.array(rows, float)
     if contrast is not None:
-        where = bench.face if contrast["k_ul"] == 1.0 else bench.embankment
+        where = setup.face if contrast["k_ul"] == 1.0 else setup.embankment
         if where is not None:
             soil[slice(*where), :2] *= np.array([contrast["k_l"], contrast["k_ul"]])
             soil[slice(*where), 3] *= contrast["mu"]

@@ -83,7 +83,7 @@ KINDS: dict[str, tuple[str, Sizes]] = {
     ),
     "ground_pull": ("Close to its surface the ground attracts the block.", _ground_pull),
     "spin_kick": ("At lift-off the block gains speed off the ground in proportion to its spin.", _spin_kick),
-    "updraught": ("Air rises in a band of the bench and carries the block.", _updraught),
+    "updraught": ("Air rises in a band of the set-up and carries the block.", _updraught),
 }
 
 # where each shows: in free flight, in impacts, or in both

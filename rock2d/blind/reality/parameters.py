@@ -32,7 +32,7 @@ from __future__ import annotations
     RECOIL_DASHPOT,  # 1/s
     RECOIL_GRIP,  # deceleration by friction at the base, m/s²
     STIFFENING_RATE,  # growth of contact forces with speed by effects, N s/m: it limits steps
-    SHEDS,  # share of the mass that stays in the first crater, 1
+    SHEDS,  # share of the mass that stays in the first indentation, 1
     STRIP_FACTOR,  # factor on stiffness in strips of ground; 0: no strip
     STRIP_LEFT,  # where one begins, m
     STRIP_WIDTH,

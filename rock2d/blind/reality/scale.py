@@ -1,4 +1,4 @@
-"""What sizes of effects are measured by: length, mass, gravity, stiffness and extent of the bench at hand."""
+"""What sizes of effects are measured by: length, mass, gravity, stiffness and extent of the set-up at hand."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array, Bench, Block, Soil, mean_mass_kg, mean_size_m, soil_of
+from rock2d.blind.reality.data_model import Array, Block, Setup, Soil, mean_mass_kg, mean_size_m, soil_of
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes of the bench at hand in SI.
+    """Sizes of the set-up at hand in SI.
 
     Attributes
     ----------
@@ -40,10 +40,10 @@ class Scale:
         return float(self.high[0] - self.low[0])
 
 
-def scale_of(bench: Bench, law: Soil, blocks: Sequence[Block], gravity: float) -> Scale:
-    """The scale of a bench."""
-    points = np.asarray(bench.points_m, float)
-    ranges = [r for r in (bench.ditch, bench.embankment) if r is not None]
+def scale_of(setup: Setup, law: Soil, blocks: Sequence[Block], gravity: float) -> Scale:
+    """The scale of a set-up."""
+    points = np.asarray(setup.points_m, float)
+    ranges = [r for r in (setup.ditch, setup.embankment) if r is not None]
     if ranges:
         seen = points[min(a for a, _ in ranges) : max(b for _, b in ranges) + 1]
         low, high = seen.min(axis=0), seen.max(axis=0)
@@ -52,5 +52,5 @@ def scale_of(bench: Bench, law: Soil, blocks: Sequence[Block], gravity: float) -
         third = (high[0] - low[0]) / 3.0
         low[0], high[0] = low[0] + third, high[0] - third
     mass = mean_mass_kg(blocks)
-    spring = float(np.sqrt(soil_of(law, bench.zones[0]).k_l / mass))
+    spring = float(np.sqrt(soil_of(law, setup.zones[0]).k_l / mass))
     return Scale(mean_size_m(blocks), mass, gravity, spring, low, high, len(blocks))

@@ -97,7 +97,7 @@ def viscous_damping(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float
 
 
 def adhesion(form: int, s: float, rng: Rng, at: Scale) -> dict[str, float]:
-    """Tension on the way out of the crater: constant, or fading with the rise."""
+    """Tension on the way out of the indentation: constant, or fading with the rise."""
     pull = (12.0, 18.0)[form] * s * at.mass * at.gravity
     return {"pull_N": pull, "fades": float(form), "onset_m_s": 0.05 * at.speed}
 

@@ -69,14 +69,14 @@ def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
 class Mark:
     """One mark of a strip: a point with a whisker from low to high, a bar from zero, or a span with a tick in it.
 
-    `model` gives colour and form ("measured" | "base" | "effect" | "plain"); `told` is read aloud and shown on hover.
+    `model` gives colour and form ("measured" | "base" | "effect" | "plain"); `label` is read aloud and shown on hover.
     """
 
     model: str
     value: float
     low: float
     high: float
-    told: str
+    label: str
     kind: str = "point"
 
 
@@ -103,8 +103,8 @@ def strip(axis: Axis, marks: Sequence[Mark]) -> Markup:
             body = f'<line class="span" x1="{low}" x2="{high}" y1="{y}" y2="{y}"/>{shape}'
         else:
             body = whisker + shape
-        parts.append(f'<g class="{mark.model}"><title>{escape(mark.told)}</title>{body}</g>')
-    label = escape("; ".join(mark.told for mark in marks))
+        parts.append(f'<g class="{mark.model}"><title>{escape(mark.label)}</title>{body}</g>')
+    label = escape("; ".join(mark.label for mark in marks))
     head = f'<svg class="strip" role="img" aria-label="{label}" width="100%" height="{height}">'
     return Markup(f"{head}{''.join(parts)}</svg>")
 

@@ -14,7 +14,7 @@ from rock2d.graphics import drawing
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.plots import blank_figure, draw_cross_section
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -47,7 +47,7 @@ class Misses:
 
 
 def section_figure(
-    terrain: Terrain,
+    cross_section: CrossSection,
     blocks: Mapping[str, Block],
     flights: Sequence[Array],
     misses: Misses,
@@ -59,15 +59,15 @@ def section_figure(
 
     ways = np.vstack([*flights, misses.place_m])
     radius = max(b.radius_m for b in blocks.values())
-    limits = drawing.motion_limits(terrain, ways[:, 0], ways[:, 1], radius)
+    limits = drawing.motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
     wide_in, axis_in = 6.6, 6.0
     high_in = float(np.clip(axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 2.0, 4.6))
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
     view = drawing.fitted_view(limits, 1400, round(1400 * high_in / axis_in))
     said = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
-    names = [said.get(zone, zone) for zone in terrain.zones]
-    labelled = Terrain(terrain.points_m, names, terrain.measure_lines)
+    names = [said.get(zone, zone) for zone in cross_section.zones]
+    labelled = CrossSection(cross_section.points_m, names, cross_section.measure_lines)
     draw_cross_section(axis, labelled, view, ways, axis_in)
     for text in axis.texts:
         if text.get_text().endswith("%"):
@@ -140,7 +140,7 @@ class Segment:
     models: dict[str, Array]
 
 
-def segment_figure(terrain: Terrain, segment: Segment) -> Figure:
+def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     """x-y with the block at the end, above the angle over time."""
     figure = blank_figure(3.35, 3.9)
     way, angle = figure.subplots(2, 1, height_ratios=(1.55, 1.0))
@@ -149,7 +149,7 @@ def segment_figure(terrain: Terrain, segment: Segment) -> Figure:
     factor, unit = (1e3, "mm") if small else (1.0, "m")
     radius = segment.block.radius_m
     low, high = every[:, 1:3].min(axis=0) - 1.3 * radius, every[:, 1:3].max(axis=0) + 1.3 * radius
-    ground = terrain.points_m * factor
+    ground = cross_section.points_m * factor
     deep = ground[:, 1].min() - 10 * factor * (high - low).max()
     way.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
     way.plot(*ground.T, color=INK, lw=1.2)

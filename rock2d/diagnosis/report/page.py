@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 PAGE, VIDEO = "report.html", "side_by_side.webm"
 FOLDED = 0.005  # probability below which a name is folded away
@@ -51,16 +51,16 @@ def write_report(result: Diagnosis, content: dict[str, Any], folder: Path, *, pr
 
     with tqdm(desc="report", unit="part", disable=not progress) as bar:
 
-        def tell(part: str) -> None:
+        def report(part: str) -> None:
             bar.set_postfix_str(part)
             bar.update()
 
-        page = report_page(result, content, folder, tell)
+        page = report_page(result, content, folder, report)
     write_whole(folder / PAGE, page)
 
 
 def report_page(
-    result: Diagnosis, content: dict[str, Any], folder: Path, tell: Tell = lambda part: None
+    result: Diagnosis, content: dict[str, Any], folder: Path, report: Report = lambda part: None
 ) -> str:
     """The page as text; the video is written into `folder` and into the page."""
     import jinja2
@@ -77,7 +77,7 @@ def report_page(
     context |= _verdict(result, content, chain)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
-            context |= _evidence(result, content, models, chain, folder, tell)
+            context |= _evidence(result, content, models, chain, folder, report)
     return environment.from_string(template).render(context)
 
 
@@ -120,12 +120,12 @@ def _evidence(
     models: tables.Models,
     chain: list[str],
     folder: Path,
-    tell: Tell,
+    report: Report,
 ) -> dict[str, Any]:
     """Everything below the verdict."""
     assert result.found is not None and result.data is not None
     labels = {"measured": "measured", "base": "base law", "effect": f"with {text.listed(chain)}"}
-    tell("where")
+    report("where")
     context: dict[str, Any] = {
         "labels": labels,
         "chain": chain,
@@ -133,7 +133,7 @@ def _evidence(
         "shapes": SHAPES,
     }
     context |= _where(result, content, models)
-    tell("which")
+    report("which")
     context |= _which(content) | _how_far(content, chain or [tables.best_told(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
@@ -141,7 +141,7 @@ def _evidence(
     }  # fmt: skip
     context |= {"segments": [], "video": "", "video_missing": "", "repetitions": 0, "line_note": ""}
     if isinstance(result.data, FilmData):
-        context |= _film(result, content, result.data, models, labels, folder, tell)
+        context |= _film(result, content, result.data, models, labels, folder, report)
     else:
         left = {"base": models.base_out.left.impacts}
         if models.effect_out is not None:
@@ -157,18 +157,18 @@ def _evidence(
 def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
-    told = [cell for cell in content["where"] if cell["z"] >= text.SURE_Z]
-    for cell in content["where"] if told and content["verdict"] != "none" else []:
+    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SURE_Z]
+    for cell in content["where"] if shown_cells and content["verdict"] != "none" else []:
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
     misses = tables.misses_of(result, models.base_out)
-    figure = section_figure(experiment.terrain, experiment.blocks, flights, misses, shares)
+    figure = section_figure(experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
         "section": _inline(figure),
         "where_sentence": text.where_sentence(content),
-        "cells": told if shares else [],
+        "cells": shown_cells if shares else [],
         "few_cells": FEW_CELLS,
     }
 
@@ -239,14 +239,14 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
         "closure_text": text.closure(gap["closure"], gap["closure_ci95"]),
-        "closures": [(name, strip(closure_axis, [mark]), mark.told) for name, mark in marks.items()],
+        "closures": [(name, strip(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
         "closure_scale": scale(closure_axis),
     }
 
 
 def _film(
     result: Diagnosis, content: dict[str, Any], data: FilmData, models: tables.Models, labels: Mapping[str, str],
-    folder: Path, tell: Tell,
+    folder: Path, report: Report,
 ) -> dict[str, Any]:  # fmt: skip
     """What only a film has: whole releases simulated again, single impacts, the video."""
     signs, experiment = tables.signs_of(result), result.experiment
@@ -259,22 +259,22 @@ def _film(
         drawn[name] = simulated_releases(data, fit, film, signs, repetitions=repetitions)
     top = float(np.nanmax(film.pose[..., 1]))
     lines, line_note = measure_lines(experiment, top)
-    tell("practice")
+    report("practice")
     quantities = film_quantities(experiment, film, drawn, lines)
     mends = content["verdict"] not in ("none", "unknown")
     segments = tables.segments_of(result, models, mends)
-    tell("impacts")
+    report("impacts")
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
         "line_note": line_note,
         "repetitions": repetitions,
-        "segments": [_inline(segment_figure(experiment.terrain, s)) for s in segments],
+        "segments": [_inline(segment_figure(experiment.cross_section, s)) for s in segments],
         "mends": mends,
         "apart": {name: f"{1e3 * v:.1f} mm" if v < 1 else f"{v:.2f} m" for name, v in apart.items()},
         "releases": len(film),
     }
-    tell("video")
+    report("video")
     return context | _video(result, film, plain, labels, mends, folder)
 
 
@@ -290,13 +290,16 @@ def _video(
 
     scenes, titles = tables.scenes_of(result, film, poses, mends)
     shown_s = sum(float(np.ptp(scene[0][0].t_s)) for scene in scenes)
-    terrain, radius = result.experiment.terrain, max(b.radius_m for b in result.experiment.blocks.values())
+    cross_section, radius = (
+        result.experiment.cross_section,
+        max(b.radius_m for b in result.experiment.blocks.values()),
+    )
     pace = VIDEO_S / max(shown_s, 1e-6)
-    view = tables.scenes_view(scenes, terrain, radius)
+    view = tables.scenes_view(scenes, cross_section, radius)
     path = folder / VIDEO
     try:
         compare_video(
-            path, terrain, result.experiment.blocks, scenes, [labels[m] for m in ("measured", *poses)],
+            path, cross_section, result.experiment.blocks, scenes, [labels[m] for m in ("measured", *poses)],
             fps_video=VIDEO_FPS, slow_motion=float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace),
             size_px=VIDEO_SIZE, view=view, titles=titles, hold_s=0.8, quick=True,
         )  # fmt: skip
@@ -318,11 +321,11 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
             if not own:
                 continue
             said = ", ".join(f"{text.number(e.value)} ({text.interval(e.low, e.high)})" for e in own)
-            told = f"{labels[model]}: {said} {quantity.unit}"
+            label = f"{labels[model]}: {said} {quantity.unit}"
             if quantity.percentiles:
-                marks.append(Mark(model, own[1].value, own[0].value, own[2].value, told, "span"))
+                marks.append(Mark(model, own[1].value, own[0].value, own[2].value, label, "span"))
             else:
-                marks.append(Mark(model, own[0].value, own[0].low, own[0].high, told))
+                marks.append(Mark(model, own[0].value, own[0].low, own[0].high, label))
             table.append((label, labels[model], [
                 (text.number(e.value), text.interval(e.low, e.high)) for e in own
             ], own[0].count))  # fmt: skip

@@ -58,13 +58,13 @@ class Quantity:
 
 def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
     """The experiment's measure lines, else three upright ones on the uphill facing; and what was assumed of them."""
-    terrain = experiment.terrain
-    if terrain.measure_lines:
-        return dict(terrain.measure_lines), ""
-    rise = terrain.embankment
+    cross_section = experiment.cross_section
+    if cross_section.measure_lines:
+        return dict(cross_section.measure_lines), ""
+    rise = cross_section.embankment
     if rise is None:
         return {}, ""
-    facing = terrain.points_m[rise.left : rise.crest + 1]
+    facing = cross_section.points_m[rise.left : rise.crest + 1]
     lines = {}
     for name, share in (("1/3 of the facing", 1 / 3), ("2/3 of the facing", 2 / 3), ("crest", 1.0)):
         height = facing[0, 1] + share * (facing[-1, 1] - facing[0, 1])
@@ -162,9 +162,11 @@ def _read(
         energy = np.full(len(flat), np.nan)
         for b, own_block in enumerate(blocks):
             own = (block == b) & np.isfinite(crossings[:, 0])
-            energy[own] = crossing_values(crossings[own], line, experiment.terrain, own_block)[:, ENERGY]
+            energy[own] = crossing_values(crossings[own], line, experiment.cross_section, own_block)[
+                :, ENERGY
+            ]
         out[f"energy {name}"] = energy
-    height = flat[..., 1] - experiment.terrain.height_m(flat[..., 0])
+    height = flat[..., 1] - experiment.cross_section.height_m(flat[..., 0])
     later = np.arange(k) >= np.tile(film.impact, repetitions)[:, None]
     height = np.where(later & np.isfinite(height), height, -np.inf)
     top = height.argmax(axis=1)

@@ -21,7 +21,7 @@ from rock2d.graphics.drawing import Limits
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORS
 from rock2d.kinematics.states import drift
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -65,8 +65,8 @@ def compared_models(result: Diagnosis) -> Models:
 
 def best_told(found: Attribution) -> str:
     """The effect whose gap is told."""
-    told = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    return max(told, key=lambda name: found.candidates[name].total)
+    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    return max(named, key=lambda name: found.candidates[name].total)
 
 
 def signs_of(result: Diagnosis) -> Signs:
@@ -93,7 +93,7 @@ def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
 
 def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with every axis put right."""
-    seen = replace(result.bench, view=replace(result.bench.view, mirror=signs))
+    seen = replace(result.setup, view=replace(result.setup.view, mirror=signs))
     impacts, states = data.impacts, data.states(seen).middle
     ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     leaves = drift(seen, impacts.block, states[impacts.before], ends)
@@ -139,7 +139,7 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
         )
         for name, fit in models.fits.items()
     }
-    blocks, zones = list(result.experiment.blocks.items()), result.experiment.terrain.zone_names
+    blocks, zones = list(result.experiment.blocks.items()), result.experiment.cross_section.zone_names
     segments = []
     for k, i in enumerate(which):
         film = data.film
@@ -199,7 +199,7 @@ def scenes_of(
     return scenes, titles
 
 
-def scenes_view(scenes: list[list[list[Clip]]], terrain: Terrain, radius_m: float) -> Limits:
+def scenes_view(scenes: list[list[list[Clip]]], cross_section: CrossSection, radius_m: float) -> Limits:
     """What a video of scenes shows: the way of the measured blocks, the others' half as far beyond, the ground."""
     every = [clip for scene in scenes for panel in scene for clip in panel]
     filmed = [scene[0][0] for scene in scenes]
@@ -210,7 +210,7 @@ def scenes_view(scenes: list[list[list[Clip]]], terrain: Terrain, radius_m: floa
         limits.append(max(low - room, min(np.min(getattr(c, key)) for c in every)) - 2.0 * radius_m)
         limits.append(min(high + room, max(np.max(getattr(c, key)) for c in every)) + 2.0 * radius_m)
     left, right, low, high = map(float, limits)
-    ground = terrain.height_m(np.linspace(left, right, 50))
+    ground = cross_section.height_m(np.linspace(left, right, 50))
     low = min([low, *ground[np.isfinite(ground)]])
     return left, right, low - 0.15 * (high - low), high + 0.1 * (high - low)  # room for names
 

@@ -261,7 +261,7 @@ def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, fl
 
 def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[str]) -> list[str]:
     """What the diagnosis takes for granted."""
-    terrain = result.experiment.terrain
+    cross_section = result.experiment.cross_section
     said = [
         "The base model is the paper's contact law (elasto-plastic normal spring, tangential spring that slips, "
         "rolling spring) with one set of parameters for all zones, refitted to these data before anything is blamed "
@@ -287,14 +287,16 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
         "Releases are numbered in the order filmed, and each block's series begins on fresh ground: an effect that "
         "grows from release to release rests on that order."
     )
-    raised = {zone for zone, part in zip(terrain.zones, embankment_facets(terrain), strict=True) if part}
+    raised = {
+        zone for zone, part in zip(cross_section.zones, embankment_facets(cross_section), strict=True) if part
+    }
     if raised:
-        zones = listed([zone for zone in terrain.zone_names if zone in raised])
+        zones = listed([zone for zone in cross_section.zone_names if zone in raised])
         said.append(f"The embankment is told by its shape, not its name: {zones}.")
     else:
         said.append("This cross-section has no embankment: effects of one cannot show.")
     said.append(
-        "An effect is judged on releases that its fit did not see, but all come from one bench and one camera. "
+        "An effect is judged on releases that its fit did not see, but all come from one set-up and one camera. "
         "Probabilities compare the catalogue's effects, none and unknown with each other, and nothing else."
     )
     groups = lookalikes(chain, list(content["effects"]))

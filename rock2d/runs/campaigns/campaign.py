@@ -53,7 +53,7 @@ def run_campaign(
     keep: Sequence[str] = (),
     chunk_releases: int = CHUNK_RELEASES,
     progress: bool = True,
-    tell: Callable[[str], Any] = print,
+    report: Callable[[str], Any] = print,
 ) -> dict[str, pd.DataFrame]:
     """Run a campaign into `folder`, or go on with it; returns its tables by name.
 
@@ -79,20 +79,20 @@ def run_campaign(
 
     keep = tuple(name for name in OUTPUTS if name in (keep or DEFAULT_KEEP))
     job, about = _prepare(scenario, folder, engine or scenario.engine, seed, releases, keep, chunk_releases)
-    on_cluster = _on_cluster(workers, scheduler, tell)
+    on_cluster = _on_cluster(workers, scheduler, report)
     chunks = _plan(len(job.blocks), releases or scenario.releases, chunk_releases)
     total = sum(chunk.count for chunk in chunks)
     _claim(folder, about, job)
-    tell(
+    report(
         f"campaign: {total} releases in {len(chunks)} chunks, kept: {', '.join(keep)}; "
         "no full tracks, so no trajectories, figures or video"
     )
     if "samples" in keep:
         most = total * job.time_limit_s * job.fps * 32 / 1e9
-        tell(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
+        report(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
     if len(todo) < len(chunks):
-        tell(f"{len(chunks) - len(todo)} of {len(chunks)} chunks are done already")
+        report(f"{len(chunks) - len(todo)} of {len(chunks)} chunks are done already")
     title = f"{scenario.name} ({job.engine})"
     try:
         first = total - sum(chunk.count for chunk in todo)
@@ -139,8 +139,8 @@ def _prepare(
         )
     if engine == "point_mass" and "samples" in keep:
         raise InputError("engine point_mass keeps no samples: between its impacts a block flies a parabola")
-    terrain, blocks = scenario.terrain(), scenario.make_blocks()
-    if keep == ("crossings",) and not terrain.measure_lines:
+    cross_section, blocks = scenario.make_cross_section(), scenario.make_blocks()
+    if keep == ("crossings",) and not cross_section.measure_lines:
         raise InputError("only crossings are kept, but the cross-section has no measure lines")
     try:
         import pyarrow  # noqa: F401
@@ -151,7 +151,7 @@ def _prepare(
     if engine == "batch":
         from rock2d.laws.contact import parameter_table
 
-        table = parameter_table(scenario.contact_parameters(), terrain.zone_names)
+        table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
         parameters: tuple[Any, ...] = (table,) * len(blocks)
     else:
         parameters = tuple(scenario.rebound_parameters(name) for name in blocks)
@@ -169,7 +169,7 @@ def _prepare(
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
     job = Job(
-        folder.absolute() / "chunks", fingerprint, keep, engine, seed, terrain, tuple(blocks.values()),
+        folder.absolute() / "chunks", fingerprint, keep, engine, seed, cross_section, tuple(blocks.values()),
         tuple(scenario.incident_of(name) for name in blocks), parameters,
         scenario.gravity_m_s2, scenario.time_limit_s, fps, versions(),
     )  # fmt: skip
@@ -217,7 +217,7 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     ]
 
 
-def _on_cluster(workers: int | None, scheduler: str | None, tell: Callable[[str], Any]) -> bool:
+def _on_cluster(workers: int | None, scheduler: str | None, report: Callable[[str], Any]) -> bool:
     """Whether Dask is asked for, and there; InputError if a scheduler is given in vain."""
     if workers is None and scheduler is None:
         return False
@@ -226,7 +226,7 @@ def _on_cluster(workers: int | None, scheduler: str | None, tell: Callable[[str]
     except ImportError:
         if scheduler is not None:
             raise InputError(f"--scheduler needs Dask, which is missing: {EXTRA}") from None
-        tell(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers} threads")
+        report(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers} threads")
         return False
     return True
 
@@ -237,21 +237,21 @@ def _compute(
     on_cluster: bool,
     workers: int | None,
     scheduler: str | None,
-    told: Callable[[int], Any],
+    on_progress: Callable[[int], Any],
 ) -> None:
-    """Compute chunks; `told` hears the numbers of releases as they are done."""
+    """Compute chunks; `on_progress` hears the numbers of releases as they are done."""
     if not todo:
         return
     if on_cluster:
         from rock2d.runs.campaigns.cluster import run_on_cluster
 
-        run_on_cluster(job, todo, told, workers=workers, scheduler=scheduler)
+        run_on_cluster(job, todo, on_progress, workers=workers, scheduler=scheduler)
         return
     from rock2d.runs.campaigns.chunks import run_chunk
 
     with _numba_threads(workers):
         for chunk in todo:
-            run_chunk(job, chunk, told)
+            run_chunk(job, chunk, on_progress)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from rock2d.records.track import IMPACT_COLUMNS
 from rock2d.runs.incident_states import GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators import CROSSING_COLUMNS, STOP_COLUMNS, crossing_values
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Job:
     keep: tuple[str, ...]
     engine: str
     seed: int
-    terrain: Terrain
+    cross_section: CrossSection
     blocks: tuple[Block, ...]
     incidents: tuple[Incident, ...]
     parameters: tuple[Any, ...]
@@ -119,10 +119,10 @@ def is_done(job: Job, chunk: Chunk) -> bool:
     return True
 
 
-def run_chunk(job: Job, chunk: Chunk, told: Callable[[int], Any] = lambda count: None) -> int:
+def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda count: None) -> int:
     """Simulate a chunk and write its files; returns its number of releases.
 
-    One group of releases at a time is in memory; after each, `told` hears how many there were. Raises OSError
+    One group of releases at a time is in memory; after each, `on_progress` hears how many there were. Raises OSError
     if a file cannot be written; whatever stops it, no file is then half there.
     """
     import pyarrow as pa
@@ -144,7 +144,7 @@ def run_chunk(job: Job, chunk: Chunk, told: Callable[[int], Any] = lambda count:
                         partial[output], schema, compression="zstd", use_dictionary=list(TEXT_COLUMNS)
                     )
                 writers[output].write_table(table)
-            told(stop - first)
+            on_progress(stop - first)
         for output, writer in writers.items():
             writer.close()
             os.replace(partial[output], paths[output])
@@ -173,20 +173,20 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> dict[str, dict[s
 
     out = {}
     if "ends" in job.keep:
-        out["ends"] = columns(STOP_COLUMNS, np.arange(len(states)), **_ends(job.terrain, states, found))
+        out["ends"] = columns(STOP_COLUMNS, np.arange(len(states)), **_ends(job.cross_section, states, found))
     if "crossings" in job.keep:
-        lines = job.terrain.measure_lines
+        lines = job.cross_section.measure_lines
         release, line = np.nonzero(np.isfinite(found.crossings[:, :, 0]))
         values = np.empty((len(release), len(CROSSING_COLUMNS) - 3))
         for k, ends in enumerate(lines.values()):
             own = line == k
-            values[own] = crossing_values(found.crossings[release[own], k], ends, job.terrain, block)
+            values[own] = crossing_values(found.crossings[release[own], k], ends, job.cross_section, block)
         named = dict(zip(CROSSING_COLUMNS[3:], values.T, strict=True))
         out["crossings"] = columns(CROSSING_COLUMNS, release, line=_text(list(lines), line), **named)
     if found.impacts is not None:
         release, zone, values = found.impacts
         named = dict(zip(IMPACT_COLUMNS[3:], values.T, strict=True))
-        zones = _text(job.terrain.zone_names, zone)
+        zones = _text(job.cross_section.zone_names, zone)
         out["impacts"] = columns(IMPACT_COLUMNS, release, zone=zones, **named)
     if found.samples is not None:
         times, ended = _times_s(job), found.ends[:, :1]
@@ -196,14 +196,14 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> dict[str, dict[s
     return out
 
 
-def _ends(terrain: Terrain, states: Array, found: _Outcome) -> dict[str, Any]:
+def _ends(cross_section: CrossSection, states: Array, found: _Outcome) -> dict[str, Any]:
     import pyarrow as pa
 
     stop = np.array(found.stop)
-    zones = terrain.zone_ids[nearest_facets(found.ends[:, 1:3], terrain.points_m)]
+    zones = cross_section.zone_ids[nearest_facets(found.ends[:, 1:3], cross_section.points_m)]
     return {
         "stop": pa.array(stop),
-        "zone": _text(terrain.zone_names, np.where(stop == "exit", -1, zones)),
+        "zone": _text(cross_section.zone_names, np.where(stop == "exit", -1, zones)),
         "runout_m": found.ends[:, 1] - states[:, 0],
         **{name: found.ends[:, i] for i, name in enumerate(("t_s", "x_m", "y_m"))},
     }
@@ -224,7 +224,7 @@ def _times_s(job: Job) -> Array:
 def _batch(job: Job, block: int, states: Array, first: int) -> _Outcome:
     from rock2d.engines.batch import STOPS, Ensemble, run_batch
 
-    ensemble = Ensemble([job.blocks[block]], [job.terrain], [job.parameters[block]])
+    ensemble = Ensemble([job.blocks[block]], [job.cross_section], [job.parameters[block]])
     times = _times_s(job) if "samples" in job.keep else None
 
     def run(some: Array | slice, room: int) -> Any:
@@ -251,14 +251,14 @@ def _point_mass(job: Job, block: int, states: Array, first: int) -> _Outcome:
 
     def run(some: Array | slice, room: int) -> Any:
         return run_point_mass_batch(
-            job.blocks[block], job.terrain, job.parameters[block], states[some], seeds[some],
+            job.blocks[block], job.cross_section, job.parameters[block], states[some], seeds[some],
             gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
         )  # fmt: skip
 
     def impacts(rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
         values = np.column_stack([rows[:, :7], rows[:, :4], rows[:, 7:10], unknown])
-        return job.terrain.zone_ids[rows[:, 10].astype(int)], values
+        return job.cross_section.zone_ids[rows[:, 10].astype(int)], values
 
     return _outcome(job, STOPS, run, impacts)[0]
 

@@ -30,12 +30,12 @@ CONNECT_S = 10
 def run_on_cluster(
     job: Job,
     chunks: Sequence[Chunk],
-    told: Callable[[int], Any],
+    on_progress: Callable[[int], Any],
     *,
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `told` hears the
+    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `on_progress` hears the
     number of releases of each as it is done.
 
     Raises InputError if the scheduler does not answer or is lost, if workers keep dying at the same chunk or
@@ -55,7 +55,7 @@ def run_on_cluster(
         running = as_completed(submitted(_room(client)), loop=client.loop)
         try:
             for future in running:
-                told(future.result())
+                on_progress(future.result())
                 running.update(submitted(_room(client) - running.count()))
         except KilledWorker:
             raise InputError("several workers died at the same chunk; is there too little memory?") from None

@@ -39,7 +39,7 @@ PASSES = 64 // DIGIT_BITS
 
 
 def campaign_tables(
-    job: Job, chunks: Sequence[Chunk], told: Callable[[int], Any] = lambda count: None
+    job: Job, chunks: Sequence[Chunk], on_progress: Callable[[int], Any] = lambda count: None
 ) -> dict[str, pd.DataFrame]:
     """Tables by name: passing and percentiles if crossings were kept, stops and runout if ends were.
 
@@ -49,11 +49,11 @@ def campaign_tables(
     - runout: percentiles, as above, of the distance from start to end; what left the cross-section counts
       with the place where it left.
 
-    `told` hears how many more files were read. Raises OSError if a file is not there.
+    `on_progress` hears how many more files were read. Raises OSError if a file is not there.
     """
     import pandas as pd
 
-    files = _Files(job, chunks, told)
+    files = _Files(job, chunks, on_progress)
     tables: dict[str, pd.DataFrame] = {}
     if "crossings" in job.keep:
         passing, percentiles = [], []
@@ -81,8 +81,8 @@ def files_read(job: Job, chunks: Sequence[Chunk]) -> int:
 class _Files:
     """Chunk files of a campaign, block by block."""
 
-    def __init__(self, job: Job, chunks: Sequence[Chunk], told: Callable[[int], Any]) -> None:
-        self.job, self.chunks, self.told = job, chunks, told
+    def __init__(self, job: Job, chunks: Sequence[Chunk], on_progress: Callable[[int], Any]) -> None:
+        self.job, self.chunks, self.on_progress = job, chunks, on_progress
 
     def releases(self, block: int) -> int:
         return sum(chunk.count for chunk in self.chunks if chunk.block == block)
@@ -94,7 +94,7 @@ class _Files:
             if chunk.block == block:
                 with pq.ParquetFile(chunk_path(self.job.folder, output, chunk.number)) as file:
                     yield file.read(columns=list(columns))
-                self.told(1)
+                self.on_progress(1)
 
 
 def _of_crossings(files: _Files, block: int) -> tuple[list[Any], list[Any]]:
@@ -106,7 +106,7 @@ def _of_crossings(files: _Files, block: int) -> tuple[list[Any], list[Any]]:
     for table in files.tables("crossings", block, ["line"]):
         for item in pc.value_counts(table["line"]).to_pylist():
             passed[item["values"]] += item["counts"]
-    lines = list(files.job.terrain.measure_lines)
+    lines = list(files.job.cross_section.measure_lines)
     passing = [passing_row(name, line, releases, passed[line]) for line in lines]
     sought = {
         (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES))
@@ -137,7 +137,7 @@ def _stop_counts(files: _Files, block: int) -> list[Any]:
         for row in groups.to_pylist():
             counts[row["stop"], row["zone"]] += row["count_all"]
     name, releases = files.job.blocks[block].name, files.releases(block)
-    zones = [*files.job.terrain.zone_names, None]
+    zones = [*files.job.cross_section.zone_names, None]
     order = sorted(counts, key=lambda key: (key[0], zones.index(key[1])))
     return [(name, *key, counts[key], counts[key] / releases) for key in order]
 

@@ -35,17 +35,17 @@ from rock2d.runs.indicators import (
 from rock2d.runs.run import impacts_table, simulate, trajectories_table
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
-BENCH = load_scenario(SCENARIOS / "paper_bench.yaml")
+SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
 
 
-def campaign(folder: Path, *, scenario=BENCH, engine="batch", releases=60, chunk=20, **options):
+def campaign(folder: Path, *, scenario=SETUP, engine="batch", releases=60, chunk=20, **options):
     """A campaign of small chunks; what it told comes back beside its tables."""
-    told: list[str] = []
+    lines: list[str] = []
     tables = run_campaign(
         scenario, folder, engine=engine, releases=releases, chunk_releases=chunk, progress=False,
-        tell=told.append, **options,
+        report=lines.append, **options,
     )  # fmt: skip
-    return tables, told
+    return tables, lines
 
 
 def digest(folder: Path) -> dict[str, str]:
@@ -72,14 +72,17 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
     monkeypatch.setattr(chunks, "IMPACT_ROOM", 3)  # so that some releases run a second time
     outputs = ["ends", "crossings", "impacts", *(["samples"] if engine == "batch" else [])]
     tables, _ = campaign(tmp_path / "out", engine=engine, releases=15, chunk=10, keep=outputs)
-    result = simulate(BENCH, engine=engine, releases=15, workers=1, progress=False)
-    tracks, terrain = result.tracks, result.terrain
+    result = simulate(SETUP, engine=engine, releases=15, workers=1, progress=False)
+    tracks, cross_section = result.tracks, result.cross_section
     # the ensemble adds up time in larger parts than a track
-    same(kept(tmp_path / "out", "ends"), stops_table(tracks, terrain))
+    same(kept(tmp_path / "out", "ends"), stops_table(tracks, cross_section))
     impacts = impacts_table(tracks)
     assert impacts.groupby("release").size().max() > 3
     same(kept(tmp_path / "out", "impacts"), impacts)
-    crossings, single = kept(tmp_path / "out", "crossings"), crossings_table(tracks, terrain, result.blocks)
+    crossings, single = (
+        kept(tmp_path / "out", "crossings"),
+        crossings_table(tracks, cross_section, result.blocks),
+    )
     if engine == "point_mass":
         same(crossings, single)
     else:  # in contact a track's position is a cubic, the ensemble's a chord, of the same step
@@ -87,7 +90,7 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
         same(crossings[place], single[place], rtol=0, atol=1e-5)
         sampled = kept(tmp_path / "out", "samples")
         same(sampled, trajectories_table(result)[list(sampled)], rtol=0, atol=1e-12)
-    same(tables["passing"], passing_table(tracks, terrain))
+    same(tables["passing"], passing_table(tracks, cross_section))
     same(tables["percentiles"], percentile_table(crossings))
 
 
@@ -133,7 +136,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
 
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
-    text = (SCENARIOS / "paper_bench.yaml").read_text()
+    text = (SCENARIOS / "paper_setup.yaml").read_text()
     (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.1"))
     command = [
         sys.executable, "-m", "rock2d.cli", "run", str(tmp_path / "short.yaml"), "--engine", "batch",
@@ -141,7 +144,7 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     ]  # fmt: skip
     whole = subprocess.run([*command, str(tmp_path / "whole")], capture_output=True, text=True, check=True)
     assert "campaign: 30003 releases in 6 chunks" in whole.stdout and "passing frequency" in whole.stdout
-    cut, done = tmp_path / "cut" / "paper_bench_batch", 0
+    cut, done = tmp_path / "cut" / "paper_setup_batch", 0
     for how in (signal.SIGINT, signal.SIGKILL):
         process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
         while written(cut) == done and process.poll() is None:
@@ -153,16 +156,16 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
         if how == signal.SIGINT:
             assert process.returncode == 130
             # the interrupt may come between a chunk's file and its being counted
-            told = [
+            shown = [
                 f"{n} of 6 chunks are done, the same command goes on from there" in errors
                 for n in (done - 1, done)
             ]
-            assert any(told)
+            assert any(shown)
             assert "Traceback" not in errors
             assert not list(cut.rglob(".*"))
     again = subprocess.run([*command, str(tmp_path / "cut")], capture_output=True, text=True, check=True)
     assert f"{done} of 6 chunks are done already" in again.stdout
-    assert digest(cut) == digest(tmp_path / "whole" / "paper_bench_batch")
+    assert digest(cut) == digest(tmp_path / "whole" / "paper_setup_batch")
 
 
 def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path):
@@ -171,8 +174,8 @@ def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path):
     first, second, *_ = sorted((tmp_path / "chunks" / "ends").iterdir())
     first.write_bytes(first.read_bytes()[:-100])
     second.unlink()
-    _, told = campaign(tmp_path)
-    assert any("7 of 9 chunks are done already" in line for line in told)
+    _, lines = campaign(tmp_path)
+    assert any("7 of 9 chunks are done already" in line for line in lines)
     assert digest(tmp_path) == before
 
 
@@ -211,8 +214,8 @@ def test_missing_extras_are_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"rock2d\[scale\]"):
         campaign(tmp_path / "a", scheduler="tcp://localhost:8786")
-    _, told = campaign(tmp_path / "b", workers=2)
-    assert any("on 2 threads" in line for line in told)
+    _, lines = campaign(tmp_path / "b", workers=2)
+    assert any("on 2 threads" in line for line in lines)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pyarrow.*rock2d\[scale\]"):
         campaign(tmp_path / "c")
@@ -225,13 +228,13 @@ def test_crossings_alone_are_those_of_whole_releases(tmp_path):
 
 
 def test_a_release_is_the_same_however_releases_are_shared_out():
-    incident = BENCH.incident_of("cube")
+    incident = SETUP.incident_of("cube")
     whole = drawn_states(incident, 1, 1, 0, 3 * GROUP)
     assert np.array_equal(
         drawn_states(incident, 1, 1, GROUP - 7, 2 * GROUP + 5), whole[GROUP - 7 : 2 * GROUP + 5]
     )
     assert np.array_equal(drawn_seeds(1, 1, 5, GROUP + 5), drawn_seeds(1, 1, 0, 2 * GROUP)[5 : GROUP + 5])
-    cube = [start for start in starts(BENCH, 1, 30) if start.block == "cube"]
+    cube = [start for start in starts(SETUP, 1, 30) if start.block == "cube"]
     assert np.array_equal([start.state for start in cube], whole[:30])
     assert len(np.unique(whole, axis=0)) == 3 * GROUP
     assert not np.array_equal(drawn_seeds(1, 0, 0, 5), drawn_seeds(1, 1, 0, 5))

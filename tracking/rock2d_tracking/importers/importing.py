@@ -89,7 +89,7 @@ def import_tracks(
     marks: Sequence[str] = (), centroid: Sequence[str] = (),
     origin: tuple[float, float] = (0.0, 0.0), origin_m: tuple[float, float] = (0.0, 0.0),
     file_fps: float | None = None, min_confidence: float | None = None,
-    gap_frames: int | None = None, first_release: int = 0, tell: Callable[[str], Any] = print,
+    gap_frames: int | None = None, first_release: int = 0, report: Callable[[str], Any] = print,
 ) -> pd.DataFrame:  # fmt: skip
     """Trajectories of what was tracked in one or several films.
 
@@ -113,7 +113,7 @@ def import_tracks(
     Returns
     -------
     Rows of `TRAJECTORY_COLUMNS`. A frame that lacks one of the points is a missing row. One mark alone shows no
-    orientation: for a circle `theta_rad` is then 0 throughout, and `tell` hears of it; rows with an empty theta would
+    orientation: for a circle `theta_rad` is then 0 throughout, and `report` hears of it; rows with an empty theta would
     count as lost, so any other block is refused.
 
     Raises `InputError`, with file and line, if the files or what is said of them cannot be right.
@@ -145,7 +145,9 @@ def import_tracks(
             columns = (release, block.name, frame[rows] / fps, *x_y_m[rows].T, theta_rad[rows])
             parts.append(pd.DataFrame(dict(zip(TRAJECTORY_COLUMNS, columns, strict=True))))
     if without_spin:
-        tell(f"{block.name}: theta_rad is 0, for one mark shows no orientation; of its spin nothing is known")
+        report(
+            f"{block.name}: theta_rad is 0, for one mark shows no orientation; of its spin nothing is known"
+        )
     return pd.concat(parts, ignore_index=True)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 
 Array = np.ndarray
@@ -135,13 +135,13 @@ def while_open(
     return poses(at_s + open_s * ((np.arange(count) + 0.5) / count - 0.5))
 
 
-def surface_m(terrain: Terrain, x_m: Array) -> Array:
+def surface_m(cross_section: CrossSection, x_m: Array) -> Array:
     """Height of the ground at `x_m`; beside the cross-section it goes on level."""
-    x = terrain.points_m[:, 0]
-    return terrain.height_m(np.clip(x_m, x.min(), x.max()))
+    x = cross_section.points_m[:, 0]
+    return cross_section.height_m(np.clip(x_m, x.min(), x.max()))
 
 
-def heap_m(terrain: Terrain, block: Block, pose_m: Array, height_radii: float) -> Array | None:
+def heap_m(cross_section: CrossSection, block: Block, pose_m: Array, height_radii: float) -> Array | None:
     """(`HEAP_CORNERS`, 2) outline of the soil heaped in front of a block at `pose_m` (x, y, theta), in m.
 
     Full height where the block touches the ground; None where it is `HEAP_GAP` radii or more above it, or no heap.
@@ -152,13 +152,13 @@ def heap_m(terrain: Terrain, block: Block, pose_m: Array, height_radii: float) -
     rim = block.outline() @ np.array([[c, s], [-s, c]])
     rim = np.concatenate([rim + share * (np.roll(rim, -1, axis=0) - rim) for share in (0.0, 0.25, 0.5, 0.75)])
     foot = rim[rim[:, 1] < rim[:, 1].min() + FOOT * radius]
-    gap = (y + foot[:, 1] - surface_m(terrain, x + foot[:, 0])).min()
+    gap = (y + foot[:, 1] - surface_m(cross_section, x + foot[:, 0])).min()
     near = min(1.0 - gap / (HEAP_GAP * radius), 1.0)
     if near <= 0.0 or height_radii == 0.0:
         return None
     along = np.linspace(-2.0, 2.0, HEAP_CORNERS - 2)  # in radii
     fall = 0.5 + 0.5 * np.cos(np.pi * np.clip(np.abs(along) - 1.0, 0.0, 1.0))
-    ground = surface_m(terrain, x + radius * along)
+    ground = surface_m(cross_section, x + radius * along)
     fall *= np.clip(
         1.5 - (y + rim[:, 1].min() - ground) / radius, 0.0, 1.0
     )  # down a steep face there is none
@@ -186,10 +186,12 @@ class Shadow:
         return np.asarray(self.darkness * np.exp(-0.5 * (u * u + v * v)))
 
 
-def shadow(terrain: Terrain, block: Block, pose_m: Array, pixel_map: PixelMap, darkness: float) -> Shadow:
+def shadow(
+    cross_section: CrossSection, block: Block, pose_m: Array, pixel_map: PixelMap, darkness: float
+) -> Shadow:
     """The shadow of a block at `pose_m` under a wide lamp overhead: wider and fainter, the higher it flies."""
     radius = 0.5 * block.size_m
-    ground = float(surface_m(terrain, pose_m[0]))
+    ground = float(surface_m(cross_section, pose_m[0]))
     height = max(0.0, (pose_m[1] - ground) / radius - 1.0)  # in radii
     half = radius / pixel_map.metres_per_pixel * (0.8 + 0.1 * height)
     middle = pixel_map.to_pixel(np.array([pose_m[0], ground]))
@@ -250,7 +252,7 @@ class Puff:
 
 
 def puffs(
-    t_s: Array, poses_m: Array, noise_m: float, block: Block, terrain: Terrain, pixel_map: PixelMap,
+    t_s: Array, poses_m: Array, noise_m: float, block: Block, cross_section: CrossSection, pixel_map: PixelMap,
     dust: float, rng: np.random.Generator,
 ) -> list[Puff]:  # fmt: skip
     """The puffs of a release whose block is at `poses_m` (n, 3) at `t_s` (n,); `dust` as in `Faults`."""
@@ -262,7 +264,7 @@ def puffs(
         spread = rng.standard_normal((GRAINS, 2)) * (0.35, 0.3) * jump
         velocity = np.column_stack([0.25 * speed + spread[:, 0], np.abs(spread[:, 1])])
         start = np.column_stack([x + rng.normal(0.0, 0.3 * block.size_m, GRAINS), np.zeros(GRAINS)])
-        start[:, 1] = surface_m(terrain, start[:, 0])
+        start[:, 1] = surface_m(cross_section, start[:, 0])
         at = pixel_map.to_pixel(start)
         moved = pixel_map.to_pixel(start + velocity * 1e-3)
         radius = 0.5 * block.size_m / pixel_map.metres_per_pixel

@@ -114,7 +114,7 @@ def _filmed(
         clouds: list[Puff] = []
         if faults.dust:
             rng, noise_m = np.random.default_rng([seed, 3, release]), experiment.position_noise_m
-            clouds = puffs(*motion, noise_m, block, experiment.terrain, pixel_map, faults.dust, rng)
+            clouds = puffs(*motion, noise_m, block, experiment.cross_section, pixel_map, faults.dust, rng)
         for i in np.flatnonzero(kept[rest_frames:] & measured).tolist():
             exposed = while_open(*motion, t[i], faults.shutter / fps, block, pixel_map)
             light, there = scene.light(block, exposed)

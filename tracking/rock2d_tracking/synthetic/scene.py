@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import Terrain
+from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import HEAP_CORNERS, Faults, heap_m, shadow
 
@@ -71,7 +71,7 @@ class Scene:
         faults: Faults,
         rng: np.random.Generator,
     ) -> None:
-        self.terrain, self.pixel_map = experiment.terrain, pixel_map
+        self.cross_section, self.pixel_map = experiment.cross_section, pixel_map
         self.size_px, self.faults = size_px, faults
         self._outlines_m = {name: _outlines_m(block, look) for name, block in experiment.blocks.items()}
         greys = np.array([look.block_grey, look.mark_grey])
@@ -85,7 +85,7 @@ class Scene:
         ramp = np.linspace(0.25, -0.25, width) + np.linspace(0.25, -0.25, height)[:, None]
         background = np.clip(look.background_grey + look.gradient_grey * ramp, 0.0, 255.0)
         self._soil, self._ground = _soil(look, size_px, rng), np.zeros((height, width))
-        for part_px in _ground_px(experiment.terrain, pixel_map, size_px):
+        for part_px in _ground_px(experiment.cross_section, pixel_map, size_px):
             rough_px = part_px + rng.normal(0.0, look.rough_px, part_px.shape)
             self._ground = np.minimum(self._ground + coverage([rough_px], (0, 0, width, height)), 1.0)
         self._rough_px = np.outer(rng.normal(0.0, look.rough_px, HEAP_CORNERS), [0.0, 1.0])
@@ -98,7 +98,7 @@ class Scene:
         silhouettes = [self._placed(silhouette_m, pose) for pose in poses_m]
         marks = [self._placed(mark, pose) for pose in poses_m for mark in marks_m]
         light, pose = self.still.copy(), poses_m[len(poses_m) // 2]
-        shade = shadow(self.terrain, block, pose, self.pixel_map, self.faults.shadow)
+        shade = shadow(self.cross_section, block, pose, self.pixel_map, self.faults.shadow)
         at, cover = self._cover(silhouettes)
         if cover.max(initial=0.0) < LEAST_COVER:
             return light, False
@@ -108,7 +108,7 @@ class Scene:
         if marks:
             at, cover = self._cover(marks)
             light[at] += cover / len(poses_m) * (self._mark_grey - self._block_grey)
-        heap = heap_m(self.terrain, block, pose, self.faults.burial_radii)
+        heap = heap_m(self.cross_section, block, pose, self.faults.burial_radii)
         if heap is not None:
             at, cover = self._cover([self.pixel_map.to_pixel(heap) + self._rough_px])
             light[at] += cover * (self._soil[at] * (1.0 - shade.taken(at)) - light[at])
@@ -221,14 +221,14 @@ def _outlines_m(block: Block, look: Look) -> list[Array]:
     return [silhouette, inner * LINE, *[inner * (_ellipse(r, r, 32) + np.array([x, y])) for x, y, r in DOTS]]
 
 
-def _ground_px(terrain: Terrain, pixel_map: PixelMap, size_px: tuple[int, int]) -> list[Array]:
+def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[int, int]) -> list[Array]:
     """Outlines of the soil in the picture, a corner every few pixels; beside the cross-section it goes on level."""
     import shapely
 
     grid_px = np.stack(np.meshgrid(*(np.linspace(-8.0, size + 7.0, 33) for size in size_px)), axis=-1)
     view_m = pixel_map.to_world(grid_px.reshape(-1, 2))
     low, high = view_m.min(axis=0), view_m.max(axis=0)
-    points = terrain.points_m
+    points = cross_section.points_m
     left, deep = np.minimum(low, points.min(axis=0)) - 1.0
     right = max(high[0], points[:, 0].max()) + 1.0
     ends = [[right, points[-1, 1]], [right, deep], [left, deep], [left, points[0, 1]]]

@@ -1,4 +1,4 @@
-"""The world of an experiment before anything is known of it: its bench with the paper's law."""
+"""The world of an experiment before anything is known of it: its set-up with the paper's law."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ START = np.array([1.0e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
 TABLE_MASS_KG = 0.0226  # mean mass of the blocks that Table 4 is for
 
 
-def bench_world(experiment: Experiment) -> World:
+def setup_world(experiment: Experiment) -> World:
     """The world of an experiment without effects, with the paper's Table 4 as its law."""
-    table = parameter_table(ContactParameters(), experiment.terrain.zone_names)[None]
-    return World(experiment.blocks, experiment.terrain, table, experiment.gravity_m_s2)
+    table = parameter_table(ContactParameters(), experiment.cross_section.zone_names)[None]
+    return World(experiment.blocks, experiment.cross_section, table, experiment.gravity_m_s2)
 
 
 def base_start(experiment: Experiment) -> Array:

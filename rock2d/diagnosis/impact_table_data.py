@@ -1,7 +1,7 @@
 """An impact table as data for a fit: the law is run through each impact from the state before it.
 
 Nothing but velocities is compared: where exactly the block was when they were measured is rarely known to the depth of
-a indentation. On a hard floor the time in contact is not seen either, so only the ratio of stiffnesses can be told.
+an indentation. On a hard floor the time in contact is not seen either, so only the ratio of stiffnesses can be told.
 """
 
 from __future__ import annotations

@@ -47,12 +47,10 @@ class Packed(NamedTuple):
     bin_start: Array
     trees: Array
     tree_start: Array
-    ground_reals: (
-        Array  # (cross-sections, 6) x_start, bins per m, x_exit low and high, mean facet length, convex
-    )
-    corners
-    # lines: Array  (cross-sections, lines, 4) end points of measure lines, NaN where there are fewer tables: Array
-    # # (tables, zones, columns of `effects.columns.engine_rows`)
+    # (cross-sections, 6) x_start, bins per m, x_exit low and high, mean facet length, convex corners
+    ground_reals: Array
+    lines: Array  # (cross-sections, lines, 4) end points of measure lines, NaN where there are fewer
+    tables: Array  # (tables, zones, columns of `effects.columns.engine_rows`)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Where within a trial step the law has a event, or a contact begins, ends or changes its feature, compiled."""
+"""Where within a trial step the law has an event, or a contact begins, ends or changes its feature, compiled."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_depth_rates_are_the_gradient_of_the_depth(name):
             good = np.isfinite(slope) & (depth > 0)
             error = np.abs(slope[good] - rates[good, axis]) / scale
             checked += good.sum()
-            assert np.sum(error > 1e-4) <= 1 and np.all(error < 2.5)  # a event between the two poses is rare
+            assert np.sum(error > 1e-4) <= 1 and np.all(error < 2.5)  # an event between the two poses is rare
     assert checked > 200
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import zipfile
 from pathlib import Path
@@ -40,13 +39,3 @@ def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
     left = Residuals(a["impacts"], a["flights"])
     fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, left)
     return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])
-
-
-def fingerprint(*arrays: Array) -> str:
-    """What the fits of a folder belong to: the data, and the code that made them."""
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array).tobytes())
-    for source in sorted(Path(__file__).resolve().parent.parent.rglob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

@@ -12,7 +12,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
-from rock2d.diagnosis.checkpoint import fingerprint
 from rock2d.diagnosis.film_data import FilmData, film_data
 from rock2d.diagnosis.fitting import Fit, residuals
 from rock2d.diagnosis.gap import (
@@ -33,6 +32,7 @@ from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_vari
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
+from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world

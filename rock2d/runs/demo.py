@@ -9,18 +9,12 @@ RELEASES = 24  # of each block with the pymunk engine; the point-mass engine run
 VIDEO = {"slow_motion": 8.0, "size_px": (960, 540)}
 
 
-def scenario_file(name: str) -> Path:
-    """A scenario that comes with rock2d: inside an installed package, beside it in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    installed = package / "scenarios" / name
-    return installed if installed.exists() else package.parent / "scenarios" / name
-
-
 def run_demo(out: Path, progress: bool = True) -> None:
     """Run the paper's set-up with both engines, write everything under `out` and print the table."""
     import pandas as pd
 
     from rock2d.files.scenario import load_scenario
+    from rock2d.files.shipped_scenarios import scenario_file
     from rock2d.runs.run import simulate, write_results, write_video
     from rock2d.runs.tables import passing_text
 

@@ -1,0 +1,39 @@
+"""Arrays on disk: written whole or not at all, with a fingerprint of the data and the code that they belong to."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def fingerprint(*arrays: Array) -> str:
+    """16 hexadecimal digits that change with the arrays and with the source of rock2d."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    for source in sorted(Path(__file__).resolve().parent.parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def save_arrays(path: Path, **arrays: Array) -> None:
+    """Write named arrays into the .npz file `path`; an interruption leaves no half-written file there."""
+    partial = path.with_suffix(".partial")
+    with open(partial, "wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
+    os.replace(partial, path)
+
+
+def load_arrays(path: Path) -> dict[str, Array] | None:
+    """What `save_arrays` wrote; None if there is no file that can be read."""
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            return dict(found)
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return None

@@ -106,7 +106,8 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     block; what the paper did not publish is marginalised over. An interrupted reproduction goes on with the
     calibrations that it had finished.
     """
-    from rock2d.reproduction.command import reproduce as run_reproduction
+    from rock2d_figures.command import reproduce as run_reproduction
+
     from rock2d.reproduction.stages import Effort
 
     effort = Effort(hypotheses, releases)

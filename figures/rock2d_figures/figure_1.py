@@ -1,4 +1,4 @@
-"""Figure 1: the set-up with its measure lines, and what of it is assumed."""
+"""Figure 1: the set-up with its measure lines, and the spread of its assumed parts."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.graphics.plots import blank_figure, draw_cross_section, finish
-from rock2d.reproduction.hypotheses import cross_section
+from rock2d.reproduction.hypotheses import hypothesis_cross_section
 from rock2d.reproduction.results import Results
 from rock2d_figures.style import setup_view, with_short_lines
 
-OTHERS = 60  # other hypotheses that are drawn
+OTHER_HYPOTHESES = 60  # drawn in grey
 WIDE_IN = 7.2
 
 
 def figure(results: Results) -> Figure:
-    """The likeliest hypothesis of the deterministic model, and in grey lines others as good."""
+    """The likeliest hypothesis of the deterministic model, and other hypotheses as grey lines."""
     known, values = results.known, results.values("deterministic")
     sample = results.samples["deterministic"]
-    ground = with_short_lines(cross_section(values, sample.best, known.height_m, known.crest_m))
+    ground = with_short_lines(hypothesis_cross_section(values, sample.best, known))
     view, shape = setup_view(ground, 1500)
     drawn = blank_figure(WIDE_IN, WIDE_IN * shape + 0.5)
     axis = drawn.subplots()
     draw_cross_section(axis, ground, view, np.empty((0, 2)), WIDE_IN - 0.6)
-    for i in np.linspace(0, len(sample.u) - 1, OTHERS).astype(int):
-        other = cross_section(values, int(i), known.height_m, known.crest_m)
+    for i in np.linspace(0, len(sample.u) - 1, OTHER_HYPOTHESES).astype(int):
+        other = hypothesis_cross_section(values, int(i), known)
         axis.plot(*other.points_m.T, color="#555555", lw=0.35, alpha=0.35, zorder=1.9)
     axis.set_xlabel("x (cm)")
     axis.set_ylabel("y (cm)")

@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.graphics.plots import blank_figure, finish, handle
-from rock2d.reproduction.passing import Outcome
+from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.results import Results
 from rock2d_figures.style import SMALL_PT, STYLES
 
 Array = np.ndarray
 
-LEAST = 20  # passings of a hypothesis from which its distribution is drawn
+FEWEST_CROSSINGS = 20  # of a hypothesis, for its distribution to be drawn
 SHARES = np.linspace(0.01, 0.99, 99)
 
 
@@ -36,7 +36,7 @@ def figure(results: Results) -> Figure:
         colour, line, _ = STYLES[name]
         values = quantities(outcome, sphere.mass_kg, sphere.inertia_kg_m2)
         for axis, letter, (label, own) in zip(axes, "abcd", values.items(), strict=True):
-            enough = own[np.isfinite(own).sum(axis=1) >= LEAST]
+            enough = own[np.isfinite(own).sum(axis=1) >= FEWEST_CROSSINGS]
             if not len(enough):
                 continue
             levels = np.nanquantile(enough, SHARES, axis=1)

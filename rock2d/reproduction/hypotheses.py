@@ -1,14 +1,16 @@
-"""What may be true of the paper's set-up: the unknowns with their ranges, and the worlds and starts they make.
+"""Hypotheses on the paper's set-up: unknowns with their ranges, and the cross-sections and incident states they give.
 
-Known are the blocks, the embankment's height and crest, the drop; all else is an unknown of a hypothesis. A release
-starts as it leaves the slope for the last time: with what the slope left of the drop's speed, 0 to 1 of it along and
-across the slope, and a spin between none and rolling; on average with no more energy than the drop gave.
+The paper publishes the blocks, the height and crest of the embankment and the drop; everything else is an unknown of a
+hypothesis. A simulated release starts when the block leaves the slope for the last time. Its speed along and across the
+slope is a share (0 to 1) of the speed of the drop, its spin lies between none and rolling, and its mean energy is at
+most that of the drop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,34 +19,36 @@ from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
+if TYPE_CHECKING:
+    from rock2d.files.scenario import Scenario
+
 Array = np.ndarray
 Values = Mapping[str, Array]
 
 ZONES = ("slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out")
-RANGE, BOUNDS = "the plausible range", "physical bounds"
-DOWNHILL_DEG, SLOPE_M, RUN_OUT_M = 34.0, 1.3, 0.6  # nothing depends on them
-LINE_M = (
-    0.6  # of a measure line, or less: none reaches over the slope, where blocks bounce before they arrive
-)
+PLAUSIBLE_RANGE, PHYSICAL_BOUNDS = "the plausible range", "physical bounds"
+DOWNHILL_FACE_DEG, SLOPE_LENGTH_M, RUN_OUT_LENGTH_M = 34.0, 1.3, 0.6  # results do not depend on them
+# longest measure line; lines are cut where they would reach over the slope, because rebounds there are no crossings
+MEASURE_LINE_M = 0.6
 
-SETUP = (
-    Quantity("slope_deg", 30.0, 45.0, source=RANGE),
-    Quantity("ditch_m", 0.05, 0.20, source=RANGE),
-    Quantity("facing_deg", 55.0, 75.0, source=RANGE),
+SETUP_QUANTITIES = (
+    Quantity("slope_deg", 30.0, 45.0, source=PLAUSIBLE_RANGE),
+    Quantity("ditch_m", 0.05, 0.20, source=PLAUSIBLE_RANGE),
+    Quantity("facing_deg", 55.0, 75.0, source=PLAUSIBLE_RANGE),
     Quantity("line_1_height", 0.28, 0.39, source="about 1/3 of the embankment's height"),
     Quantity("line_2_height", 0.61, 0.72, source="about 2/3 of the embankment's height"),
     Quantity("line_tilt_deg", 0.0, 45.0, source="from upright toward the facing's normal"),
     Quantity("drop_up_slope_m", 0.05, 0.80, source="where blocks leave the slope, from its toe"),
     Quantity("drop_spread_m", 1e-3, 1e-2, log=True, source="of that place, 1 sd"),
 )
-CONTACT = (
+CONTACT_QUANTITIES = (
     Quantity("k_l_N_m", 2e3, 5e4, log=True, source="Table 4 times 1/5 to 5"),
     Quantity("restitution", 0.2, 0.8, source="√(k_l / k_ul); Table 4: 0.41"),
     Quantity("k_t_N_m", 5e2, 1.25e4, log=True, source="Table 4 times 1/5 to 5"),
     Quantity("friction_angle_deg", 10.0, 50.0, source="Table 4: 30"),
     Quantity("k_r_Nm_rad", 2.5e-3, 0.25, log=True, source="Table 4 times 1/10 to 10"),
 )
-REBOUND = tuple(
+REBOUND_QUANTITIES = tuple(
     Quantity(f"{zone}.{name}", low, high, log, source)
     for zone in ("ditch", "facing")
     for name, low, high, log, source in (
@@ -55,11 +59,36 @@ REBOUND = tuple(
 )
 
 
-def arrival(block: str) -> tuple[Quantity, ...]:
-    """The unknowns of how a block leaves the slope."""
+@dataclass(frozen=True)
+class KnownSetup:
+    """The published part of the set-up: blocks by name, height and crest width of the embankment in m, gravity."""
+
+    blocks: Mapping[str, Block]
+    height_m: float
+    crest_m: float
+    gravity_m_s2: float
+
+
+def known_setup(scenario: Scenario) -> KnownSetup:
+    """Blocks, embankment and gravity of a scenario. Raises KeyError if a block of the paper is missing."""
+    section = scenario.make_cross_section()
+    embankment = section.embankment
+    assert embankment is not None
+    blocks = scenario.make_blocks()
+    crest = section.points_m[embankment.crest : embankment.crest_end + 1, 0]
+    return KnownSetup(
+        {name: blocks[name] for name in BLOCKS}, float(embankment.height_m), float(np.ptp(crest)),
+        scenario.gravity_m_s2,
+    )  # fmt: skip
+
+
+def arrival_quantities(block: str) -> tuple[Quantity, ...]:
+    """Unknowns of the state in which a block leaves the slope."""
     speeds = (
-        Quantity(f"{block}.speed_across", 0.0, 1.0, source=BOUNDS),  # over the drop's speed across the slope
-        Quantity(f"{block}.speed_along", 0.0, 1.0, source=BOUNDS),
+        Quantity(
+            f"{block}.speed_across", 0.0, 1.0, source=PHYSICAL_BOUNDS
+        ),  # over the drop's speed across the slope
+        Quantity(f"{block}.speed_along", 0.0, 1.0, source=PHYSICAL_BOUNDS),
         Quantity(f"{block}.roll", 0.0, 1.0, source="spin from none to rolling"),
         Quantity(f"{block}.speed_spread", 0.01, 0.2, log=True, source="1 sd over the speed"),
         Quantity(f"{block}.spin_spread_rad_s", 2.0, 40.0, log=True, source="1 sd"),
@@ -73,15 +102,20 @@ def arrival(block: str) -> tuple[Quantity, ...]:
     )
 
 
-ARRIVALS = tuple(q for block in BLOCKS for q in arrival(block))
-DETERMINISTIC_SPACE = Space((*SETUP, *CONTACT, *ARRIVALS))
-PROBABILISTIC_SPACE = Space((*SETUP, *REBOUND, *ARRIVALS))
+ARRIVAL_QUANTITIES = tuple(q for block in BLOCKS for q in arrival_quantities(block))
+DETERMINISTIC_SPACE = Space((*SETUP_QUANTITIES, *CONTACT_QUANTITIES, *ARRIVAL_QUANTITIES))
+PROBABILISTIC_SPACE = Space((*SETUP_QUANTITIES, *REBOUND_QUANTITIES, *ARRIVAL_QUANTITIES))
 
 
 @dataclass(frozen=True)
-class Starts:
-    """Normal distributions of the states at the start: means and standard deviations (n, 6: x, y, theta, vx, vy, omega
-    in SI), and whether the drop's energy allows the mean."""
+class IncidentDistributions:
+    """Normal distributions of the incident states of n hypotheses.
+
+    Attributes
+    ----------
+    mean, sd : (n, 6) x, y, theta, vx, vy, omega in SI
+    possible : (n,) whether the energy of the mean state is at most that of the drop
+    """
 
     mean: Array
     sd: Array
@@ -92,8 +126,8 @@ class Starts:
         return self.mean[:, None] + self.sd[:, None] * draws
 
 
-def starts(values: Values, block: Block, gravity_m_s2: float) -> Starts:
-    """How releases of a block leave the slope."""
+def incident_distributions(values: Values, block: Block, gravity_m_s2: float) -> IncidentDistributions:
+    """Incident states of a block, for each hypothesis."""
     own = {key.split(".")[1]: v for key, v in values.items() if key.startswith(f"{block.name}.")}
     slope = np.radians(values["slope_deg"])
     c, s = np.cos(slope), np.sin(slope)
@@ -101,10 +135,10 @@ def starts(values: Values, block: Block, gravity_m_s2: float) -> Starts:
     along, across = own["speed_along"] * speed * s, own["speed_across"] * speed * c
     omega = -own["roll"] * along / (0.5 * block.size_m)
     spread = values["drop_spread_m"]
-    clear = 1.02 * block.radius_m + 3.0 * spread * s  # so that hardly any starts in the slope
+    offset = 1.02 * block.radius_m + 3.0 * spread * s  # from the slope, so that blocks do not start inside it
     mean, sd = np.zeros((len(slope), 6)), np.zeros((len(slope), 6))
-    mean[:, 0] = -values["drop_up_slope_m"] * c + clear * s
-    mean[:, 1] = values["drop_up_slope_m"] * s + clear * c
+    mean[:, 0] = -values["drop_up_slope_m"] * c + offset * s
+    mean[:, 1] = values["drop_up_slope_m"] * s + offset * c
     mean[:, 3], mean[:, 4] = along * c + across * s, across * c - along * s
     mean[:, 5] = omega
     sd[:, 0] = spread
@@ -115,32 +149,33 @@ def starts(values: Values, block: Block, gravity_m_s2: float) -> Starts:
         mean[:, 2], sd[:, 2] = own["orientation"] * period, np.radians(own["orientation_spread_deg"])
     inertia = block.inertia_kg_m2 / block.mass_kg
     possible = along**2 + across**2 + inertia * omega**2 <= speed**2
-    return Starts(mean, sd, possible)
+    return IncidentDistributions(mean, sd, possible)
 
 
-def cross_section(values: Values, i: int, height_m: float, crest_m: float) -> CrossSection:
-    """The cross-section of hypothesis `i` round an embankment of the known height and crest width."""
+def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> CrossSection:
+    """The cross-section of hypothesis `i`, with an embankment of the published height and crest width."""
+    height_m, crest_m = known.height_m, known.crest_m
     slope, facing, tilt = (
         float(np.radians(values[k][i])) for k in ("slope_deg", "facing_deg", "line_tilt_deg")
     )
     foot = float(values["ditch_m"][i])
     run = height_m / np.tan(facing)
     crest = foot + run
-    end = crest + crest_m + height_m / np.tan(np.radians(DOWNHILL_DEG))
+    end = crest + crest_m + height_m / np.tan(np.radians(DOWNHILL_FACE_DEG))
     points = [
-        [-SLOPE_M * np.cos(slope), SLOPE_M * np.sin(slope)], [0.0, 0.0], [foot, 0.0], [crest, height_m],
-        [crest + crest_m, height_m], [end, 0.0], [end + RUN_OUT_M, 0.0],
+        [-SLOPE_LENGTH_M * np.cos(slope), SLOPE_LENGTH_M * np.sin(slope)], [0.0, 0.0], [foot, 0.0], [crest, height_m],
+        [crest + crest_m, height_m], [end, 0.0], [end + RUN_OUT_LENGTH_M, 0.0],
     ]  # fmt: skip
     lines = {}
     for line, share in zip(LINES, (values["line_1_height"][i], values["line_2_height"][i], 1.0), strict=True):
         x, y = foot + share * run, share * height_m
-        length = min(LINE_M, x / max(np.sin(tilt), 1e-9))
+        length = min(MEASURE_LINE_M, x / max(np.sin(tilt), 1e-9))
         lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
     return CrossSection(points, ZONES, lines)
 
 
 def contact_table(values: Values) -> Array:
-    """(n, zones, 7) rows of the contact law, one soil for all zones as in the paper."""
+    """(n, zones, 7) rows of parameters of the contact law; all zones have the same soil, as in the paper."""
     columns = [
         values["k_l_N_m"], values["k_l_N_m"] / values["restitution"] ** 2, values["k_t_N_m"],
         np.tan(np.radians(values["friction_angle_deg"])), values["k_r_Nm_rad"],

@@ -1,8 +1,8 @@
-"""How likely the published counts and words are under simulated releases.
+"""Likelihood of the published counts and of the text on first impacts, given simulated releases.
 
-Both are counts: of 50 filmed releases, and of the simulated ones. With Jeffreys' prior for the frequencies the
-probability of the filmed counts given the simulated ones is Dirichlet-multinomial, so that the noise of few simulated
-releases is accounted for and not taken for physics.
+Both are counts of 50 filmed releases, compared with counts of simulated ones. With Jeffreys' prior for the frequencies
+the probability of the filmed counts given the simulated ones is Dirichlet-multinomial. It takes the sampling noise of
+few simulated releases into account.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.reproduction import published
-from rock2d.reproduction.passing import DITCH, FACING, Outcome
+from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
 
 Array = np.ndarray
 
@@ -23,9 +23,12 @@ def log_counts(simulated: Array, filmed: Array) -> Array:
     return _log_dirichlet_multinomial(simulated + 0.5, filmed)
 
 
-def log_counts_without(line: int, simulated: Array, filmed: Array) -> Array:
-    """(k,) as `log_counts` when the passings of one line (0, 1, 2) are not known: those who passed the line before it
-    and no farther, and those who passed it and not the next, are counted together (with 1 added to them)."""
+def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array:
+    """(k,) as `log_counts` when the number that passed one line (0, 1, 2) is not known.
+
+    The releases that ended between the line before it and this line, and those that ended between this line and the
+    next, form one category (1 is added to its simulated count).
+    """
     return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
 
 
@@ -42,30 +45,32 @@ def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
     return gammaln(total + 1.0) + gammaln(a) - gammaln(a + total) + one_each.sum(axis=-1)
 
 
-def filmed(block: str) -> Array:
+def filmed_counts(block: str) -> Array:
     """(lines + 1,) filmed releases of a block by the last line they passed."""
     passed = published.passed()[published.BLOCKS.index(block)]
     return published.reached(np.concatenate([[published.RELEASES], passed]))
 
 
-def log_lines(outcome: Outcome, block: str) -> Array:
+def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return _possible(outcome, log_counts(outcome.levels, filmed(block)))
+    return _possible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
 
 
-def log_words(outcome: Outcome, block: str) -> Array:
-    """(k,) log-likelihood of what the text says of the block's first impacts."""
-    n = outcome.first.shape[1]
+def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:
+    """(k,) log-likelihood of the statements of the text on the block's first impacts."""
+    n = outcome.first_zone.shape[1]
     of = published.RELEASES
     if block == "sphere":
-        likely = _log_between(outcome.first_in(DITCH), n, published.SPHERE_IN_DITCH, of)
+        likely = _log_between(outcome.first_in(DITCH_ZONE), n, published.SPHERE_IN_DITCH, of)
     else:
-        arrived = _log_between(outcome.first_in(DITCH) + outcome.first_in(FACING), n, of, of)
+        arrived = _log_between(outcome.first_in(DITCH_ZONE) + outcome.first_in(FACING_ZONE), n, of, of)
     if block == "cube":
-        likely = arrived + _log_between(outcome.first_in(FACING), n, *published.CUBE_ON_FACING)
+        likely = arrived + _log_between(outcome.first_in(FACING_ZONE), n, *published.CUBE_ON_FACING)
     elif block == "parallelepiped":
-        likely = arrived + _log_between(outcome.first_in(FACING), n, published.PARALLELEPIPED_ON_FACING, of)
-        on_facing = outcome.first == FACING
+        likely = arrived + _log_between(
+            outcome.first_in(FACING_ZONE), n, published.PARALLELEPIPED_ON_FACING, of
+        )
+        on_facing = outcome.first_zone == FACING_ZONE
         angle = np.where(on_facing, outcome.off_normal_deg, 0.0).sum(axis=1) / np.maximum(
             on_facing.sum(axis=1), 1
         )

@@ -1,4 +1,4 @@
-"""What the paper publishes of its experiment and of its own two models, and what its words are taken to mean."""
+"""Published data: the experiment, the results of the paper's two models, and how its text on first impacts is read."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ PROBABILISTIC = np.array([[94, 90, 40], [100, 32, 0], [100, 10, 0]])
 DETERMINISTIC = np.array([[100, 98, 42], [100, 46, 2], [100, 18, 0]])
 
 # Table 3, beside the blocks' slope reductions: ditch, facing
-REBOUND = {
+REBOUND_PARAMETERS = {
     "ditch.friction_angle_deg": 0.0, "facing.friction_angle_deg": 11.0,
     "ditch.momentum_half_kg_m_s": 0.025, "facing.momentum_half_kg_m_s": 0.04,
     "ditch.tangential_restitution": 0.85, "facing.tangential_restitution": 0.89,
 }  # fmt: skip
 SLOPE_REDUCTION_DEG = {"sphere": 0.0, "cube": 6.0, "parallelepiped": 40.0}
 # Table 4
-CONTACT = {
+CONTACT_PARAMETERS = {
     "k_t_N_m": 2.5e3, "friction_angle_deg": 30.0, "k_l_N_m": 1.0e4, "k_r_Nm_rad": 0.025, "k_ul_N_m": 6.0e4,
 }  # fmt: skip
 
 DROP_M = 0.30
 
-# Words on first impacts, and what this project takes them to mean (assumed, `MEANINGS`)
+# Statements of the text on first impacts, and how this project reads them (assumptions, see `MEANINGS`)
 SPHERE_IN_DITCH = RELEASES  # "always occurred in the ditch"
 CUBE_ON_FACING = (3, 20)  # "some direct impacts were located on the facing": from so many releases to so many
 PARALLELEPIPED_ON_FACING = 40  # "a vast majority": at least so many

@@ -1,4 +1,4 @@
-"""What each calibration of a reproduction predicts of releases it did not see, and what that amounts to."""
+"""Predictions of each calibration for releases it did not see, their errors, and conclusions."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
-from rock2d.reproduction.passing import Known, Outcome, bounce, fall
-from rock2d.reproduction.stages import CANDIDATE_SPACE, draws_of, fall_with_candidate, prior_of
-from rock2d.reproduction.summary import LeftOut
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
+from rock2d.reproduction.stages import (
+    CANDIDATE_SPACE,
+    candidate_outcome,
+    candidate_prior,
+    standard_normal_draws,
+)
+from rock2d.reproduction.summary import HeldOutBlock
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,78 +26,87 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SPACES = {"deterministic": DETERMINISTIC_SPACE, "probabilistic": PROBABILISTIC_SPACE}
-FRESH = 200  # releases of each block and hypothesis that predictions are made of
+PREDICTION_RELEASES = 200  # of each block and hypothesis
 
 
 @dataclass(frozen=True)
 class Results:
-    """All that tables and figures are made of.
+    """Everything that tables and figures show.
 
     Attributes
     ----------
-    samples, outcomes : model -> its posterior, and what it predicts of the three blocks' releases that no fit saw
-    reduction_deg : block -> α of each hypothesis of the probabilistic model
-    left_out : for the cube and the parallelepiped, what is predicted without its cells; empty without candidates
+    samples, outcomes : model -> its posterior, and its predictions for the three blocks
+    slope_reduction_deg : block -> slope reduction of each hypothesis of the probabilistic model
+    held_out : for the cube and the parallelepiped, the prediction without its cells; empty without candidates
     passing, candidates, cells : tables
-    errors : RMSE in points, by what was known
-    said : the verdict in words
+    errors : RMSE in points, by the data that a model was fitted to
+    conclusions : sentences
     """
 
-    known: Known
+    known: KnownSetup
     seed: int
     samples: dict[str, Sample]
     outcomes: dict[str, list[Outcome]]
-    reduction_deg: dict[str, Array]
-    left_out: list[LeftOut]
+    slope_reduction_deg: dict[str, Array]
+    held_out: list[HeldOutBlock]
     passing: pd.DataFrame
     candidates: pd.DataFrame
     cells: pd.DataFrame
     errors: dict[str, float]
-    said: list[str] = field(default_factory=list)
+    conclusions: list[str] = field(default_factory=list)
 
     def values(self, model: str) -> Values:
         """The hypotheses of a model."""
         return SPACES[model].values(self.samples[model].u)
 
 
-def judge(
-    known: Known, samples: dict[str, Sample], reduction_deg: dict[str, Array], tried: dict[str, Sample],
-    stream: np.random.SeedSequence, seed: int,
+def evaluate(
+    known: KnownSetup, samples: dict[str, Sample], slope_reduction_deg: dict[str, Array],
+    without_block: dict[str, Sample], stream: np.random.SeedSequence, seed: int,
 ) -> Results:  # fmt: skip
-    """Predictions of all calibrations, and what they amount to. `tried`: block left out -> its posterior."""
+    """Predictions of all calibrations with errors and conclusions.
+
+    `without_block`: held-out block -> posterior of the deterministic model with candidate effects.
+    """
     draw_seed, floor_seed = stream.spawn(2)
-    draws = draws_of(FRESH, draw_seed)
+    draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)
     values = {model: SPACES[model].values(sample.u) for model, sample in samples.items()}
     outcomes = {
         "deterministic": [
-            fall(known, values["deterministic"], block, draws[block]) for block in published.BLOCKS
+            deterministic_outcome(known, values["deterministic"], block, draws[block])
+            for block in published.BLOCKS
         ],
         "probabilistic": [
-            bounce(known, values["probabilistic"], block, draws[block], reduction_deg[block])
+            probabilistic_outcome(
+                known, values["probabilistic"], block, draws[block], slope_reduction_deg[block]
+            )
             for block in published.BLOCKS
         ],
     }
-    left_out = []
-    for block, sample in tried.items():
+    held_out = []
+    for block, sample in without_block.items():
         own = CANDIDATE_SPACE.values(sample.u)
-        predicted = [fall_with_candidate(known, own, b, draws[b]) for b in published.BLOCKS]
-        left_out.append(LeftOut(own, predicted, block))
-    cells = summary.cells_table(left_out)
+        predicted = [candidate_outcome(known, own, b, draws[b]) for b in published.BLOCKS]
+        held_out.append(HeldOutBlock(own, predicted, block))
+    cells = summary.cells_table(held_out)
     rng = np.random.default_rng(floor_seed)
     results = Results(
-        known, seed, samples, outcomes, reduction_deg, left_out,
+        known, seed, samples, outcomes, slope_reduction_deg, held_out,
         summary.passing_table(outcomes["deterministic"], outcomes["probabilistic"]),
-        summary.candidates_table(left_out), cells, _errors(outcomes, left_out, cells, rng),
+        summary.candidates_table(held_out), cells, _errors(outcomes, held_out, cells, rng),
     )  # fmt: skip
-    results.said.extend(_said(results))
+    results.conclusions.extend(_conclusions(results))
     return results
 
 
 def _errors(
-    outcomes: dict[str, list[Outcome]], left_out: list[LeftOut], cells: pd.DataFrame, rng: np.random.Generator
+    outcomes: dict[str, list[Outcome]],
+    held_out: list[HeldOutBlock],
+    cells: pd.DataFrame,
+    rng: np.random.Generator,
 ) -> dict[str, float]:
-    """RMSE in points by what was known, over the validation cells and over all nine."""
-    validation = summary.VALIDATION
+    """RMSE in points over the validation cells and over all nine, by the data that a model was fitted to."""
+    validation = summary.VALIDATION_ROWS
     sphere_only = summary.mean_percent(outcomes["deterministic"])
     found = {
         "paper, deterministic: validation cells": summary.rmse(published.DETERMINISTIC, validation),
@@ -101,19 +115,23 @@ def _errors(
         "deterministic: validation cells": summary.rmse(sphere_only, validation),
         "deterministic: all nine": summary.rmse(sphere_only),
         "probabilistic: all nine": summary.rmse(summary.mean_percent(outcomes["probabilistic"])),
-        "deterministic, the best hypothesis: all nine": summary.best_rmse(outcomes["deterministic"]),
-        "probabilistic, the best hypothesis: all nine": summary.best_rmse(outcomes["probabilistic"]),
+        "deterministic, the best hypothesis: all nine": summary.best_hypothesis_rmse(
+            outcomes["deterministic"]
+        ),
+        "probabilistic, the best hypothesis: all nine": summary.best_hypothesis_rmse(
+            outcomes["probabilistic"]
+        ),
     }
-    if left_out:
+    if held_out:
         found |= {
-            "deterministic, told the sphere and the other angular block: validation cells": _rms(
-                [summary.plain_rmse(run) for run in left_out]
+            "deterministic, fitted to the sphere and the other angular block: validation cells": _rms(
+                [summary.rmse_without_candidate(run) for run in held_out]
             ),
-            "deterministic, told all cells but the one predicted: validation cells": _rms(
+            "deterministic, fitted to all cells but the predicted one: validation cells": _rms(
                 cells["predicted"] - cells["experiment"]
             ),
-            "deterministic, told all nine, the best hypothesis: all nine": float(
-                np.nanmin([summary.best_rmse(run.plain) for run in left_out])
+            "deterministic, fitted to all nine, the best hypothesis: all nine": float(
+                np.nanmin([summary.best_hypothesis_rmse(run.without_candidate) for run in held_out])
             ),
         }
     for name, chosen in (("validation cells", validation), ("all nine", np.s_[:])):
@@ -126,13 +144,13 @@ def _rms(values: object) -> float:
     return float(np.sqrt(np.mean(np.square(np.asarray(values, float)))))
 
 
-def _said(results: Results) -> list[str]:
-    """The verdict in words."""
+def _conclusions(results: Results) -> list[str]:
+    """Sentences on the agreement with the experiment."""
     e, rows = results.errors, results.passing.to_dict("records")
     outside = [r for r in rows if not r["experiment_low95"] <= r["deterministic"] <= r["experiment_high95"]]
     misses = [r for r in rows if r["deterministic_p"] < 0.05]
     lines = [
-        f"Deterministic model, told the sphere's cells and the words on first impacts: RMSE "
+        f"Deterministic model, fitted to the sphere's cells and the statements on first impacts: RMSE "
         f"{e['deterministic: validation cells']:.1f} points over the validation cells (paper "
         f"{e['paper, deterministic: validation cells']:.1f}), {e['deterministic: all nine']:.1f} over all nine (paper "
         f"{e['paper, deterministic: all nine']:.1f}).",
@@ -140,23 +158,23 @@ def _said(results: Results) -> list[str]:
         f"{e['paper, probabilistic: all nine']:.1f}).",
         f"A perfect model would show {e['a perfect model: validation cells']:.1f} and "
         f"{e['a perfect model: all nine']:.1f} against {published.RELEASES} releases.",
-        f"Mean predictions of the deterministic model outside the experiment's 95 % interval: {_cells(outside)}; "
-        f"filmed numbers that its predictions exclude (p < 0.05): {_cells(misses)}.",
+        f"Mean predictions of the deterministic model outside the experiment's 95 % interval: {_cell_names(outside)}; "
+        f"filmed numbers that its predictions exclude (p < 0.05): {_cell_names(misses)}.",
     ]
     for model, own in results.outcomes.items():
         lines.append(
-            f"Monte Carlo error of the {model} model's mean predictions: {summary.halves_differ(own):.1f} points."
+            f"Monte Carlo error of the {model} model's mean predictions: {summary.monte_carlo_error(own):.1f} points."
         )
-    if not results.left_out:
+    if not results.held_out:
         return lines
-    shares = results.candidates.pivot(index="candidate", columns="left_out", values="share_told_all")
-    mean, apart = shares.mean(axis=1).sort_values(ascending=False), shares.max(axis=1) - shares.min(axis=1)
+    shares = results.candidates.pivot(index="candidate", columns="held_out", values="share_all_cells")
+    mean, range_ = shares.mean(axis=1).sort_values(ascending=False), shares.max(axis=1) - shares.min(axis=1)
     likeliest = [
-        f"{name} {mean[name]:.2f} ± {apart[name] / 2:.2f} (prior {prior_of(str(name)):.2f})"
+        f"{name} {mean[name]:.2f} ± {range_[name] / 2:.2f} (prior {candidate_prior(str(name)):.2f})"
         for name in mean.index[:3]
     ]
-    return [*lines, f"Candidate physics, once all cells are told: {', '.join(likeliest)}."]
+    return [*lines, f"Candidate physics, once all cells are fitted: {', '.join(likeliest)}."]
 
 
-def _cells(rows: list[dict[Hashable, Any]]) -> str:
+def _cell_names(rows: list[dict[Hashable, Any]]) -> str:
     return ", ".join(f"{r['block']} {r['line']}" for r in rows) or "none"

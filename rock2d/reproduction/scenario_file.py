@@ -1,4 +1,4 @@
-"""A hypothesis as a scenario file, so that `rock2d run` and its figures take it from there."""
+"""A hypothesis as a scenario file, which `rock2d run` accepts."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ import numpy as np
 from rock2d.files.setup_keys import block_keys
 from rock2d.records.track import STATE_NAMES
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import Values, cross_section, starts
-from rock2d.reproduction.passing import TIME_LIMIT_S, Known
+from rock2d.reproduction.hypotheses import (
+    KnownSetup,
+    Values,
+    hypothesis_cross_section,
+    incident_distributions,
+)
+from rock2d.reproduction.outcomes import TIME_LIMIT_S
 
 
 def scenario_text(
-    known: Known, values: Values, i: int, slope_reduction_deg: Mapping[str, float], seed: int, model: str
+    known: KnownSetup, values: Values, i: int, slope_reduction_deg: Mapping[str, float], seed: int, model: str
 ) -> str:
     """YAML of hypothesis `i` of a model, "deterministic" or "probabilistic"."""
     from ruamel.yaml import YAML
 
-    ground = cross_section(values, i, known.height_m, known.crest_m)
+    ground = hypothesis_cross_section(values, i, known)
     law = (
         {"default": _contact(values, i)}
         if model == "deterministic"
@@ -29,7 +34,7 @@ def scenario_text(
     )
     incident = {}
     for block in published.BLOCKS:
-        begin = starts(values, known.blocks[block], known.gravity_m_s2)
+        begin = incident_distributions(values, known.blocks[block], known.gravity_m_s2)
         incident[block] = {
             "distribution": {
                 key: {"normal": {"mean": float(m), "sd": float(s)}} if s > 0 else float(m)
@@ -38,10 +43,10 @@ def scenario_text(
         }
     keys_of_scenario = {
         "name": f"paper_{model}",
-        "about": f"The paper's set-up as the likeliest hypothesis of the {model} model has it.",
+        "about": f"The paper's set-up according to the likeliest hypothesis of the {model} model.",
         "assumed": [
-            "One hypothesis of many that explain the sphere and the words on first impacts; see assumptions.csv.",
-            "Releases start as they leave the slope for the last time.",
+            "One of many hypotheses that explain the sphere and the statements on first impacts; see assumptions.csv.",
+            "Releases start when they leave the slope for the last time.",
             *published.MEANINGS,
         ],
         "gravity_m_s2": float(known.gravity_m_s2),

@@ -1,9 +1,10 @@
-"""The calibrations, each a posterior: of both models on the sphere and the words, of the slope reductions on their own
-block, and of the deterministic model with candidate physics.
+"""The calibrations. Each gives a posterior.
 
-Modular where the paper is: what is calibrated on the sphere learns nothing from the cube's and the parallelepiped's
-rows of Table 2; the slope reductions learn from them alone (a cut posterior, Plummer 2015). Words and cells are counts
-of the same 50 releases; their likelihoods are multiplied as if of different ones (assumed).
+Both models are calibrated on the sphere's cells of Table 2 and on the statements about first impacts; the slope
+reductions on the cells of their own block; the deterministic model with candidate effects on the cells of two blocks.
+The calibrations are modular as in the paper: the parameters of the sphere learn nothing from the rows of the cube and
+the parallelepiped, and the slope reductions learn from those rows alone (a cut posterior, Plummer 2015). Statements and
+cells count the same 50 releases; their likelihoods are multiplied as if the releases were different (assumed).
 """
 
 from __future__ import annotations
@@ -13,32 +14,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.calibration.sequential_monte_carlo import Quantity, Sample, Space, posterior, prior_draws
+from rock2d.calibration.sequential_monte_carlo import (
+    Moves,
+    Quantity,
+    Sample,
+    Space,
+    posterior,
+    prior_draws,
+)
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, Values
-from rock2d.reproduction.likelihood import log_lines, log_words
-from rock2d.reproduction.passing import Change, Known, Outcome, bounce, fall, land
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.likelihood import first_impact_log_likelihood, passing_log_likelihood
+from rock2d.reproduction.outcomes import (
+    Outcome,
+    WorldChange,
+    deterministic_first_impacts,
+    deterministic_outcome,
+    probabilistic_outcome,
+)
 from rock2d.scene.world import World
 
 Array = np.ndarray
 OnProgress = Callable[[float], None]
-Simulated = Callable[[Known, Values, str, Array], Outcome]
+ModelFunction = Callable[[KnownSetup, Values, str, Array], Outcome]
 
-PRIOR_SHARE = 4  # draws of the prior for each hypothesis of the posterior
-NONE = "none"
-# the effects of the catalogue that change an impact and need no camera, no order and no scatter
+PRIOR_DRAWS_PER_HYPOTHESIS = 4  # draws of the prior for each hypothesis of the posterior
+NO_CANDIDATE = "none"
+# effects of the catalogue that change an impact and depend neither on the camera nor on the order of the releases
 CANDIDATES = (
-    NONE, "adhesion", "embankment_yield", "out_of_plane", "ploughing_drag", "rounded_edges", "viscous_damping",
+    NO_CANDIDATE, "adhesion", "embankment_yield", "out_of_plane", "ploughing_drag", "rounded_edges", "viscous_damping",
     "zone_contrast",
 )  # fmt: skip
-MOST_PARAMETERS = 3
+MOST_CANDIDATE_PARAMETERS = 3
 CANDIDATE_SPACE = Space(
     (
         *DETERMINISTIC_SPACE.quantities,
-        Quantity("candidate", 0.0, 1.0, source="none: 1/2; the others alike"),
+        Quantity("candidate", 0.0, 1.0, source="none: 1/2; the others equally likely"),
         *(
             Quantity(f"candidate.{i}", 0.0, 1.0, source="the effect's own range")
-            for i in range(MOST_PARAMETERS)
+            for i in range(MOST_CANDIDATE_PARAMETERS)
         ),
     )
 )
@@ -47,43 +61,62 @@ REDUCTIONS_DEG = np.linspace(0.0, 60.0, 11)
 
 @dataclass(frozen=True)
 class Effort:
-    """Hypotheses of each posterior (half of each of two independent runs), releases of each block that a hypothesis is
-    judged by, and moves of all hypotheses at each step of the sampler."""
+    """Size of the calibrations.
+
+    Attributes
+    ----------
+    hypotheses : of each posterior; half of them come from each of two independent runs
+    releases : of each block, simulated for each hypothesis
+    moves : of all hypotheses at each step of the sampler
+    """
 
     hypotheses: int = 448
     releases: int = 40
     moves: int = 12
 
 
+@dataclass(frozen=True)
+class Model:
+    """A model to calibrate.
+
+    Attributes
+    ----------
+    outcome : simulates the releases of a block for hypotheses of `space`
+    first_impacts : the same up to the first impact, for blocks without cells in the likelihood
+    space : the unknowns
+    redrawn : columns of `space` that every other move draws from the prior, or None
+    """
+
+    outcome: ModelFunction
+    first_impacts: ModelFunction
+    space: Space
+    redrawn: Array | None = None
+
+
 def calibrate(
-    known: Known,
-    simulated: Simulated,
-    landed: Simulated,
-    space: Space,
-    cells_of: Sequence[str],
+    known: KnownSetup,
+    model: Model,
+    blocks_with_cells: Sequence[str],
     effort: Effort,
     seed: np.random.SeedSequence,
     on_progress: OnProgress,
 ) -> Sample:
-    """A model on the words of all blocks and on the cells of the blocks `cells_of`: hypotheses of `space`, half of them
-    of one run of the sampler and half of another, with other releases, too.
+    """Posterior of a model, given the statements on first impacts of all blocks and the cells of some blocks.
 
-    `simulated` and `landed`: the model, and for the other blocks the model up to their first impact.
+    Half of the hypotheses come from one run of the sampler, half from another with other releases.
     """
-    width, half = len(space.quantities), effort.hypotheses // 2
-    chosen = np.arange(len(DETERMINISTIC_SPACE.quantities), width) if space is CANDIDATE_SPACE else None
+    width, half = len(model.space.quantities), effort.hypotheses // 2
+    moves = Moves(effort.moves, redrawn=model.redrawn)
     runs: list[Sample] = []
     for own in seed.spawn(2):
-        likelihood = _likelihood(simulated, landed, known, space, cells_of, effort, own)
+        likelihood = _likelihood(known, model, blocks_with_cells, effort.releases, own)
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
             on_progress((len(runs) + power) / 2)
 
-        start = prior_draws(PRIOR_SHARE * half, width, rng)
-        runs.append(
-            posterior(likelihood, start, half, rng, redrawn=chosen, moves=effort.moves, on_progress=halfway)
-        )
+        prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
+        runs.append(posterior(likelihood, prior, half, rng, moves, on_progress=halfway))
     return Sample(
         np.concatenate([run.u for run in runs]),
         np.concatenate([run.log_likelihood for run in runs]),
@@ -92,64 +125,74 @@ def calibrate(
 
 
 def _likelihood(
-    simulated: Simulated, landed: Simulated, known: Known, space: Space, cells_of: Sequence[str], effort: Effort,
+    known: KnownSetup,
+    model: Model,
+    blocks_with_cells: Sequence[str],
+    releases: int,
     seed: np.random.SeedSequence,
-) -> Callable[[Array], Array]:  # fmt: skip
-    draws = draws_of(effort.releases, seed)
+) -> Callable[[Array], Array]:
+    draws = standard_normal_draws(releases, seed)
 
     def likelihood(u: Array) -> Array:
-        values, total = space.values(u), np.zeros(len(u))
-        for block in published.BLOCKS:  # each asked only of what those before it left possible
-            asked = np.isfinite(total)
-            if asked.any():
-                own = {key: v[asked] for key, v in values.items()}
-                model = simulated if block in cells_of else landed
-                outcome = model(known, own, block, draws[block])
-                total[asked] += log_words(outcome, block)
-                if block in cells_of:
-                    total[asked] += log_lines(outcome, block)
+        values, total = model.space.values(u), np.zeros(len(u))
+        for block in published.BLOCKS:  # hypotheses that an earlier block excludes are not simulated again
+            possible = np.isfinite(total)
+            if possible.any():
+                own = {key: v[possible] for key, v in values.items()}
+                with_cells = block in blocks_with_cells
+                simulate = model.outcome if with_cells else model.first_impacts
+                outcome = simulate(known, own, block, draws[block])
+                total[possible] += first_impact_log_likelihood(outcome, block)
+                if with_cells:
+                    total[possible] += passing_log_likelihood(outcome, block)
         return total
 
     return likelihood
 
 
 def calibrate_deterministic(
-    known: Known, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    return calibrate(known, fall, land, DETERMINISTIC_SPACE, ("sphere",), effort, seed, on_progress)
+    model = Model(deterministic_outcome, deterministic_first_impacts, DETERMINISTIC_SPACE)
+    return calibrate(known, model, ("sphere",), effort, seed, on_progress)
 
 
 def calibrate_probabilistic(
-    known: Known, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+    known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
-    return calibrate(known, bounce, bounce, PROBABILISTIC_SPACE, ("sphere",), effort, seed, on_progress)
+    model = Model(probabilistic_outcome, probabilistic_outcome, PROBABILISTIC_SPACE)
+    return calibrate(known, model, ("sphere",), effort, seed, on_progress)
 
 
-def try_candidates(
-    known: Known, left_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+def calibrate_candidates(
+    known: KnownSetup, held_out: str, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
-    others = [block for block in published.BLOCKS if block != left_out]
-    models = fall_with_candidate, land_with_candidate
-    return calibrate(known, *models, CANDIDATE_SPACE, others, effort, seed, on_progress)
+    others = [block for block in published.BLOCKS if block != held_out]
+    choice = np.arange(len(DETERMINISTIC_SPACE.quantities), len(CANDIDATE_SPACE.quantities))
+    model = Model(candidate_outcome, candidate_first_impacts, CANDIDATE_SPACE, redrawn=choice)
+    return calibrate(known, model, others, effort, seed, on_progress)
 
 
-def reduce_slopes(
-    known: Known, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+def calibrate_slope_reductions(
+    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> dict[str, Array]:
-    """block -> (k,) α in degrees for each hypothesis of PROBABILISTIC_SPACE, drawn from its posterior given the block's
-    own cells, hypothesis by hypothesis: set-up, starts and the sphere's parameters learn nothing from them."""
+    """block -> (k,) slope reduction in degrees for each hypothesis `sample` (k, d) of PROBABILISTIC_SPACE.
+
+    It is drawn from its posterior given the cells of the block, separately for each hypothesis: set-up, incident
+    states and the parameters of the sphere learn nothing from these cells.
+    """
     draw_seed, run_seed = seed.spawn(2)
-    draws, rng = draws_of(effort.releases, draw_seed), np.random.default_rng(run_seed)
+    draws, rng = standard_normal_draws(effort.releases, draw_seed), np.random.default_rng(run_seed)
     values = PROBABILISTIC_SPACE.values(sample)
     found = {"sphere": np.zeros(len(sample))}
     for b, block in enumerate(published.BLOCKS[1:]):
         table = np.empty((len(sample), len(REDUCTIONS_DEG)))
         for i, alpha in enumerate(REDUCTIONS_DEG):
-            outcome = bounce(known, values, block, draws[block], np.full(len(sample), alpha))
-            table[:, i] = log_lines(outcome, block)
+            outcome = probabilistic_outcome(known, values, block, draws[block], np.full(len(sample), alpha))
+            table[:, i] = passing_log_likelihood(outcome, block)
             on_progress((b + (i + 1) / len(REDUCTIONS_DEG)) / 2)
         weight = np.exp(table - table.max(axis=1, keepdims=True))
         share = np.cumsum(weight, axis=1) / weight.sum(axis=1, keepdims=True)
@@ -157,37 +200,37 @@ def reduce_slopes(
     return found
 
 
-def candidate_of(values: Values) -> Array:
-    """(n,) indices into CANDIDATES of hypotheses of CANDIDATE_SPACE: half of the prior is none."""
+def candidate_indices(values: Values) -> Array:
+    """(n,) indices into CANDIDATES of hypotheses of CANDIDATE_SPACE; the prior probability of none is 1/2."""
     drawn, others = values["candidate"], len(CANDIDATES) - 1
     return np.where(drawn < 0.5, 0, 1 + np.minimum((2.0 * drawn - 1.0) * others, others - 1).astype(int))
 
 
-def prior_of(candidate: str) -> float:
+def candidate_prior(candidate: str) -> float:
     """Prior probability of a candidate."""
-    return 0.5 if candidate == NONE else 0.5 / (len(CANDIDATES) - 1)
+    return 0.5 if candidate == NO_CANDIDATE else 0.5 / (len(CANDIDATES) - 1)
 
 
-def fall_with_candidate(known: Known, values: Values, block: str, draws: Array) -> Outcome:
-    """`passing.fall` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return fall(known, values, block, draws, _with_candidate(values))
+def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
+    """`deterministic_outcome` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return deterministic_outcome(known, values, block, draws, _with_candidate(values))
 
 
-def land_with_candidate(known: Known, values: Values, block: str, draws: Array) -> Outcome:
-    """`passing.land` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
-    return land(known, values, block, draws, _with_candidate(values))
+def candidate_first_impacts(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
+    """`deterministic_first_impacts` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return deterministic_first_impacts(known, values, block, draws, _with_candidate(values))
 
 
-def _with_candidate(values: Values) -> Change:
-    """What the candidate of a hypothesis does to its world; ratios are drawn on a logarithmic scale."""
+def _with_candidate(values: Values) -> WorldChange:
+    """The change of the world of each hypothesis by its candidate effect; ratios are drawn on a logarithmic scale."""
     from rock2d.effects import catalogue
 
     effects = catalogue()
-    which = candidate_of(values)
+    which = candidate_indices(values)
 
     def change(world: World, i: int) -> World:
         name = CANDIDATES[which[i]]
-        if name == NONE:
+        if name == NO_CANDIDATE:
             return world
         effect, sizes = effects[name], []
         for k, parameter in enumerate(effect.parameters):
@@ -199,8 +242,8 @@ def _with_candidate(values: Values) -> Change:
     return change
 
 
-def draws_of(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
-    """block -> (releases, 6) standard normal draws, the same for every hypothesis: the likelihood is a function."""
+def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
+    """block -> (releases, 6) standard normal draws. All hypotheses share them, so that the likelihood is a function."""
     return {
         name: np.random.default_rng(child).standard_normal((releases, 6))
         for name, child in zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)

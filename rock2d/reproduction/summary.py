@@ -1,5 +1,5 @@
-"""What the calibrations say, as numbers: passing frequencies with intervals and tests, errors, the sampling floor, what
-is identified, and what each candidate effect brings on cells it has not seen."""
+"""The calibrations in numbers: passing frequencies with intervals and tests, errors, the sampling floor, identified
+quantities, and the effect of each candidate on held-out cells."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ import numpy as np
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import Values
-from rock2d.reproduction.likelihood import filmed, log_counts_without, log_lines
-from rock2d.reproduction.passing import Outcome
-from rock2d.reproduction.stages import CANDIDATES, NONE, candidate_of, prior_of
+from rock2d.reproduction.likelihood import filmed_counts, log_counts_without_line, passing_log_likelihood
+from rock2d.reproduction.outcomes import Outcome
+from rock2d.reproduction.stages import CANDIDATES, NO_CANDIDATE, candidate_indices, candidate_prior
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
 
-VALIDATION = np.s_[1:]  # rows of Table 2 that the deterministic calibration does not see
-FLOOR_DRAWS = 20_000
-CHANCE_SD = 3.5  # standard deviations that the largest of some tens of chance correlations reaches
+VALIDATION_ROWS = np.s_[1:]  # rows of Table 2 that the deterministic calibration does not see
+SAMPLING_FLOOR_DRAWS = 20_000
+LARGEST_CHANCE_CORRELATION_SD = (
+    3.5  # standard deviations that the largest of some tens of chance correlations reaches
+)
 
 
 def rmse(simulated: Array, cells: slice = np.s_[:]) -> float:
@@ -41,7 +43,7 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
     True frequencies are drawn from what the experiment leaves possible (Jeffreys' prior), the filmed ones from them.
     """
     passed = published.passed()[cells]
-    truth = rng.beta(passed + 0.5, published.RELEASES - passed + 0.5, (FLOOR_DRAWS, *passed.shape))
+    truth = rng.beta(passed + 0.5, published.RELEASES - passed + 0.5, (SAMPLING_FLOOR_DRAWS, *passed.shape))
     film = rng.binomial(published.RELEASES, truth) / published.RELEASES
     errors = 100 * np.sqrt(((film - truth) ** 2).mean(axis=(1, 2)))
     return float(errors.mean()), float(np.percentile(errors, 95))
@@ -55,7 +57,7 @@ def exact_interval(passed: int) -> tuple[float, float]:
     return 100 * interval.low, 100 * interval.high
 
 
-def same_frequency(passed: int, simulated_percent: float) -> float:
+def equal_frequency_p(passed: int, simulated_percent: float) -> float:
     """Fisher's exact p that RELEASES filmed and as many simulated releases have one passing frequency."""
     from scipy.stats import fisher_exact
 
@@ -77,8 +79,10 @@ def predictive_p(passed: int, outcome: Outcome, line: int) -> float:
 
 
 def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) -> pd.DataFrame:
-    """Table 2: the experiment, the paper's two models and this project's, one row a block and line; of the latter the
-    mean and the 95 % interval over the hypotheses."""
+    """Table 2: experiment, the paper's two models and this project's models; one row for each block and line.
+
+    The models of this project are given as mean and 95 % interval over the hypotheses.
+    """
     import pandas as pd
 
     rows = []
@@ -95,7 +99,7 @@ def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) ->
                 ("paper_deterministic", published.DETERMINISTIC),
             ):
                 row[name] = float(theirs[b, i])
-                row[f"{name}_p"] = same_frequency(passed, theirs[b, i])
+                row[f"{name}_p"] = equal_frequency_p(passed, theirs[b, i])
             for name, ours in (("probabilistic", probabilistic[b]), ("deterministic", deterministic[b])):
                 own = 100 * ours.frequencies[:, i]
                 row[name] = float(own.mean())
@@ -110,17 +114,21 @@ def mean_percent(outcomes: list[Outcome]) -> Array:
     return np.array([100 * o.frequencies.mean(axis=0) for o in outcomes])
 
 
-def halves_differ(outcomes: list[Outcome]) -> float:
+def monte_carlo_error(outcomes: list[Outcome]) -> float:
     """Root mean square difference in points between the mean predictions of the two independent halves of the
     hypotheses, over 2: the Monte Carlo error of the mean of both."""
     half = len(outcomes[0].crossed) // 2
-    first, second = (mean_percent([o.of(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:]))
+    first, second = (
+        mean_percent([o.of_hypotheses(part) for o in outcomes]) for part in (np.s_[:half], np.s_[half:])
+    )
     return 0.5 * float(np.sqrt(np.mean((first - second) ** 2)))
 
 
-def best_rmse(outcomes: list[Outcome]) -> float:
-    """RMSE over all nine cells of the hypothesis for which it is least, chosen by one half of the releases and judged
-    by the other: what the model can do at all. NaN without hypotheses."""
+def best_hypothesis_rmse(outcomes: list[Outcome]) -> float:
+    """RMSE over all nine cells of the best hypothesis: what the model can reach at all. NaN without hypotheses.
+
+    One half of the releases chooses the hypothesis, the other half gives its RMSE.
+    """
     half = outcomes[0].crossed.shape[1] // 2
     first, second = (
         100 * np.stack([o.crossed[:, part].mean(axis=1) for o in outcomes], axis=1)
@@ -132,8 +140,10 @@ def best_rmse(outcomes: list[Outcome]) -> float:
 
 
 def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -> pd.DataFrame:
-    """Prior range and posterior of each quantity, its posterior over its prior standard deviation (1: as wide as
-    before), and the quantity it is most correlated with, if more than by chance."""
+    """Prior range and posterior of each quantity, and the standard deviation of the posterior over that of the prior.
+
+    `correlated_with` is the quantity of the largest correlation, if that is larger than chance gives.
+    """
     import pandas as pd
 
     correlation = np.corrcoef(u.T)
@@ -143,7 +153,7 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
         i = space.columns([q.name])[0]
         low, middle, high = np.percentile(q.value(u[:, i]), [2.5, 50.0, 97.5])
         partner = int(np.argmax(np.abs(correlation[i])))
-        correlated = abs(correlation[i, partner]) > CHANCE_SD / np.sqrt(len(u))
+        correlated = abs(correlation[i, partner]) > LARGEST_CHANCE_CORRELATION_SD / np.sqrt(len(u))
         rows.append(
             {
                 "quantity": q.name, "prior_low": q.low, "prior_high": q.high, "prior_log": q.log,
@@ -158,8 +168,8 @@ def identified_table(space: Space, u: Array, quantities: tuple[Quantity, ...]) -
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """Hypotheses of CANDIDATE_SPACE that were not told one block's cells, and what they predict of all three blocks."""
+class HeldOutBlock:
+    """Hypotheses of CANDIDATE_SPACE, fitted without the cells of `block`, and their predictions of all blocks."""
 
     values: Values
     outcomes: list[Outcome]
@@ -168,73 +178,76 @@ class LeftOut:
     @property
     def candidate(self) -> Array:
         """(k,) indices into CANDIDATES."""
-        return candidate_of(self.values)
+        return candidate_indices(self.values)
 
     @property
     def outcome(self) -> Outcome:
-        """That of the block left out."""
+        """Prediction of the held-out block."""
         return self.outcomes[published.BLOCKS.index(self.block)]
 
     @property
-    def plain(self) -> list[Outcome]:
+    def without_candidate(self) -> list[Outcome]:
         """Outcomes of the three blocks under the hypotheses without a candidate effect."""
-        own = self.candidate == CANDIDATES.index(NONE)
-        return [o.of(own) for o in self.outcomes]
+        own = self.candidate == CANDIDATES.index(NO_CANDIDATE)
+        return [o.of_hypotheses(own) for o in self.outcomes]
 
     @property
     def log_score(self) -> Array:
-        """(k,) log-probability of the filmed cells of the block left out."""
-        return log_lines(self.outcome, self.block)
+        """(k,) log-probability of the filmed cells of the held-out block."""
+        return passing_log_likelihood(self.outcome, self.block)
 
 
-def candidates_table(runs: list[LeftOut]) -> pd.DataFrame:
-    """What each candidate effect brings to a block that was left out: one row a candidate and block.
+def candidates_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
+    """Predictions of the held-out blocks with each candidate effect; one row for each candidate and block.
 
-    share: of the run's hypotheses, that is the candidate's posterior probability from the other blocks and the words
-    (prior: `prior_of`). Then the passing frequencies predicted in %, their RMSE, the log-probability of the filmed
-    numbers; and, once they are told, too: the posterior probability and its odds against none over the prior's. Both
-    runs estimate the last two of the same data: their difference is the error of either.
+    share: posterior probability of the candidate from the other blocks and the statements on first impacts.
+    line_1 to line_3, rmse, log_score: predicted passing frequencies in %, their RMSE, log-probability of the filmed
+    numbers. share_all_cells, bayes_factor: posterior probability once the held-out cells are fitted too, and its odds
+    against none over those of the prior. Both held-out blocks give an estimate of the last two from the same data;
+    their difference shows the error.
     """
     import pandas as pd
 
     rows = []
     for run in runs:
         which, likelihood = run.candidate, np.exp(run.log_score)
-        plain = likelihood[which == CANDIDATES.index(NONE)].sum()
+        plain = likelihood[which == CANDIDATES.index(NO_CANDIDATE)].sum()
         for c, name in enumerate(CANDIDATES):
             own = which == c
             row: dict[str, object] = {
-                "left_out": run.block, "candidate": name, "prior": prior_of(name), "share": float(own.mean()),
+                "held_out": run.block, "candidate": name, "prior": candidate_prior(name), "share": float(own.mean()),
             }  # fmt: skip
             if own.any():
                 predicted = 100 * run.outcome.frequencies[own].mean(axis=0)
                 row |= dict(zip(published.LINES, predicted.tolist(), strict=True))
                 row["rmse"] = block_rmse(predicted, run.block)
                 row["log_score"] = float(np.log(likelihood[own].mean()))
-            row["share_told_all"] = float(likelihood[own].sum() / likelihood.sum())
+            row["share_all_cells"] = float(likelihood[own].sum() / likelihood.sum())
             odds = likelihood[own].sum() / plain if plain > 0 else np.nan
-            row["bayes_factor"] = float(odds * prior_of(NONE) / prior_of(name))
+            row["bayes_factor"] = float(odds * candidate_prior(NO_CANDIDATE) / candidate_prior(name))
             rows.append(row)
     return pd.DataFrame(rows)
 
 
-def plain_rmse(run: LeftOut) -> float:
-    """RMSE in points of the mean prediction of the block left out, without candidate effects."""
-    frequencies = run.plain[published.BLOCKS.index(run.block)].frequencies
+def rmse_without_candidate(run: HeldOutBlock) -> float:
+    """RMSE in points of the mean prediction of the held-out block, without candidate effects."""
+    frequencies = run.without_candidate[published.BLOCKS.index(run.block)].frequencies
     return block_rmse(100 * frequencies.sum(axis=0) / (len(frequencies) or np.nan), run.block)
 
 
-def cells_table(runs: list[LeftOut]) -> pd.DataFrame:
-    """Every validation cell as predicted (%) by the hypotheses without a candidate effect that were told all others of
-    Table 2 (importance weights; `effective`: the number of hypotheses that this rests on)."""
+def cells_table(runs: list[HeldOutBlock]) -> pd.DataFrame:
+    """Every validation cell as predicted (%) by hypotheses without a candidate effect, fitted to all other cells.
+
+    The hypotheses carry importance weights; `effective` is their effective number.
+    """
     import pandas as pd
 
     rows = []
     for run in runs:
         b = published.BLOCKS.index(run.block)
-        outcome = run.plain[b]
+        outcome = run.without_candidate[b]
         for i, line in enumerate(published.LINES):
-            weight = np.exp(log_counts_without(i, outcome.levels, filmed(run.block)))
+            weight = np.exp(log_counts_without_line(i, outcome.by_last_line, filmed_counts(run.block)))
             total = weight.sum() or np.nan
             predicted = float(100 * weight @ outcome.frequencies[:, i] / total)
             effective = float(total**2 / (weight**2).sum()) if len(weight) else 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.calibration.sequential_monte_carlo import Quantity, Space, posterior, prior_draws
+from rock2d.calibration.sequential_monte_carlo import Moves, Quantity, Space, posterior, prior_draws
 
 MEAN, SD = np.array([0.3, 0.6, 0.5]), np.array([0.03, 0.05, 0.04])
 
@@ -16,11 +16,11 @@ def gaussian(u):
 
 def sample(seed=0, **options):
     rng = np.random.default_rng(seed)
-    return posterior(gaussian, prior_draws(4000, 3, rng), 1000, rng, **options)
+    return posterior(gaussian, prior_draws(4000, 3, rng), 1000, rng, Moves(**options))
 
 
 def test_a_gaussian_likelihood_gives_its_mean_its_spread_and_its_integral():
-    found = sample(moves=6)
+    found = sample(count=6)
     error = SD / np.sqrt(1000)
     assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(4 * error.max()))
     assert found.u.std(axis=0) == pytest.approx(SD, rel=0.12)
@@ -31,7 +31,7 @@ def test_a_gaussian_likelihood_gives_its_mean_its_spread_and_its_integral():
 
 def test_without_data_the_prior_stays():
     rng = np.random.default_rng(1)
-    found = posterior(lambda u: np.zeros(len(u)), prior_draws(2000, 2, rng), 2000, rng, moves=5)
+    found = posterior(lambda u: np.zeros(len(u)), prior_draws(2000, 2, rng), 2000, rng, Moves(5))
     shares = np.histogram(found.u[:, 0], 10, (0.0, 1.0))[0] / 2000
     assert shares == pytest.approx(0.1, abs=0.03)  # walks reflected at the walls keep it flat up to the walls
     assert found.log_evidence == pytest.approx(0.0, abs=1e-12)
@@ -50,7 +50,7 @@ def test_a_choice_among_models_gets_its_posterior_probability():
         return np.where(u[:, 0] < 0.5, np.log(3.0), 0.0) + gaussian(u[:, 1:])
 
     rng = np.random.default_rng(2)
-    found = posterior(likelihood, prior_draws(8000, 4, rng), 2000, rng, redrawn=np.array([0]), moves=6)
+    found = posterior(likelihood, prior_draws(8000, 4, rng), 2000, rng, Moves(6, redrawn=np.array([0])))
     assert (found.u[:, 0] < 0.5).mean() == pytest.approx(0.75, abs=0.05)
 
 

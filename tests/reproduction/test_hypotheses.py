@@ -8,18 +8,29 @@ import shapely
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
-from rock2d.reproduction import passing, published
-from rock2d.reproduction.command import known_setup
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, cross_section, starts
-from rock2d.reproduction.passing import DITCH, FACING, bounce, fall, land
+from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.reproduction import outcomes, published
+from rock2d.reproduction.hypotheses import (
+    DETERMINISTIC_SPACE,
+    PROBABILISTIC_SPACE,
+    hypothesis_cross_section,
+    incident_distributions,
+    known_setup,
+)
+from rock2d.reproduction.outcomes import (
+    DITCH_ZONE,
+    FACING_ZONE,
+    deterministic_first_impacts,
+    deterministic_outcome,
+    probabilistic_outcome,
+)
 from rock2d.reproduction.scenario_file import scenario_text
 from rock2d.reproduction.stages import (
     CANDIDATE_SPACE,
     CANDIDATES,
-    candidate_of,
-    fall_with_candidate,
+    candidate_indices,
+    candidate_outcome,
 )
-from rock2d.runs.demo import scenario_file
 from rock2d.runs.incident_states import drawn_states
 
 KNOWN = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
@@ -27,23 +38,23 @@ RNG = np.random.default_rng(5)
 HYPOTHESES = prior_draws(32, len(DETERMINISTIC_SPACE.quantities), RNG)
 VALUES = DETERMINISTIC_SPACE.values(HYPOTHESES)
 REBOUNDS = PROBABILISTIC_SPACE.values(prior_draws(32, len(PROBABILISTIC_SPACE.quantities), RNG))
-MODELS = [(fall, VALUES), (bounce, REBOUNDS)]
+MODELS = [(deterministic_outcome, VALUES), (probabilistic_outcome, REBOUNDS)]
 DRAWS = RNG.standard_normal((30, 6))
 
 
 def test_the_setup_has_what_the_paper_publishes():
     assert (KNOWN.height_m, KNOWN.crest_m) == pytest.approx((0.083, 0.055))
     for i in range(len(HYPOTHESES)):
-        rise = cross_section(VALUES, i, KNOWN.height_m, KNOWN.crest_m).embankment
+        rise = hypothesis_cross_section(VALUES, i, KNOWN).embankment
         assert rise is not None and rise.height_m == pytest.approx(0.083)
 
 
 @pytest.mark.parametrize("name", published.BLOCKS)
 def test_no_release_within_three_deviations_starts_in_the_ground(name):
     block = KNOWN.blocks[name]
-    states = starts(VALUES, block, KNOWN.gravity_m_s2).states(np.clip(DRAWS, -3, 3))
+    states = incident_distributions(VALUES, block, KNOWN.gravity_m_s2).states(np.clip(DRAWS, -3, 3))
     for i, own in enumerate(states):
-        ground = shapely.LineString(cross_section(VALUES, i, KNOWN.height_m, KNOWN.crest_m).points_m)
+        ground = shapely.LineString(hypothesis_cross_section(VALUES, i, KNOWN).points_m)
         for x, y, *_ in own:
             assert shapely.Point(x, y).distance(ground) > block.radius_m
 
@@ -51,19 +62,22 @@ def test_no_release_within_three_deviations_starts_in_the_ground(name):
 def test_a_block_that_loses_nothing_on_the_slope_has_the_speed_of_its_drop():
     values = {key: v[:1] for key, v in VALUES.items()}
     values |= {"cube.speed_along": np.ones(1), "cube.speed_across": np.ones(1), "cube.roll": np.zeros(1)}
-    begin = starts(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
+    begin = incident_distributions(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
     assert np.hypot(*begin.mean[0, 3:5]) == pytest.approx(np.sqrt(2 * 9.81 * 0.30))
     values["cube.roll"] = np.ones(1)
-    assert begin.possible[0] and not starts(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2).possible[0]
+    assert (
+        begin.possible[0]
+        and not incident_distributions(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2).possible[0]
+    )
 
 
 @pytest.mark.parametrize(("model", "values"), MODELS)
 def test_a_hypothesis_does_not_depend_on_those_beside_it(model, values, monkeypatch):
     whole = model(KNOWN, values, "cube", DRAWS)
-    monkeypatch.setattr(passing, "CHUNK", 5 * len(DRAWS))
+    monkeypatch.setattr(outcomes, "RELEASES_PER_CALL", 5 * len(DRAWS))
     alone = model(KNOWN, {key: v[7:20] for key, v in values.items()}, "cube", DRAWS)
-    assert (whole.crossed[7:20] == alone.crossed).all() and (whole.first[7:20] == alone.first).all()
-    assert whole.levels.sum(axis=1).tolist() == [len(DRAWS)] * len(HYPOTHESES)
+    assert (whole.crossed[7:20] == alone.crossed).all() and (whole.first_zone[7:20] == alone.first_zone).all()
+    assert whole.by_last_line.sum(axis=1).tolist() == [len(DRAWS)] * len(HYPOTHESES)
 
 
 @pytest.mark.parametrize(("model", "values"), MODELS)
@@ -88,13 +102,16 @@ def test_a_release_that_can_reach_no_further_line_still_has_a_first_impact():
         "cube.speed_spread": np.array([0.01]),
     }
     values |= {"line_tilt_deg": np.zeros(1)}
-    found = fall(KNOWN, values, "cube", DRAWS)
-    assert found.possible[0] and (found.first == DITCH).all()
+    found = deterministic_outcome(KNOWN, values, "cube", DRAWS)
+    assert found.possible[0] and (found.first_zone == DITCH_ZONE).all()
 
 
 def test_landing_is_the_first_impact_of_falling():
-    whole, landed = (model(KNOWN, VALUES, "parallelepiped", DRAWS) for model in (fall, land))
-    assert (whole.first == landed.first).all() and (whole.possible == landed.possible).all()
+    whole, landed = (
+        model(KNOWN, VALUES, "parallelepiped", DRAWS)
+        for model in (deterministic_outcome, deterministic_first_impacts)
+    )
+    assert (whole.first_zone == landed.first_zone).all() and (whole.possible == landed.possible).all()
     assert landed.off_normal_deg == pytest.approx(whole.off_normal_deg, nan_ok=True)
     assert whole.crossed.any() and not landed.crossed.any() and not whole.crossed[~whole.possible].any()
 
@@ -106,22 +123,22 @@ def test_the_angle_at_the_facing_is_that_of_a_throw():
     values |= {"drop_up_slope_m": np.array([0.05]), "parallelepiped.roll": np.zeros(1)}
     values |= {f"parallelepiped.speed_{way}": np.ones(1) for way in ("along", "across")}
     values |= {"parallelepiped.speed_spread": np.array([1e-6]), "drop_spread_m": np.array([1e-6])}
-    found = land(KNOWN, values, "parallelepiped", DRAWS)
+    found = deterministic_first_impacts(KNOWN, values, "parallelepiped", DRAWS)
     speed = np.sqrt(2 * 9.81 * 0.30)  # level, as the slope turns the whole of the fall round
     at = 0.075  # m from the start to the facing, about: gravity turns the flight by a few degrees
     down = np.degrees(np.arctan(9.81 * at / speed**2))
-    assert (found.first == FACING).all()
+    assert (found.first_zone == FACING_ZONE).all()
     assert found.off_normal_deg[0] == pytest.approx(np.abs(30.0 - down), abs=4.0)
 
 
 def test_none_is_half_of_the_prior_and_changes_nothing():
     u = np.hstack([HYPOTHESES, prior_draws(32, 4, RNG)])
-    which = candidate_of(CANDIDATE_SPACE.values(u))
+    which = candidate_indices(CANDIDATE_SPACE.values(u))
     assert (which == 0).sum() == 16 and set(which) <= set(range(len(CANDIDATES)))
     none = which == 0
     values = {key: v[none] for key, v in CANDIDATE_SPACE.values(u).items()}
-    with_candidate = fall_with_candidate(KNOWN, values, "cube", DRAWS)
-    assert (with_candidate.crossed == fall(KNOWN, values, "cube", DRAWS).crossed).all()
+    with_candidate = candidate_outcome(KNOWN, values, "cube", DRAWS)
+    assert (with_candidate.crossed == deterministic_outcome(KNOWN, values, "cube", DRAWS).crossed).all()
 
 
 def test_every_candidate_changes_something():
@@ -131,8 +148,8 @@ def test_every_candidate_changes_something():
         [0.0, *(0.5 + 0.5 * (np.arange(len(CANDIDATES) - 1) + 0.5) / (len(CANDIDATES) - 1))], 32
     )
     values = CANDIDATE_SPACE.values(np.hstack([u, extra]))
-    assert (candidate_of(values) == np.tile(np.arange(len(CANDIDATES)), 32)).all()
-    found = fall_with_candidate(KNOWN, values, "cube", DRAWS).crossed.reshape(32, len(CANDIDATES), -1)
+    assert (candidate_indices(values) == np.tile(np.arange(len(CANDIDATES)), 32)).all()
+    found = candidate_outcome(KNOWN, values, "cube", DRAWS).crossed.reshape(32, len(CANDIDATES), -1)
     assert (found[:, 1:] != found[:, :1]).any(axis=(0, 2)).all()
 
 
@@ -141,8 +158,8 @@ def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path, model, values
     path = tmp_path / "one.yaml"
     path.write_text(scenario_text(KNOWN, values, 3, {"cube": 6.0}, 2, model), encoding="utf-8")
     scenario = load_scenario(path)
-    ground = cross_section(values, 3, KNOWN.height_m, KNOWN.crest_m)
-    assert scenario.cross_section().points_m == pytest.approx(ground.points_m)
+    ground = hypothesis_cross_section(values, 3, KNOWN)
+    assert scenario.make_cross_section().points_m == pytest.approx(ground.points_m)
     if model == "deterministic":
         law = scenario.contact_parameters()["default"]
         assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(values["restitution"][3] ** 2)
@@ -151,6 +168,6 @@ def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path, model, values
         assert facing.slope_reduction_deg == 6.0
         assert facing.momentum_half_kg_m_s == pytest.approx(values["facing.momentum_half_kg_m_s"][3])
     drawn = drawn_states(scenario.incident_of("cube"), 1, 1, 0, 4000)
-    begin = starts(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
+    begin = incident_distributions(values, KNOWN.blocks["cube"], KNOWN.gravity_m_s2)
     assert (np.abs(drawn.mean(axis=0) - begin.mean[3]) <= 4 * begin.sd[3] / np.sqrt(4000) + 1e-12).all()
     assert drawn.std(axis=0) == pytest.approx(begin.sd[3], rel=0.06)

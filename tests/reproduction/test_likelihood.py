@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.likelihood import filmed, log_counts, log_counts_without, log_words
-from rock2d.reproduction.passing import DITCH, FACING, Outcome
+from rock2d.reproduction.likelihood import (
+    filmed_counts,
+    first_impact_log_likelihood,
+    log_counts,
+    log_counts_without_line,
+)
+from rock2d.reproduction.outcomes import DITCH_ZONE, FACING_ZONE, Outcome
 
 SIMULATED = np.array([[7, 12, 15, 6], [0, 40, 0, 0]])
 
@@ -23,14 +28,14 @@ def outcome(first, off_normal_deg=0.0, possible=True):
 
 
 def test_the_paper_s_errors_are_those_of_its_table():
-    assert summary.rmse(published.DETERMINISTIC, summary.VALIDATION) == pytest.approx(12.0, abs=0.05)
+    assert summary.rmse(published.DETERMINISTIC, summary.VALIDATION_ROWS) == pytest.approx(12.0, abs=0.05)
     assert summary.rmse(published.DETERMINISTIC) == pytest.approx(10.6, abs=0.05)
     assert summary.rmse(published.PROBABILISTIC) == pytest.approx(8.1, abs=0.05)
 
 
 def test_only_line_1_of_the_angular_blocks_is_a_significant_miss_of_the_paper():
     for theirs in (published.DETERMINISTIC, published.PROBABILISTIC):
-        p = [[summary.same_frequency(k, t) for k, t in zip(*row, strict=True)]
+        p = [[summary.equal_frequency_p(k, t) for k, t in zip(*row, strict=True)]
              for row in zip(published.passed(), theirs, strict=True)]  # fmt: skip
         significant = np.argwhere(np.array(p) < 0.05).tolist()
         assert significant == [[1, 0], [2, 0]]
@@ -38,9 +43,9 @@ def test_only_line_1_of_the_angular_blocks_is_a_significant_miss_of_the_paper():
 
 
 def test_releases_by_the_last_line_they_passed():
-    assert filmed("sphere").tolist() == [0, 7, 22, 21]
-    assert filmed("cube").tolist() == [7, 27, 16, 0]
-    assert filmed("parallelepiped").tolist() == [9, 38, 3, 0]
+    assert filmed_counts("sphere").tolist() == [0, 7, 22, 21]
+    assert filmed_counts("cube").tolist() == [7, 27, 16, 0]
+    assert filmed_counts("parallelepiped").tolist() == [9, 38, 3, 0]
 
 
 def test_the_probabilities_of_all_counts_add_up_to_one():
@@ -58,7 +63,7 @@ def test_a_line_left_out_is_the_sum_over_what_it_may_have_been():
             own = counts.copy()
             own[line], own[line + 1] = first, both - first
             total += np.exp(log_counts(SIMULATED, own))
-        assert np.exp(log_counts_without(line, SIMULATED, counts)) == pytest.approx(total)
+        assert np.exp(log_counts_without_line(line, SIMULATED, counts)) == pytest.approx(total)
 
 
 def test_many_simulated_releases_give_the_multinomial():
@@ -69,17 +74,25 @@ def test_many_simulated_releases_give_the_multinomial():
 
 
 def test_words_are_fulfilled_or_not():
-    ditch, facing = [DITCH] * 40, [FACING] * 40
-    some = [FACING] * 8 + [DITCH] * 32
-    assert np.exp(log_words(outcome(ditch), "sphere")) > 0.5 > np.exp(log_words(outcome(some), "sphere"))
-    assert np.exp(log_words(outcome(some), "cube")) > 0.5 > np.exp(log_words(outcome(ditch), "cube"))
-    assert np.exp(log_words(outcome(facing), "parallelepiped")) > 0.5
-    assert np.exp(log_words(outcome(some), "parallelepiped")) < 1e-3
+    ditch, facing = [DITCH_ZONE] * 40, [FACING_ZONE] * 40
+    some = [FACING_ZONE] * 8 + [DITCH_ZONE] * 32
     assert (
-        log_words(outcome(facing, 60.0), "parallelepiped")
-        < log_words(outcome(facing, 15.0), "parallelepiped") - 7
+        np.exp(first_impact_log_likelihood(outcome(ditch), "sphere"))
+        > 0.5
+        > np.exp(first_impact_log_likelihood(outcome(some), "sphere"))
     )
-    assert log_words(outcome(ditch, possible=False), "sphere") == -np.inf
+    assert (
+        np.exp(first_impact_log_likelihood(outcome(some), "cube"))
+        > 0.5
+        > np.exp(first_impact_log_likelihood(outcome(ditch), "cube"))
+    )
+    assert np.exp(first_impact_log_likelihood(outcome(facing), "parallelepiped")) > 0.5
+    assert np.exp(first_impact_log_likelihood(outcome(some), "parallelepiped")) < 1e-3
+    assert (
+        first_impact_log_likelihood(outcome(facing, 60.0), "parallelepiped")
+        < first_impact_log_likelihood(outcome(facing, 15.0), "parallelepiped") - 7
+    )
+    assert first_impact_log_likelihood(outcome(ditch, possible=False), "sphere") == -np.inf
 
 
 def test_the_sampling_floor_is_the_binomial_error():
@@ -119,10 +132,10 @@ def test_the_likelier_candidate_gets_the_odds_of_its_likelihood():
     draw = {"none": 0.1, "adhesion": 0.5}
     values = {"candidate": np.array([draw["none"]] * 2 + [draw["adhesion"]] * 2)}
     cube = crossing([0.2, 0.2, 0.3, 0.3])
-    run = summary.LeftOut(values, [cube, cube, cube], "cube")
+    run = summary.HeldOutBlock(values, [cube, cube, cube], "cube")
     table = summary.candidates_table([run]).set_index("candidate")
     ll = run.log_score
-    assert table.loc["adhesion", "share"] == 0.5 and table["share_told_all"].sum() == pytest.approx(1.0)
+    assert table.loc["adhesion", "share"] == 0.5 and table["share_all_cells"].sum() == pytest.approx(1.0)
     odds = np.exp(ll[2] - ll[0]) * table.loc["none", "prior"] / table.loc["adhesion", "prior"]
     assert table.loc["adhesion", "bayes_factor"] == pytest.approx(odds)
     cells = summary.cells_table([run])

@@ -7,11 +7,14 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from rock2d_figures.command import reproduce
 
 from rock2d.files.scenario import load_scenario
-from rock2d.reproduction import command, published, stages
+from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.reproduction import published, stages
+from rock2d.reproduction.computation import FinishedStages
+from rock2d.reproduction.hypotheses import known_setup
 from rock2d.reproduction.stages import Effort
-from rock2d.runs.demo import scenario_file
 
 SMALL = Effort(hypotheses=96, releases=10, moves=3)
 FILES = {
@@ -24,7 +27,7 @@ FILES = {
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("reproduce") / "out"
-    command.reproduce(out, seed=3, effort=SMALL, candidates=True, progress=False, report=lambda line: None)
+    reproduce(out, seed=3, effort=SMALL, candidates=True, progress=False, report=lambda line: None)
     return out
 
 
@@ -46,7 +49,7 @@ def test_every_table_and_figure_is_written(made):
 def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_from_the_validation(
     monkeypatch,
 ):
-    known = command.known_setup(load_scenario(scenario_file("paper_setup.yaml")))
+    known = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
     def calibrated():
         return stages.calibrate_deterministic(known, SMALL, np.random.SeedSequence(3), lambda share: None).u
@@ -58,7 +61,7 @@ def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_fr
 
 def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
     """Of likelihoods that peak at one α a block, that α is drawn; the sphere has none."""
-    known = command.known_setup(load_scenario(scenario_file("paper_setup.yaml")))
+    known = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
     peaks = {"cube": 12.0, "parallelepiped": 42.0}
     asked = []
 
@@ -66,10 +69,10 @@ def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
         asked.append(alpha)
         return alpha
 
-    monkeypatch.setattr(stages, "bounce", outcome)
-    monkeypatch.setattr(stages, "log_lines", lambda alpha, block: -((alpha - peaks[block]) ** 2))
+    monkeypatch.setattr(stages, "probabilistic_outcome", outcome)
+    monkeypatch.setattr(stages, "passing_log_likelihood", lambda alpha, block: -((alpha - peaks[block]) ** 2))
     u = np.full((5, len(stages.PROBABILISTIC_SPACE.quantities)), 0.5)
-    found = stages.reduce_slopes(known, u, SMALL, np.random.SeedSequence(1), lambda share: None)
+    found = stages.calibrate_slope_reductions(known, u, SMALL, np.random.SeedSequence(1), lambda share: None)
     assert found["sphere"].tolist() == [0.0] * 5
     assert all((found[block] == peak).all() for block, peak in peaks.items())
     assert len(asked) == 2 * len(stages.REDUCTIONS_DEG)
@@ -79,11 +82,11 @@ def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):
     def pressed(on_progress):
         raise KeyboardInterrupt
 
-    work = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)
+    work = FinishedStages(tmp_path / "kept", {"seed": 1}, progress=False)
     assert work.arrays("one", lambda on_progress: {"a": np.arange(3)})["a"].tolist() == [0, 1, 2]
     with pytest.raises(KeyboardInterrupt):
         work.arrays("two", pressed)
-    again = command.Work(tmp_path / "kept", {"seed": 1}, progress=False)
+    again = FinishedStages(tmp_path / "kept", {"seed": 1}, progress=False)
     assert again.arrays("one", pressed)["a"].tolist() == [0, 1, 2]
     with pytest.raises(KeyboardInterrupt):  # of another seed
-        command.Work(tmp_path / "kept", {"seed": 2}, progress=False).arrays("one", pressed)
+        FinishedStages(tmp_path / "kept", {"seed": 2}, progress=False).arrays("one", pressed)

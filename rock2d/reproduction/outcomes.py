@@ -1,16 +1,23 @@
-"""Releases of many hypotheses at once, with either model: how far up the facing each came, and where it first hit."""
+"""Simulated releases of many hypotheses with either model: measure lines passed and first impacts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.reproduction.hypotheses import ZONES, Values, contact_table, cross_section, starts
+from rock2d.records.track import VX, VY, T
+from rock2d.reproduction.hypotheses import (
+    ZONES,
+    KnownSetup,
+    Values,
+    contact_table,
+    hypothesis_cross_section,
+    incident_distributions,
+)
 from rock2d.reproduction.published import LINES
-from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
 if TYPE_CHECKING:
@@ -18,48 +25,42 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-CHUNK = 40_000  # releases in one call
+RELEASES_PER_CALL = 40_000  # releases in one call
 TIME_LIMIT_S = 3.0
-AWAY = 0.5  # share of a hypothesis' releases that must not meet the slope again, from which their starts are
-SLOPE = ZONES.index("slope")
-FACING = ZONES.index("uphill_face")
-DITCH = ZONES.index("ditch")
+SHARE_PAST_SLOPE = 0.5  # least share of a hypothesis' releases that must not touch the slope again
+SLOPE_ZONE = ZONES.index("slope")
+FACING_ZONE = ZONES.index("uphill_face")
+DITCH_ZONE = ZONES.index("ditch")
+# columns of the first impact in `BatchResult.impacts` and `PointMassBatch.impacts`
+BATCH_ZONE, BATCH_STATE_BEFORE = 0, slice(1, 8)
+POINT_MASS_STATE_BEFORE, POINT_MASS_FACET = slice(0, 7), 10
+STATE_WIDTH = 7  # time and state
 
-Change = Callable[[World, int], World]  # world of hypothesis i -> the world to simulate
-
-
-@dataclass(frozen=True)
-class Known:
-    """What is known of the set-up: the paper's blocks, the embankment, gravity."""
-
-    blocks: Mapping[str, Block]
-    height_m: float
-    crest_m: float
-    gravity_m_s2: float
+WorldChange = Callable[[World, int], World]  # world of hypothesis i -> the world to simulate
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of n releases of each of k hypotheses.
+    """Results of n releases of each of k hypotheses.
 
     Attributes
     ----------
     crossed : (k, n, lines) whether a release passed each line
-    first : (k, n) zone id of the first impact, -1 if there was none
-    off_normal_deg : (k, n) angle between the velocity before that impact and the facing's normal, NaN if none
+    first_zone : (k, n) zone id of the first impact, -1 without an impact
+    off_normal_deg : (k, n) angle between the velocity before that impact and the facing's normal, NaN without an impact
     at_line_2 : (k, n, 7) time and state at the first crossing of line 2, NaN if it was not passed
-    possible : (k,) whether the drop's energy allows the hypothesis' starts, and most of them have left the slope for
-        good; lines are not looked at otherwise
+    possible : (k,) whether the energy of the drop allows the incident states and most releases do not touch the slope
+        again; the lines are evaluated for possible hypotheses alone
     """
 
     crossed: Array
-    first: Array
+    first_zone: Array
     off_normal_deg: Array
     at_line_2: Array
     possible: Array
 
     @property
-    def levels(self) -> Array:
+    def by_last_line(self) -> Array:
         """(k, lines + 1) releases by the last line they passed."""
         last = (self.crossed * np.arange(1, self.crossed.shape[-1] + 1)).max(axis=-1)
         return (last[..., None] == np.arange(self.crossed.shape[-1] + 1)).sum(axis=1)
@@ -69,59 +70,59 @@ class Outcome:
         """(k, lines) passing frequencies."""
         return self.crossed.mean(axis=1)
 
-    def of(self, chosen: Array | slice) -> Outcome:
+    def of_hypotheses(self, chosen: Array | slice) -> Outcome:
         """The outcome of some of the hypotheses."""
         return Outcome(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
     def first_in(self, zone: int) -> Array:
         """(k,) releases whose first impact was in this zone."""
-        return (self.first == zone).sum(axis=1)
+        return (self.first_zone == zone).sum(axis=1)
 
 
-def fall(
-    known: Known, values: Values, block_name: str, draws: Array, change: Change | None = None
+def deterministic_outcome(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
-    """The deterministic model: every hypothesis' releases of a block, from standard normal `draws` (n, 6).
+    """Releases of a block with the deterministic model, for each hypothesis, from standard normal `draws` (n, 6).
 
-    `change` gives the world a candidate effect; the effects of the catalogue do.
+    `change` adds a candidate effect to the world of a hypothesis.
     """
-    return _fall(known, values, block_name, draws, change, lines=True)
+    return _contact_model_outcome(known, values, block_name, draws, change, lines=True)
 
 
-def land(
-    known: Known, values: Values, block_name: str, draws: Array, change: Change | None = None
+def deterministic_first_impacts(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
-    """As `fall`, but only until the first impact: no line counts as passed."""
-    return _fall(known, values, block_name, draws, change, lines=False)
+    """As `deterministic_outcome`, but up to the first impact: no line counts as passed."""
+    return _contact_model_outcome(known, values, block_name, draws, change, lines=False)
 
 
-def _fall(
-    known: Known, values: Values, block_name: str, draws: Array, change: Change | None, lines: bool
+def _contact_model_outcome(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None, lines: bool
 ) -> Outcome:
     block, n = known.blocks[block_name], len(draws)
-    begin = starts(values, block, known.gravity_m_s2)
+    begin = incident_distributions(values, block, known.gravity_m_s2)
     every, tables = begin.states(draws), contact_table(values)
     parts = []
     for chosen in _chunks(len(begin.mean), n):
         worlds = []
         for i in chosen:
-            ground = cross_section(values, i, known.height_m, known.crest_m)
+            ground = hypothesis_cross_section(values, i, known)
             world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
             worlds.append(world if change is None else change(world, i))
         states = every[chosen]
-        result = _run(worlds, block_name, states, impact_limit=1, impact_room=1)
-        zones, before = result.impacts[:, 0, 0], result.impacts[:, 0, 1:8]
-        possible = begin.possible[chosen] & _left_slope(zones, n)
-        crossings = np.full((len(chosen), n, len(LINES), 7), np.nan)
+        result = _simulate(worlds, block_name, states, impact_limit=1, impact_room=1)
+        zones, before = result.impacts[:, 0, BATCH_ZONE], result.impacts[:, 0, BATCH_STATE_BEFORE]
+        possible = begin.possible[chosen] & _past_slope(zones, n)
+        crossings = np.full((len(chosen), n, len(LINES), STATE_WIDTH), np.nan)
         if lines and possible.any():
             remaining = [world for world, useful in zip(worlds, possible, strict=True) if useful]
-            result = _run(remaining, block_name, states[possible], stop_when_spent=True)
-            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), 7)
+            result = _simulate(remaining, block_name, states[possible], stop_when_spent=True)
+            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), STATE_WIDTH)
         parts.append(_outcome(crossings, zones, before, values["facing_deg"][chosen], possible))
-    return _together(parts)
+    return _joined(parts)
 
 
-def _run(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
+def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
     """Releases `states` (k, n, 6) of one block, n in each of k worlds."""
     from rock2d.engines.batch import Ensemble, run_batch
 
@@ -138,23 +139,23 @@ def _run(worlds: list[World], block: str, states: Array, **options: Any) -> Batc
     )  # fmt: skip
 
 
-def bounce(
-    known: Known, values: Values, block_name: str, draws: Array, slope_reduction_deg: Array | None = None
+def probabilistic_outcome(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, slope_reduction_deg: Array | None = None
 ) -> Outcome:
-    """The probabilistic model: the same releases as point masses, `slope_reduction_deg` (k,) of each hypothesis.
+    """The same releases with the probabilistic model; `slope_reduction_deg` (k,) belongs to the hypotheses.
 
-    The slope and the ground behind the crest take the ditch's parameters.
+    The slope and the ground behind the crest have the parameters of the ditch.
     """
     from rock2d.engines.point_mass_batch import run_point_mass_batch
     from rock2d.laws.rebound import ReboundParameters
 
     block, n = known.blocks[block_name], len(draws)
-    begin = starts(values, block, known.gravity_m_s2)
+    begin = incident_distributions(values, block, known.gravity_m_s2)
     alpha = np.zeros(len(begin.mean)) if slope_reduction_deg is None else slope_reduction_deg
     seeds = np.zeros(n, np.uint64)  # nothing is drawn at impacts
     parts = []
     for i, states in enumerate(begin.states(draws)):
-        ground = cross_section(values, i, known.height_m, known.crest_m)
+        ground = hypothesis_cross_section(values, i, known)
         ditch, facing = (
             ReboundParameters(
                 float(values[f"{zone}.friction_angle_deg"][i]),
@@ -168,36 +169,36 @@ def bounce(
             block, ground, {"default": ditch, "uphill_face": facing}, states, seeds,
             gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=1,
         )  # fmt: skip
-        facet = result.impacts[:, 0, 10]
+        facet = result.impacts[:, 0, POINT_MASS_FACET]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
-        possible = begin.possible[i : i + 1] & _left_slope(zones, n)
-        before, angle = result.impacts[:, 0, :7], values["facing_deg"][i : i + 1]
+        possible = begin.possible[i : i + 1] & _past_slope(zones, n)
+        before, angle = result.impacts[:, 0, POINT_MASS_STATE_BEFORE], values["facing_deg"][i : i + 1]
         parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
-    return _together(parts)
+    return _joined(parts)
 
 
 def _chunks(hypotheses: int, releases: int) -> list[Array]:
-    step = max(1, CHUNK // releases)
+    step = max(1, RELEASES_PER_CALL // releases)
     return [np.arange(a, min(a + step, hypotheses)) for a in range(0, hypotheses, step)]
 
 
-def _left_slope(zones: Array, n: int) -> Array:
-    """(k,) whether enough of each hypothesis' n releases first meet another zone than the slope."""
-    return np.asarray((zones.reshape(-1, n) == SLOPE).mean(axis=1) <= 1.0 - AWAY)
+def _past_slope(zones: Array, n: int) -> Array:
+    """(k,) whether enough of the n releases of each hypothesis first touch another zone than the slope."""
+    return np.asarray((zones.reshape(-1, n) == SLOPE_ZONE).mean(axis=1) <= 1.0 - SHARE_PAST_SLOPE)
 
 
 def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:
-    """From crossings (k, n, lines, 7), zones of first impacts (k n, NaN if none) and states before them (k n, 7)."""
+    """`crossings` (k, n, lines, 7); `zones` (k n) of first impacts, NaN without one; states `before` them (k n, 7)."""
     k, n = crossings.shape[:2]
-    velocity = before[:, 4:6].reshape(k, n, 2)
+    velocity = before[:, VX : VY + 1].reshape(k, n, 2)
     facing = np.radians(facing_deg)
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])
     return Outcome(
-        np.isfinite(crossings[..., 0]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
-        np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, :, 1], possible,
+        np.isfinite(crossings[..., T]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
+        np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, :, LINES.index("line_2")], possible,
     )  # fmt: skip
 
 
-def _together(parts: list[Outcome]) -> Outcome:
+def _joined(parts: list[Outcome]) -> Outcome:
     return Outcome(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Outcome)))

@@ -1,0 +1,95 @@
+"""report.md: the page that holds the tables and figures of a reproduction together."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from rock2d.reproduction import published
+from rock2d.reproduction.results import Results
+from rock2d_figures import table_2
+from rock2d_figures.style import spelled
+
+
+def report_text(results: Results, tables: dict[str, pd.DataFrame]) -> str:
+    """The page report.md, in Markdown."""
+    parts = [
+        "# The paper's tables and figures, reproduced",
+        "",
+        *(f"- {line}" for line in results.conclusions),
+        "",
+        "## Table 2: passing frequencies in %",
+        "",
+        table_2.markdown(results.passing),
+        "",
+        "Experiment: exact 95 % interval of 50 releases. This project's models: mean and 95 % interval over the",
+        f"{len(results.samples['deterministic'].u)} hypotheses of each that explain the sphere and the statements on",
+        "first impacts; the slope reductions of the probabilistic model were fitted to the cells of their own block,",
+        "as in the paper.",
+        "p: exact; of the filmed number under this project's predictions, of equal frequencies for the paper's",
+        "models (Fisher).",
+        "",
+        "![passing frequencies](passing.png)",
+        "",
+        "## Influence of the unpublished incident states: RMSE in points by the data a model was fitted to",
+        "",
+        "| | RMSE |",
+        "|---|---|",
+        *(f"| {name} | {value:.1f} |" for name, value in results.errors.items()),
+        "",
+        *(_candidates(results) if results.held_out else ()),
+        "## What is identified",
+        "",
+        "Grey bars: prior ranges; right: the posterior's standard deviation over the prior's.",
+        "",
+        "![identified](identified.png)",
+        "",
+        "### Table 3", "", _markdown(tables["table_3"]), "",
+        "### Table 4", "", _markdown(tables["table_4"]), "",
+        "### Assumptions: what the paper did not publish", "",
+        *(f"- {meaning}" for meaning in published.MEANINGS), "",
+        _markdown(tables["assumptions"]), "",
+        "## Figures", "",
+        "![set-up](figure_1.png)", "",
+        "Figure 1. The set-up of the likeliest hypothesis, with zones and measure lines; grey: other hypotheses.", "",
+        "![at line 2](figure_2.png)", "",
+        "Figure 2. The sphere at line 2; incidence above the horizontal. The paper's curves are not published as",
+        "numbers.", "",
+        "![trajectories](figure_3.png)", "",
+        "Figure 3. Trajectories from deterministic.yaml and probabilistic.yaml; `rock2d run` accepts both.", "",
+    ]  # fmt: skip
+    return "\n".join(parts)
+
+
+def _candidates(results: Results) -> list[str]:
+    return [
+        "One held-out cell at a time, predicted by hypotheses without a candidate effect fitted to the other cells:",
+        "",
+        _markdown(results.cells),
+        "",
+        "## Candidate physics",
+        "",
+        "Effects of the catalogue that change an impact, each compared with none, on hypotheses that were not fitted",
+        "to the cells of one block. *share*: posterior probability; *share all cells*, *bayes factor*: the same once",
+        "these cells are fitted too.",
+        "",
+        _markdown(results.candidates),
+        "",
+    ]
+
+
+def _markdown(table: pd.DataFrame) -> str:
+    rows = [
+        "| " + " | ".join(spelled(str(c)) for c in table.columns) + " |",
+        "|" + "---|" * len(table.columns),
+    ]
+    for row in table.itertuples(index=False):
+        rows.append("| " + " | ".join(_cell(value) for value in row) + " |")
+    return "\n".join(rows)
+
+
+def _cell(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    if value != value:
+        return ""
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -1,6 +1,6 @@
-"""What a blind trial found, in one picture: right verdicts by signal-to-noise, and how sure they were.
+"""Result of a blind trial in one figure: right verdicts by signal-to-noise ratio, and their probabilities.
 
-`python -m figures.blind TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png.
+`python -m rock2d_figures.blind_trial TRIAL` draws a scored trial (`rock2d blind score`) into figures/blind.png.
 """
 
 from __future__ import annotations
@@ -14,50 +14,51 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rock2d.blind.scoring import BINS, LEVELS
+from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
 from rock2d.graphics.plots import blank_figure, finish, handle
 from rock2d.runs.indicators import wilson_interval
 from rock2d_figures.style import SMALL_PT
 
-ONE, SEVERAL, OUTSIDE, NOTHING = "one effect", "two effects, one named", "outside the catalogue", "nothing"
+ONE_EFFECT, TWO_EFFECTS = "one effect", "two effects, one named"
+OUTSIDE_CAUSE, NO_CAUSE = "outside the catalogue", "nothing"
 STYLES = {
-    ONE: ("#0072b2", "o"),
-    SEVERAL: ("#56b4e9", "^"),
-    OUTSIDE: ("#d55e00", "s"),
-    NOTHING: ("#555555", "D"),
+    ONE_EFFECT: ("#0072b2", "o"),
+    TWO_EFFECTS: ("#56b4e9", "^"),
+    OUTSIDE_CAUSE: ("#d55e00", "s"),
+    NO_CAUSE: ("#555555", "D"),
 }
-SHIFT = 0.13  # of one group beside the next
+GROUP_SHIFT = 0.13  # between the symbols of neighbouring groups
 
 
 def group(label: str) -> str:
-    """Which of the groups a case belongs to."""
+    """The group of a case."""
     if label in ("none", "unknown"):
-        return NOTHING if label == "none" else OUTSIDE
-    return SEVERAL if "+" in label else ONE
+        return NO_CAUSE if label == "none" else OUTSIDE_CAUSE
+    return TWO_EFFECTS if "+" in label else ONE_EFFECT
 
 
 def figure(cases: pd.DataFrame) -> Figure:
     """Share right with 95 % Wilson intervals, by what was hidden and its signal-to-noise, and against the probability
-    stated; `cases` as `rock2d.blind.scoring.table` gives them."""
+    stated; `cases` as `rock2d.blind.scoring.score_table` gives them."""
     drawn = blank_figure(7.2, 3.0)
     left, right = drawn.subplots(1, 2, width_ratios=(1.7, 1.0))
     kinds = cases["label"].map(group)
-    steps = list(itertools.pairwise(LEVELS))
-    for k, name in enumerate((ONE, SEVERAL, OUTSIDE)):
+    steps = list(itertools.pairwise(SIGNAL_TO_NOISE_EDGES))
+    for k, name in enumerate((ONE_EFFECT, TWO_EFFECTS, OUTSIDE_CAUSE)):
         for i, (low, high) in enumerate(steps):
             own = cases[
                 (kinds == name) & (cases["signal_to_noise"] >= low) & (cases["signal_to_noise"] < high)
             ]
-            _share(left, i + (k - 1) * SHIFT, own["right"], name)
-    _share(left, len(steps), cases["right"][kinds == NOTHING], NOTHING)
+            _share(left, i + (k - 1) * GROUP_SHIFT, own["right"], name)
+    _share(left, len(steps), cases["right"][kinds == NO_CAUSE], NO_CAUSE)
     ends = [f"{low:g} to {high:g}" for low, high in steps[:-1]]
     left.set_xticks(range(len(steps) + 1), [*ends, f"above {steps[-1][0]:g}", "nothing\nhidden"])
     left.set_xlabel("signal-to-noise of what is hidden")
     left.set_ylabel("right verdicts (%)")
     p = cases["p"].to_numpy()
     right.plot([0, 100], [0, 100], color="#bbbbbb", lw=0.8)
-    for part in np.array_split(np.argsort(p, kind="stable"), BINS):
-        _share(right, 100 * p[part].mean(), cases["right"].iloc[part], ONE)
+    for part in np.array_split(np.argsort(p, kind="stable"), CALIBRATION_BINS):
+        _share(right, 100 * p[part].mean(), cases["right"].iloc[part], ONE_EFFECT)
     right.set_xlabel("probability stated (%)")
     right.set_xlim(30, 102)
     for axes in (left, right):

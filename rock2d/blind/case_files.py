@@ -1,4 +1,4 @@
-"""Blind cases on disk: folders that any user could have filmed, and what is hidden in them sealed apart."""
+"""Blind cases on disk: experiment folders as any user could film them, and sealed labels with the hidden causes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind import reality
-from rock2d.blind.cases import Case, deal, draw_case
-from rock2d.blind.parallel import in_turn
+from rock2d.blind.cases import Case, assign_causes, draw_case
+from rock2d.blind.filming import film_case
+from rock2d.blind.parallel import as_finished
 from rock2d.blind.signal_to_noise import signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -24,26 +25,26 @@ CASES, LABELS, INDEX = "cases", "labels.json", "cases.json"
 
 
 def make_trial(
-    count: int, seed: int, out: Path, *, hands: list[tuple[str, ...]] | None = None, workers: int = 1,
-    step: Callable[[], None] = lambda: None,
+    count: int, seed: int, out: Path, *, causes: list[tuple[str, ...]] | None = None, workers: int = 1,
+    on_case: Callable[[], None] = lambda: None,
 ) -> str:  # fmt: skip
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
 
     `out` gets cases/NNN/{fit,heldout}, cases.json (seed, count, SHA-256 of the labels) and labels.json, which only
-    `rock2d blind score` opens. `hands`: what the cases hide, instead of what the seed deals out.
+    `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns.
     """
     root = np.random.SeedSequence(seed)
-    dealing, *children = root.spawn(count + 1)
-    hands = deal(count, dealing) if hands is None else hands
+    assigning, *children = root.spawn(count + 1)
+    causes = assign_causes(count, assigning) if causes is None else causes
     labels = {}
     with atomic_folder(out) as folder:
         jobs = [
-            (hand, child, folder / CASES / f"{i:03d}")
-            for i, (hand, child) in enumerate(zip(hands, children, strict=True))
+            (own, child, folder / CASES / f"{i:03d}")
+            for i, (own, child) in enumerate(zip(causes, children, strict=True))
         ]
-        for name, label in in_turn(_make, jobs, workers):
+        for name, label in as_finished(_make, jobs, workers):
             labels[name] = label
-            step()
+            on_case()
         labels = dict(sorted(labels.items()))
         text = json.dumps(labels, indent=1) + "\n"
         digest = hashlib.sha256(text.encode()).hexdigest()
@@ -53,21 +54,23 @@ def make_trial(
     return digest
 
 
-def _make(hand: tuple[str, ...], seed: np.random.SeedSequence, folder: Path) -> tuple[str, dict[str, Any]]:
-    return folder.name, write_case(draw_case(hand, seed), folder)
+def _make(causes: tuple[str, ...], seed: np.random.SeedSequence, folder: Path) -> tuple[str, dict[str, Any]]:
+    return folder.name, write_case(draw_case(causes, seed), folder)
 
 
 def redraw(folder: Path, name: str) -> Case:
-    """A case of a trial that was dealt from its seed, as it was before it was filmed."""
+    """A case of a trial whose causes the seed assigned, as it was before it was filmed."""
     index = read_index(folder)
-    dealing, *children = np.random.SeedSequence(index["seed"]).spawn(index["count"] + 1)
-    return draw_case(deal(index["count"], dealing)[int(name)], children[int(name)])
+    assigning, *children = np.random.SeedSequence(index["seed"]).spawn(index["count"] + 1)
+    return draw_case(assign_causes(index["count"], assigning)[int(name)], children[int(name)])
 
 
 def write_case(case: Case, folder: Path) -> dict[str, Any]:
     """Film a case into folder/fit and folder/heldout; returns its label."""
-    times = np.arange(int(case.duration_s * case.fps)) / case.fps
-    recorded = record(case, times, case.hidden, noisy=True)
+    times = case.times_s
+    recorded = film_case(case, times, case.hidden, noisy=True)
+    law = case.world.law
+    assert isinstance(law, reality.Law)
     for name, own in (("fit", ~case.heldout), ("heldout", case.heldout)):
         _write(case, folder / name, folder.name, recorded[own], times, np.flatnonzero(own))
     return {
@@ -76,69 +79,49 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
         "phases": phases(case),
         "signal_to_noise": signal_to_noise(case),
         "kind": case.kind,
-        "blocks": [b.name for b in case.blocks],
+        "blocks": [b.name for b in case.world.blocks],
         "releases": int((~case.heldout).sum()),
         "fps": case.fps,
-        "block_size_m": 2.0 * float(np.mean([b.radius_m for b in case.blocks])),
-        "position_noise_m": case.position_noise_m,
-        "angle_noise_rad": case.angle_noise_rad,
+        "block_size_m": 2.0 * float(np.mean([b.radius_m for b in case.world.blocks])),
+        "position_noise_m": case.camera.position_noise_m,
+        "angle_noise_rad": case.camera.angle_noise_rad,
         "soil_sd": case.soil_sd.tolist(),
         "law": {
-            name: float(getattr(case.law, name))
-            for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")
+            name: float(getattr(law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")
         },
     }
 
 
 def phases(case: Case) -> list[str]:
-    """Phases in which what a case hides acts; none if it hides nothing."""
+    """Phases in which the hidden causes of a case act."""
     own = [reality.PHASES.get(h.name) or catalogue()[h.name].phase for h in case.hidden]
     return ["flight", "impact"] if "all" in own else sorted(set(own))
-
-
-def record(
-    case: Case, times: Array, hidden: list[reality.Hidden], *, noisy: bool, soil_sd: Array | None = None
-) -> Array:
-    """(releases, frames, 3) what the camera sees of a case with `hidden` at work."""
-    poses = reality.fall(
-        case.setup, case.law, case.blocks, case.block_ids, case.states, case.order, times,
-        gravity_m_s2=case.gravity_m_s2, soil_sd=case.soil_sd if soil_sd is None else soil_sd, hidden=hidden,
-        seed=case.seed,
-    )  # fmt: skip
-    x = case.setup.points_m[1:, 0] if len(case.setup.points_m) > 2 else case.setup.points_m[:, 0] / 3
-    extent = float(np.ptp(x))
-    recorded, _ = reality.film(
-        poses, times, hidden=hidden, position_noise_m=case.position_noise_m if noisy else 0.0,
-        angle_noise_rad=case.angle_noise_rad if noisy else 0.0, colour=case.colour, lost=case.lost if noisy else 0.0,
-        centre_m=np.array([x.mean(), 0.2 * extent]), extent_m=extent, seed=case.seed + 1,
-    )  # fmt: skip
-    return recorded
 
 
 def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, releases: Array) -> None:
     folder.mkdir(parents=True)
     rows = ["release,block,t_s,x_m,y_m,theta_rad"]
     for number, (i, film) in enumerate(zip(releases, recorded, strict=True)):
-        block = case.blocks[case.block_ids[i]].name
+        block = case.world.blocks[case.releases.block_ids[i]].name
         theta = (film[:, 2] + np.pi) % (2 * np.pi) - np.pi
         for t, (x, y, _), angle in zip(times, film, theta, strict=True):
             if np.isfinite(x):
                 rows.append(f"{number},{block},{t:.6f},{x:.6g},{y:.6g},{angle:.5f}")
     (folder / "trajectories.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in case.setup.points_m)
+    points = ", ".join(f"[{x:.6g}, {y:.6g}]" for x, y in case.world.setup.points_m)
     lines = [
         f"name: case_{name}",
-        f"gravity_m_s2: {case.gravity_m_s2}",
+        f"gravity_m_s2: {case.world.gravity_m_s2}",
         "camera:",
         f"  fps: {case.fps}",
-        f"  position_noise_m: {case.position_noise_m:.6g}",
-        f"  angle_noise_rad: {case.angle_noise_rad:.6g}",
+        f"  position_noise_m: {case.camera.position_noise_m:.6g}",
+        f"  angle_noise_rad: {case.camera.angle_noise_rad:.6g}",
         "cross_section:",
         f"  points_m: [{points}]",
-        f"  zones: [{', '.join(case.setup.zones)}]",
+        f"  zones: [{', '.join(case.world.setup.zones)}]",
         "blocks:",
     ]
-    for block, shape in zip(case.blocks, case.shapes, strict=True):
+    for block, shape in zip(case.world.blocks, case.shapes, strict=True):
         sizes = ", ".join(f"{k}: {v if isinstance(v, str) else format(v, '.6g')}" for k, v in shape.items())
         lines.append(
             f"  {block.name}: {{{sizes}, mass_kg: {block.mass_kg:.6g}, inertia: {block.inertia_kg_m2:.6g}}}"
@@ -153,18 +136,18 @@ def read_index(folder: Path) -> dict[str, Any]:
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except OSError:
-        raise InputError("no trial there: `rock2d blind make` writes one", folder) from None
+        raise InputError("found no trial; `rock2d blind make` writes one", folder) from None
     except ValueError:
-        raise InputError("not a trial's cases.json", path) from None
+        raise InputError("expected the cases.json of a trial", path) from None
 
 
 def read_labels(folder: Path) -> dict[str, dict[str, Any]]:
-    """The labels, if they are those whose SHA-256 was published; raises `InputError`."""
+    """The sealed labels; raises `InputError` if their SHA-256 differs from the published one."""
     path = folder / LABELS
     try:
         text = path.read_text(encoding="utf-8")
     except OSError:
-        raise InputError("no labels there: they were sealed elsewhere", path) from None
+        raise InputError("found no labels; they were sealed elsewhere", path) from None
     if hashlib.sha256(text.encode()).hexdigest() != read_index(folder)["labels_sha256"]:
-        raise InputError("these labels are not the ones that were sealed: their SHA-256 differs", path)
+        raise InputError("these are not the sealed labels: their SHA-256 differs", path)
     return dict(json.loads(text))

@@ -1,7 +1,7 @@
-"""Blind cases: set-ups, blocks, soils, cameras and incident states drawn at random, with something hidden in them.
+"""Blind cases: set-ups, blocks, soils, cameras and incident states drawn at random, with hidden causes in them.
 
-Every case is drawn from its own child of the seed, so that case 17 of 200 is the same as case 17 of 500 in all but what
-is hidden, which is dealt out so that every effect has its turn.
+Every case has its own child of the seed, so that case 17 of 200 equals case 17 of 500 in everything except its causes.
+These are assigned so that every effect has its turn.
 """
 
 from __future__ import annotations
@@ -16,14 +16,20 @@ from rock2d.blind import reality
 
 Array = np.ndarray
 
-NULLS, OUTSIDERS, PAIRS = 0.22, 0.17, 0.08  # shares of all cases; the rest hide one effect
-WEAKEST = 0.02  # strength of an effect, of the largest that is plausible
-BLOCK_SIZE_M, BLOCK_MASS_KG = 0.02, 0.0225  # that the paper's Table 4 is for
-TABLE_4 = (1.0e4, 6.0e4, 2.5e3, math.tan(math.pi / 6), 0.025)
+# shares of all cases; the remaining cases hide one effect
+SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE, SHARE_OF_PAIRS = 0.22, 0.17, 0.08
+LEAST_STRENGTH = 0.02  # of a cause, over the largest plausible one
+# block size and mass of the paper's experiment, and its Table 4: k_l, k_ul, k_t, friction coefficient, k_r
+PAPER_BLOCK_SIZE_M, PAPER_BLOCK_MASS_KG = 0.02, 0.0225
+PAPER_LAW = (1.0e4, 6.0e4, 2.5e3, math.tan(math.pi / 6), 0.025)
 KINDS = ("laboratory", "laboratory", "laboratory", "laboratory", "flat", "field")
-RATES_HZ = (240.0, 500.0, 1000.0, 1000.0, 1000.0, 2000.0)
-FEWEST, MOST = 10, 200  # releases
-HELDOUT = 0.4  # further releases for the check, over those of the fit
+FRAME_RATES_HZ = (240.0, 500.0, 1000.0, 1000.0, 1000.0, 2000.0)
+FIELD_FRAME_RATES_HZ = (120.0, 240.0, 500.0)
+FEWEST_FRAMES_PER_FALL = 8.0  # in the time that a block needs to fall half its size
+FEWEST_RELEASES, MOST_RELEASES, USUAL_RELEASES = 10, 200, 120
+HELDOUT_SHARE = 0.4  # further releases for the check, over those of the fit
+FILM_LENGTH = 17.0  # √(size / g)
+GRAVITY_M_S2 = 9.81
 
 
 @dataclass
@@ -32,113 +38,144 @@ class Case:
 
     Attributes
     ----------
-    label : "none", "unknown", or the effects hidden, joined by "+"
-    order : (releases,) how many releases of the same block were before; `block_ids`, `states` (releases, 6) likewise
+    label : "none", "unknown", or the hidden effects, joined by "+"
+    shapes : of each block, as the experiment file states it
     heldout : (releases,) mask of those kept for the check
+    soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`
     """
 
     label: str
     kind: str
-    setup: reality.Setup
-    law: reality.Law
-    blocks: list[reality.Block]
+    world: reality.World
     shapes: list[dict[str, object]]
-    block_ids: Array
-    states: Array
-    order: Array
+    releases: reality.Releases
     heldout: Array
-    gravity_m_s2: float
     fps: float
     duration_s: float
-    position_noise_m: float
-    angle_noise_rad: float
-    colour: float
-    lost: float
+    camera: reality.Camera
     soil_sd: Array
     hidden: list[reality.Hidden] = field(default_factory=list)
     seed: int = 0
 
+    @property
+    def times_s(self) -> Array:
+        """The stated instants of the frames."""
+        return np.arange(int(self.duration_s * self.fps)) / self.fps
 
-def deal(count: int, seed: np.random.SeedSequence) -> list[tuple[str, ...]]:
-    """What each of `count` cases hides: names of effects, of one thing outside the catalogue, or nothing."""
+
+def assign_causes(count: int, seed: np.random.SeedSequence) -> list[tuple[str, ...]]:
+    """The names of the causes that each of `count` cases hides: effects, one outside cause, or none."""
     rng = np.random.default_rng(seed)
-    effects, outsiders = list(reality.FORMS), list(reality.OUTSIDE)
-    nulls, outside, pairs = (math.ceil(share * count) for share in (NULLS, OUTSIDERS, PAIRS))
-    hands: list[tuple[str, ...]] = [()] * nulls
-    hands += [(name,) for name in _turns(outsiders, outside, rng)]
-    hands += [tuple(rng.choice(effects, 2, replace=False)) for _ in range(pairs)]
-    hands += [(name,) for name in _turns(effects, max(count - len(hands), 0), rng)]
-    return [hands[i] for i in rng.permutation(len(hands))[:count]]
+    effects, outside_causes = list(reality.FORMS), list(reality.OUTSIDE)
+    without, outside, pairs = (
+        math.ceil(share * count) for share in (SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE, SHARE_OF_PAIRS)
+    )
+    causes: list[tuple[str, ...]] = [()] * without
+    causes += [(name,) for name in _in_rounds(outside_causes, outside, rng)]
+    causes += [tuple(rng.choice(effects, 2, replace=False)) for _ in range(pairs)]
+    causes += [(name,) for name in _in_rounds(effects, max(count - len(causes), 0), rng)]
+    return [causes[i] for i in rng.permutation(len(causes))[:count]]
 
 
-def _turns(names: Sequence[str], count: int, rng: np.random.Generator) -> list[str]:
+def _in_rounds(names: Sequence[str], count: int, rng: np.random.Generator) -> list[str]:
+    """`count` names, in rounds in which each name has its turn."""
     rounds = [rng.permutation(names) for _ in range(-(-count // len(names)))]
     return [str(name) for name in np.concatenate(rounds)[:count]] if rounds else []
 
 
-def draw_case(hand: tuple[str, ...], seed: np.random.SeedSequence, smallest: bool = False) -> Case:
-    """Draw a case that hides `hand`; `smallest` draws few releases, for tests."""
+def draw_case(causes: tuple[str, ...], seed: np.random.SeedSequence, smallest: bool = False) -> Case:
+    """Draw a case that hides `causes`; `smallest` draws few releases, for tests."""
     rng = np.random.default_rng(seed)
     kind = str(rng.choice(KINDS))
-    size = BLOCK_SIZE_M * rng.uniform(0.8, 1.3) * (rng.uniform(30.0, 60.0) if kind == "field" else 1.0)
+    size = PAPER_BLOCK_SIZE_M * rng.uniform(0.8, 1.3) * (rng.uniform(30.0, 60.0) if kind == "field" else 1.0)
     blocks, shapes = _blocks(size, rng)
-    gravity = 9.81
-    weight = np.mean([b.mass_kg for b in blocks]) / BLOCK_MASS_KG
-    stiff = weight * BLOCK_SIZE_M / size  # stiffness in units of m g / L, rolling stiffness of m g L
-    scale = np.array([stiff, stiff, stiff, 1.0, weight * size / BLOCK_SIZE_M])
-    k_l, ratio, k_t, mu, k_r = scale * TABLE_4 * np.exp(rng.normal(0.0, [0.35, 0.0, 0.3, 0.2, 0.35]))
-    ratio = k_l * math.exp(rng.uniform(math.log(3.0), math.log(9.0)))
-    law = reality.Law(k_l, ratio, k_t, mu, k_r, indentation=bool(rng.random() < 0.7))
-    setup = _flat(size, rng) if kind == "flat" else _setup(size, rng)
-    pace = math.sqrt(gravity * size)
-    tick = math.sqrt(size / gravity)
-    releases = FEWEST if smallest else round(math.exp(rng.uniform(math.log(FEWEST), math.log(MOST))))
-    if not smallest and rng.random() < 0.5:
-        releases = 120
-    per_block = max(2, releases // len(blocks))
-    fit_and_check = per_block + math.ceil(HELDOUT * per_block)
-    n = fit_and_check * len(blocks)
-    block_ids = np.repeat(np.arange(len(blocks)), fit_and_check)
-    order = np.tile(np.arange(fit_and_check), len(blocks))
-    heldout = np.zeros(n, bool)
-    for b in range(len(blocks)):
+    law = _law(size, blocks, rng)
+    setup = _flat(size, rng) if kind == "flat" else _embankment_setup(size, rng)
+    world = reality.World(setup, law, blocks, GRAVITY_M_S2)
+    block_ids, order, heldout = _releases(len(blocks), smallest, rng)
+    time_scale = math.sqrt(size / GRAVITY_M_S2)
+    fps = _frame_rate(kind, time_scale, rng)
+    camera = _camera(setup, size, rng)
+    soil_sd = rng.uniform(0.0, [0.12, 0.12, 0.12, 0.08, 0.12])
+    case_seed = int(rng.integers(2**31))
+    states = _states(block_ids, world, size, kind, rng)
+    releases = reality.Releases(block_ids, states, order)
+    hidden = []
+    for name in causes:
+        form = int(rng.integers(reality.FORMS.get(name, 1)))
+        strength = math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
+        hidden.append(reality.draw_hidden(name, form, rng, world, strength))
+    return Case(
+        _label(causes), kind, world, shapes, releases, heldout, fps, FILM_LENGTH * time_scale, camera, soil_sd,
+        hidden, case_seed,
+    )  # fmt: skip
+
+
+def _label(causes: tuple[str, ...]) -> str:
+    if any(name in reality.OUTSIDE for name in causes):
+        return "unknown"
+    return "+".join(sorted(causes)) or "none"
+
+
+def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator) -> reality.Law:
+    """The paper's law, scaled to blocks of this size and mass, with random factors."""
+    weight = np.mean([b.mass_kg for b in blocks]) / PAPER_BLOCK_MASS_KG
+    stiff = weight * PAPER_BLOCK_SIZE_M / size  # stiffness in units of m g / L, rolling stiffness of m g L
+    scale = np.array([stiff, stiff, stiff, 1.0, weight * size / PAPER_BLOCK_SIZE_M])
+    k_l, _, k_t, mu, k_r = scale * PAPER_LAW * np.exp(rng.normal(0.0, [0.35, 0.0, 0.3, 0.2, 0.35]))
+    k_ul = k_l * math.exp(rng.uniform(math.log(3.0), math.log(9.0)))
+    return reality.Law(k_l, k_ul, k_t, mu, k_r, indentation=bool(rng.random() < 0.7))
+
+
+def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Block, number of earlier releases of the same block, and whether held out, of each release."""
+    releases = FEWEST_RELEASES
+    if not smallest:
+        releases = round(math.exp(rng.uniform(math.log(FEWEST_RELEASES), math.log(MOST_RELEASES))))
+        if rng.random() < 0.5:
+            releases = USUAL_RELEASES
+    per_block = max(2, releases // n_blocks)
+    fit_and_check = per_block + math.ceil(HELDOUT_SHARE * per_block)
+    block_ids = np.repeat(np.arange(n_blocks), fit_and_check)
+    order = np.tile(np.arange(fit_and_check), n_blocks)
+    heldout = np.zeros(len(block_ids), bool)
+    for b in range(n_blocks):
         own = np.flatnonzero(block_ids == b)
         heldout[rng.choice(own, fit_and_check - per_block, replace=False)] = True
-    fps = float(rng.choice(RATES_HZ))
+    return block_ids, order, heldout
+
+
+def _frame_rate(kind: str, time_scale: float, rng: np.random.Generator) -> float:
+    fps = float(rng.choice(FRAME_RATES_HZ))
     if kind == "field":
-        fps = float(rng.choice([120.0, 240.0, 500.0]))
-    if fps * tick < 8.0:  # frames in the time that a block needs to fall half its size
+        fps = float(rng.choice(FIELD_FRAME_RATES_HZ))
+    if fps * time_scale < FEWEST_FRAMES_PER_FALL:
         fps = 240.0 if kind == "field" else 500.0
-    case = Case(
-        _label(hand), kind, setup, law, blocks, shapes, block_ids, np.empty((n, 6)), order, heldout, gravity, fps,
-        17.0 * tick, size * math.exp(rng.uniform(math.log(0.003), math.log(0.03))),
-        math.exp(rng.uniform(math.log(0.004), math.log(0.03))), rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.04),
-        rng.uniform(0.0, [0.12, 0.12, 0.12, 0.08, 0.12]), seed=int(rng.integers(2**31)),
-    )  # fmt: skip
-    case.states = _states(case, size, pace, rng)
-    for name in hand:
-        form = int(rng.integers(reality.FORMS.get(name, 1)))
-        strength = math.exp(rng.uniform(math.log(WEAKEST), 0.0))
-        case.hidden.append(reality.draw(name, form, rng, setup, law, blocks, gravity, strength))
-    return case
+    return fps
 
 
-def _label(hand: tuple[str, ...]) -> str:
-    if any(name in reality.OUTSIDE for name in hand):
-        return "unknown"
-    return "+".join(sorted(hand)) or "none"
+def _camera(setup: reality.Setup, size: float, rng: np.random.Generator) -> reality.Camera:
+    position_noise_m = size * math.exp(rng.uniform(math.log(0.003), math.log(0.03)))
+    angle_noise_rad = math.exp(rng.uniform(math.log(0.004), math.log(0.03)))
+    colour, lost = rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.04)
+    points = setup.points_m
+    x = points[1:, 0] if len(points) > 2 else points[:, 0] / 3
+    extent = float(np.ptp(x))
+    return reality.Camera(
+        position_noise_m, angle_noise_rad, colour, lost, np.array([x.mean(), 0.2 * extent]), extent
+    )
 
 
 def _blocks(size: float, rng: np.random.Generator) -> tuple[list[reality.Block], list[dict[str, object]]]:
-    density = BLOCK_MASS_KG / BLOCK_SIZE_M**2  # per area of the profile
+    density = PAPER_BLOCK_MASS_KG / PAPER_BLOCK_SIZE_M**2  # per area of the profile
     if size > 0.2:
         density = 2600.0 * size
     chosen = [True, True, True]
     if rng.random() < 0.35:
         chosen = list(rng.permutation([True, False, rng.random() < 0.5]))
     out, shapes = [], []
-    for name, own in zip(("sphere", "cube", "parallelepiped"), chosen, strict=True):
-        if not own:
+    for name, included in zip(("sphere", "cube", "parallelepiped"), chosen, strict=True):
+        if not included:
             continue
         mass = density * size**2 * rng.uniform(0.9, 1.1)
         if name == "sphere":
@@ -157,8 +194,8 @@ def _blocks(size: float, rng: np.random.Generator) -> tuple[list[reality.Block],
     return out, shapes
 
 
-def _setup(size: float, rng: np.random.Generator) -> reality.Setup:
-    """Slope, ditch, embankment, run-out: near the paper's, in units of the blocks' size."""
+def _embankment_setup(size: float, rng: np.random.Generator) -> reality.Setup:
+    """Slope, ditch, embankment and run-out as in the paper, with random sizes in units of the block size."""
     slope, facing, back = np.deg2rad([rng.uniform(34, 45), rng.uniform(50, 72), rng.uniform(30, 45)])
     ditch, height, crest = size * np.array([rng.uniform(5, 9), rng.uniform(3, 5), rng.uniform(2, 3.5)])
     x = np.cumsum([0.0, ditch, height / math.tan(facing), crest, height / math.tan(back), 25 * size])
@@ -173,12 +210,14 @@ def _flat(size: float, rng: np.random.Generator) -> reality.Setup:
     return reality.Setup(points, ("floor",), face=None, embankment=None, ditch=None)
 
 
-def _states(case: Case, size: float, pace: float, rng: np.random.Generator) -> Array:
-    """Incident states (n, 6) of the centroids, one mean state a block with jitter about it."""
-    n = len(case.block_ids)
-    states = np.empty((n, 6))
-    for b in range(len(case.blocks)):
-        own = case.block_ids == b
+def _states(
+    block_ids: Array, world: reality.World, size: float, kind: str, rng: np.random.Generator
+) -> Array:
+    """Incident states (n, 6) of the centroids: one mean state for each block, with scatter about it."""
+    pace = math.sqrt(world.gravity_m_s2 * size)
+    states = np.empty((len(block_ids), 6))
+    for b in range(len(world.blocks)):
+        own = block_ids == b
         k = int(own.sum())
         states[own, 0] = size * (rng.uniform(-0.5, 1.5) + rng.normal(0.0, 0.6, k))
         states[own, 1] = size * (5.0 + rng.normal(0.0, 0.4, k))
@@ -186,10 +225,10 @@ def _states(case: Case, size: float, pace: float, rng: np.random.Generator) -> A
         states[own, 3] = pace * (rng.uniform(1.8, 3.2) + rng.normal(0.0, 0.5, k))
         states[own, 4] = -pace * (rng.uniform(3.5, 5.0) + rng.normal(0.0, 0.5, k))
         states[own, 5] = pace / size * (rng.uniform(-2.0, 1.0) + rng.normal(0.0, 0.8, k))
-    if case.kind == "flat":
+    if kind == "flat":
         states[:, 0] -= 15.0 * size
-    # above the slope, too: nobody lets a block go inside the ground
-    x = case.setup.points_m
-    ground = np.interp(states[:, 0], x[:, 0], x[:, 1])
+    # above the slope too: releases start outside the ground
+    points = world.setup.points_m
+    ground = np.interp(states[:, 0], points[:, 0], points[:, 1])
     states[:, 1] = np.maximum(states[:, 1], ground + 2.5 * size)
     return states

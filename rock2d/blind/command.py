@@ -21,7 +21,7 @@ def make(count: int, seed: int, out: Path, *, workers: int | None, progress: boo
 
     with tqdm(total=count, unit="case", disable=not progress) as bar:
         digest = make_trial(
-            count, seed, out, workers=workers or os.cpu_count() or 1, step=lambda: _advance(bar)
+            count, seed, out, workers=workers or os.cpu_count() or 1, on_case=lambda: _advance(bar)
         )
     report(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
 
@@ -54,10 +54,10 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
     from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
-    from rock2d.blind.scoring import confused, summary, table
+    from rock2d.blind.scoring import confused_pairs, score_table, summary
 
-    cases = table(folder)
-    found = summary(cases) | {"confused": confused(folder, cases)}
+    cases = score_table(folder)
+    found = summary(cases) | {"confused": confused_pairs(folder, cases)}
     write_whole(folder / "score.csv", cases.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
     write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
@@ -70,11 +70,11 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
 def train_weights(
     count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, report: Report
 ) -> None:
-    """Make, run and learn from a trial of its own; goes on where it was interrupted."""
-    from rock2d.blind.training import labelled, train, write_weights
+    """Make and run a trial and learn weights from it; an interrupted training continues."""
+    from rock2d.blind.training import labelled_results, train, write_weights
 
     if not (work / "cases.json").is_file():
         make(count, seed, work, workers=workers, progress=progress, report=report)
     run(work, workers=workers, without_best=True, progress=progress, report=report)
-    write_weights(train(labelled([work])), out)
+    write_weights(train(labelled_results([work])), out)
     report(f"written: {out}")

@@ -7,8 +7,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
 
 
-def in_turn(work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int) -> Iterator[Any]:
-    """Results of `work(*job)`, as they are done; in this process if `workers` is 1."""
+def as_finished(work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int) -> Iterator[Any]:
+    """Results of `work(*job)` in the order in which they finish; in this process if `workers` is 1."""
     if workers <= 1:
         for job in jobs:
             yield work(*job)

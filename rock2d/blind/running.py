@@ -1,4 +1,4 @@
-"""The trial's diagnoses: every case from its films alone, in parallel; what is done is not done again."""
+"""The diagnoses of a trial: every case from its films alone, in parallel; finished cases are kept."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.blind.case_files import CASES, read_index
-from rock2d.blind.parallel import in_turn
+from rock2d.blind.parallel import as_finished
 from rock2d.files.folders import make_folder, write_whole
 
 RESULTS = "results"
-CLEARLY = 4.0  # standard errors of the best effect's gain, for a case to be an example of what its absence looks like
+CLEAR_GAIN = 4.0  # standard errors of the gain of the best effect, for a case to be diagnosed without it too
 
 
 def run_trial(
@@ -24,7 +24,7 @@ def run_trial(
 ) -> Path:
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels.
 
-    without_best : diagnose a case with a clear effect once more without it, for training: what "unknown" looks like
+    without_best : diagnose a case with a clear effect a second time without this effect, to train "unknown"
     """
     count = int(read_index(folder)["count"])
     out = folder / RESULTS
@@ -33,13 +33,13 @@ def run_trial(
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
-    for k, _ in enumerate(in_turn(_diagnose, jobs, workers)):
+    for k, _ in enumerate(as_finished(_diagnose, jobs, workers)):
         on_progress(count - len(waiting) + k + 1, count)
     return out
 
 
 def _diagnose(case: Path, out: Path, without_best: bool) -> None:
-    """Diagnose case/fit, try the model on case/heldout; writes one JSON."""
+    """Diagnose case/fit, test the model on case/heldout, and write one JSON file."""
     import tempfile
     from time import perf_counter
 
@@ -68,7 +68,7 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
             kept["closures"] = {name: gap.closure for name, gap in (result.gaps or {}).items()}
             kept["regression_closure"] = regression_closure(data, found)
             kept["heldout"] = _heldout(case / "heldout", content)
-            if without_best and found.chain[0].total > CLEARLY * found.chain[0].error:
+            if without_best and found.chain[0].total > CLEAR_GAIN * found.chain[0].error:
                 names = {c.effect.name for c in found.chain}
                 others = {name: e for name, e in catalogue().items() if name not in names}
                 kept["without_best"] = attribute(
@@ -78,7 +78,7 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
 
 
 def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
-    """Median over stretches of the root mean square distance in m between prediction and film: base and diagnosed."""
+    """Root mean square distance in m between prediction and film, median over segments: base and diagnosed law."""
     import numpy as np
 
     from rock2d.diagnosis.predict import predict
@@ -97,6 +97,6 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
             experiment.trajectories, on=["release", "t_s"], suffixes=("", "_seen")
         ).dropna()
         square = (both["x_m"] - both["x_m_seen"]) ** 2 + (both["y_m"] - both["y_m_seen"]) ** 2
-        stretches = square.groupby([both["release"], both["segment"]]).mean()
-        out[name] = float(np.sqrt(stretches.median())) if len(stretches) else float("nan")
+        segments = square.groupby([both["release"], both["segment"]]).mean()
+        out[name] = float(np.sqrt(segments.median())) if len(segments) else float("nan")
     return out

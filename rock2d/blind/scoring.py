@@ -1,4 +1,4 @@
-"""A trial's score: the labels are opened and compared with what the diagnoses said."""
+"""The score of a trial: the labels are opened and compared with the diagnoses."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-LEVELS = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)  # signal-to-noise
-CLEAR = 5.0  # signal-to-noise from which on the data should allow a verdict
-SURE = 0.8  # probability with which no wrong cause may be named
-BINS = 10  # of equal mass, for the calibration error
-LEAST = 1e-4  # probability below which the log score does not follow
+SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
+CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a verdict
+CONFIDENT_PROBABILITY = 0.8  # with which no wrong cause should be named
+CALIBRATION_BINS = 10  # of equal numbers of cases
+LEAST_PROBABILITY = 1e-4  # for the log score
 
 
 def read_results(folder: Path) -> dict[str, dict[str, Any]]:
     """Results of a trial, case -> JSON; raises `InputError` if there are none."""
     paths = sorted((folder / RESULTS).glob("*.json"))
     if not paths:
-        raise InputError("no results there: `rock2d blind run` makes them", folder)
+        raise InputError("found no results; `rock2d blind run` writes them", folder)
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
 
 
-def table(
-    folder: Path, weigh: Callable[[Mapping[str, Any]], Mapping[str, float]] | None = None
+def score_table(
+    folder: Path, classify: Callable[[Mapping[str, Any]], Mapping[str, float]] | None = None
 ) -> pd.DataFrame:
-    """One row a case: what was hidden, what was said, how sure, what closed.
+    """One row for each case: hidden causes, verdict with its probability, share of the gap closed.
 
-    `weigh`: other probabilities from the statistics than those in the diagnoses.
+    `classify`: gives probabilities from the statistics, instead of those in the diagnoses.
     """
     import pandas as pd
 
     labels, rows = read_labels(folder), []
     for name, result in read_results(folder).items():
-        label, said = labels[name], result["diagnosis"]
-        p = dict(said["probabilities"])
-        if weigh is not None and result["statistics"] is not None:
-            p = dict.fromkeys(p, 0.0) | dict(weigh(result["statistics"]))
+        label, diagnosis = labels[name], result["diagnosis"]
+        p = dict(diagnosis["probabilities"])
+        if classify is not None and result["statistics"] is not None:
+            p = dict.fromkeys(p, 0.0) | dict(classify(result["statistics"]))
         ranked = sorted(p, key=lambda effect: -p[effect])
         truth = set(label["label"].split("+"))
         verdict = ranked[0]
@@ -67,8 +67,8 @@ def table(
             "form": label["hidden"][0]["form"] if label["hidden"] else -1,
             "diagnosed": result["statistics"] is not None, "seconds": result["seconds"],
             "closure": closures.get(effect, np.nan) if effect else np.nan,
-            "runner_up": max(others, default=np.nan), "gap_closure": said["gap"]["closure"],
-            "phase": said["where"][0]["phase"] if said["where"] else "",
+            "runner_up": max(others, default=np.nan), "gap_closure": diagnosis["gap"]["closure"],
+            "phase": diagnosis["where"][0]["phase"] if diagnosis["where"] else "",
             "phases": "+".join(label.get("phases", [])),
             "regression_closure": result.get("regression_closure", np.nan),
             "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
@@ -77,22 +77,22 @@ def table(
 
 
 def summary(cases: pd.DataFrame) -> dict[str, Any]:
-    """The figures of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
+    """The numbers of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
     import pandas as pd
 
     single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
     pairs = cases[cases["label"].str.contains("+", regex=False)]
     nulls, outside = cases[cases["label"] == "none"], cases[cases["label"] == "unknown"]
-    clear = single[single["signal_to_noise"] >= CLEAR]
+    clear = single[single["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE]
     known = ~cases["verdict"].isin(["none", "unknown"])
-    wrong = cases[~cases["right"] & (cases["p"] > SURE)]
+    wrong = cases[~cases["right"] & (cases["p"] > CONFIDENT_PROBABILITY)]
     named = clear[clear["diagnosed"] & (clear["phases"] != "")]
     in_phase = [p in truth.split("+") for p, truth in zip(named["phase"], named["phases"], strict=True)]
     levels = {}
-    for low, high in itertools.pairwise(LEVELS):
+    for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES):
         own = single[(single["signal_to_noise"] >= low) & (single["signal_to_noise"] < high)]
         levels[f"{low:g} to {high:g}"] = {"top1": _share(own["right"]), "top3": _share(own["top3"])}
-    strong = outside[outside["signal_to_noise"] >= CLEAR]
+    strong = outside[outside["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE]
     return {
         "cases": len(cases),
         "top1_clear": _share(clear["right"]),
@@ -107,7 +107,7 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
         "wrong_and_sure": wrong[["case", "label", "verdict", "p", "signal_to_noise"]].to_dict("records"),
         "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
         "ece_if_calibrated": chance_error(cases["p"].to_numpy()),
-        "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST)).mean()),
+        "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST_PROBABILITY)).mean()),
         "brier": float(cases["brier"].mean()),
         "phase_right_clear": _share(pd.Series(in_phase, dtype=bool)),
         "median_closure_clear": _median(clear["closure"]),
@@ -141,12 +141,12 @@ def auroc(score: Array, positive: Array) -> float:
 
 def calibration_error(p: Array, right: Array) -> float:
     """Expected calibration error over bins of equal mass (Naeini et al. 2015)."""
-    parts = np.array_split(np.argsort(p, kind="stable"), min(BINS, len(p)))
+    parts = np.array_split(np.argsort(p, kind="stable"), min(CALIBRATION_BINS, len(p)))
     return float(sum(len(i) * abs(p[i].mean() - right[i].mean()) for i in parts) / len(p))
 
 
 def chance_error(p: Array, draws: int = 400) -> float:
-    """The calibration error that forecasts which hold show by chance alone, with so few cases (median)."""
+    """Median calibration error of calibrated forecasts: what chance alone gives with this number of cases."""
     rng = np.random.default_rng(0)
     return float(
         np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(draws)])
@@ -161,10 +161,12 @@ def confusion(cases: pd.DataFrame) -> pd.DataFrame:
     return pd.crosstab(one["label"], one["verdict"])
 
 
-def confused(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
-    """Every pair of one hidden effect and another that was named for it more than once: how often, and how alike the
-    two are in principle in those cases (`strength.likeness`, median). None of a likeness where the answer was "none" or
-    "unknown"."""
+def confused_pairs(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
+    """Pairs of a hidden effect and a wrong verdict that occurred more than once.
+
+    "cosine" is the likeness of the two effects in these cases (`signal_to_noise.likeness`, median); None where the
+    verdict was "none" or "unknown".
+    """
     from rock2d.blind.case_files import redraw
     from rock2d.blind.signal_to_noise import likeness
 

@@ -1,50 +1,56 @@
-"""Signal-to-noise of what a case hides: how far it stands above noise, soil and all that is free in any fit.
+"""Signal-to-noise ratio of the hidden causes of a case, above noise, soil scatter and everything that a fit can vary.
 
-Every release is run to a little after its first impact with and without what is hidden, with each of the five
-parameters of the law and each of its six incident values changed, and without the soil's scatter. What the camera would
-record of each run is reduced to statistics: position and velocity before and after the first impact, and how the first
-flight bends. Differences are divided by the standard deviation that noise and soil give them; what other incident
-states and other parameters of the law could mimic is projected out. The length of what remains is the signal-to-noise:
-standard errors by which the best linear test would see the effect.
+Every release is simulated to a little after its first impact: with and without the hidden causes, with each of the five
+parameters of the law and each of the six components of its incident state changed, and without the scatter of the soil.
+Statistics describe the recording of each run: position and velocity before and after the first impact, and curvature of
+the first flight. Differences are divided by the standard deviations that noise and soil cause. The parts that other
+incident states and other parameters of the law can imitate are projected out. The length of the remaining vector is the
+signal-to-noise ratio: the number of standard errors by which the best linear test sees the causes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rock2d.blind import reality
 from rock2d.blind.cases import Case
+from rock2d.blind.filming import film_case
 
 Array = np.ndarray
 
-SHIFT = (
-    0.003  # relative change of a parameter of the law, or of an incident value in units of the block's scale
-)
-AFTER = 3.0  # of the first impact: how long the flight after is looked at, in √(size / g)
-ENOUGH = 40  # releases that are looked at; the result is that of all
-STRENGTHS = (0.1, 0.5)  # of the largest plausible size, at which another effect is held against a case
-SOILS = 8  # draws of the soil that its scatter is read from
-SHRINK = 0.3  # of the covariance that so few draws give, toward its diagonal
-CLIP = 30.0  # standard deviations that one statistic may count: other ways than the linear one lead farther
+# relative change of a parameter of the law, or of a component of the incident state in units of the block's scale
+RELATIVE_STEP = 0.003
+WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
+MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
+COMPARED_STRENGTHS = (
+    0.1,
+    0.5,
+)  # of the largest plausible size, at which another effect is compared with a case
+SOIL_DRAWS = 8  # from which the scatter is estimated
+SHRINKAGE = 0.3  # of the covariance that so few draws give, toward its diagonal
+LARGEST_DEVIATION = 30.0  # standard deviations that one statistic may count: beyond, the linear picture fails
+LAW_PARAMETERS = ("k_l", "k_ul", "k_t", "mu", "k_r")
 
 
 def signal_to_noise(case: Case) -> float:
-    """Standard errors by which what is hidden shows in the first flights and impacts of all releases; 0 for nothing."""
+    """Standard errors by which the hidden causes show in the first flights and impacts of all releases; 0 for none."""
     return float(np.linalg.norm(signatures(case, [case.hidden])[0])) if case.hidden else 0.0
 
 
 def likeness(case: Case, name: str) -> float:
-    """|cos| of the angle between the signature of what a case hides and that of the effect `name`, in that of its forms
-    which is the more alike; 1: nothing that is free in a fit tells them apart here, 0: nothing confuses them."""
+    """|cos| of the angle between the signatures of the hidden causes of a case and of the effect `name`.
+
+    The form of the effect with the largest value counts. 1: a fit cannot distinguish the two here; 0: they differ in
+    everything.
+    """
     rng = np.random.default_rng(case.seed)
     others = [
-        [reality.draw(name, form, rng, case.setup, case.law, case.blocks, case.gravity_m_s2, strength)]
+        [reality.draw_hidden(name, form, rng, case.world, strength)]
         for form in range(reality.FORMS[name])
-        for strength in STRENGTHS
+        for strength in COMPARED_STRENGTHS
     ]
     own, *rest = signatures(case, [case.hidden, *others])
     lengths = np.linalg.norm(rest, axis=1) * np.linalg.norm(own)
@@ -52,90 +58,153 @@ def likeness(case: Case, name: str) -> float:
 
 
 def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:
-    """What each cause shows in the statistics of all releases, in standard errors, less all that is free in a fit."""
-    from rock2d.blind.case_files import record
-
+    """The signature of each set of causes: changes of the statistics of all releases, in standard errors, without the
+    part that a fit can imitate."""
     chosen = np.flatnonzero(~case.heldout)
-    releases, chosen = len(chosen), chosen[:: -(-len(chosen) // ENOUGH)]
-    arrays = ("block_ids", "states", "order", "heldout")
-    case = replace(case, **{name: getattr(case, name)[chosen] for name in arrays})
-    times = np.arange(int(case.duration_s * case.fps)) / case.fps
-    calm = record(case, times, [], noisy=False)
-    touch = _touch(case, calm, times)
-    size = 2 * np.array([b.radius_m for b in case.blocks])[case.block_ids]
-    window = (AFTER * np.sqrt(size / case.gravity_m_s2) * case.fps).astype(int)
-    last = min(len(times), int((touch + window).max()) + 2)
-    times, calm = times[:last], calm[:, :last]
-
-    def statistics(film: Array) -> Array:
-        return np.array([_statistics(f, k, w) for f, k, w in zip(film, touch, window, strict=True)])
-
-    base = statistics(calm)
-    # the statistics are coefficients of orthonormal polynomials, with the noise of a frame; what is correlated from
-    # frame to frame averages out less
-    slow = np.sqrt((1.0 + case.colour) / (1.0 - case.colour))
-    noise = slow * np.array([case.position_noise_m, case.position_noise_m, case.angle_noise_rad] * 5)
-    even = statistics(record(case, times, [], noisy=False, soil_sd=np.zeros(5)))
-    # a release near an edge of what may happen is scattered far more by the soil than its like
-    others = [
-        statistics(record(replace(case, seed=case.seed + k), times, [], noisy=False)) for k in range(1, SOILS)
-    ]
-    scattered = np.array([base, *others]) - even
-    soil = np.empty_like(base)
-    for b in np.unique(case.block_ids):
-        own, square = case.block_ids == b, scattered[:, case.block_ids == b] ** 2
-        soil[own] = np.sqrt(np.maximum(square.mean(axis=0), square.mean(axis=(0, 1))))
-    sd = np.hypot(noise, soil)
-    # and it moves all statistics of a release together
-    z = (scattered / sd).transpose(1, 0, 2)
-    together = (1.0 - SHRINK) * z.transpose(0, 2, 1) @ z / len(z[0])
-    rest = np.maximum(1.0 - np.diagonal(together, axis1=1, axis2=2), 0.0)
-    whiten = np.linalg.inv(np.linalg.cholesky(together + np.eye(base.shape[1]) * rest[:, None, :]))
-
-    def whitened(film: Array) -> Array:
-        z = np.clip((statistics(film) - base) / sd, -CLIP, CLIP)
-        return np.asarray((whiten @ z[..., None])[..., 0])
-
-    def shown(**changes: Any) -> Array:
-        return whitened(record(replace(case, **changes), times, [], noisy=False))
-
-    pace = np.sqrt(case.gravity_m_s2 * size)
-    units = SHIFT * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
-    starts = [shown(states=case.states + units * (np.arange(6) == k)) for k in range(6)]
-    incident, _ = np.linalg.qr(
-        np.stack(starts, axis=-1)
-    )  # (releases, 15, 6) what a release's own start can mimic
+    releases, chosen = len(chosen), chosen[:: -(-len(chosen) // MOST_SIMULATED_RELEASES)]
+    case = _some_releases(case, chosen)
+    first_flights = _first_flights(case)
+    noise = _Whitening.estimate(case, first_flights)
+    incident = _incident_directions(case, first_flights, noise)
 
     def projected(z: Array) -> Array:
         return (z - (incident @ (incident.transpose(0, 2, 1) @ z[..., None]))[..., 0]).ravel()
 
-    mimics = []
-    for name in ("k_l", "k_ul", "k_t", "mu", "k_r"):
-        law = replace(case.law, **{name: getattr(case.law, name) * (1 + SHIFT)})
-        mimics.append(projected(shown(law=law)))
-    basis = np.column_stack(mimics)
+    law = case.world.law
+    assert isinstance(law, reality.Law)
+    changed_laws = []
+    for name in LAW_PARAMETERS:
+        changed = replace(law, **{name: getattr(law, name) * (1 + RELATIVE_STEP)})
+        changed_case = replace(case, world=replace(case.world, law=changed))
+        changed_laws.append(projected(noise.whitened(first_flights.statistics(changed_case, []))))
+    basis = np.column_stack(changed_laws)
     out = []
     for cause in causes:
-        seen = projected(whitened(record(case, times, cause, noisy=False)))
-        left = seen - basis @ np.linalg.lstsq(basis, seen, rcond=None)[0]
-        out.append(left * np.sqrt(releases / len(chosen)))
+        seen = projected(noise.whitened(first_flights.statistics(case, cause)))
+        remaining = seen - basis @ np.linalg.lstsq(basis, seen, rcond=None)[0]
+        out.append(remaining * np.sqrt(releases / len(chosen)))
     return out
 
 
-def _touch(case: Case, film: Array, times: Array) -> Array:
-    """(releases,) first frame at which a release is no longer in free flight."""
+def _some_releases(case: Case, chosen: Array) -> Case:
+    releases = case.releases
+    part = reality.Releases(releases.block_ids[chosen], releases.states[chosen], releases.order[chosen])
+    return replace(case, releases=part, heldout=case.heldout[chosen])
+
+
+def _sizes_m(case: Case) -> Array:
+    """(releases,) diameter of the circle about each block."""
+    return 2 * np.array([b.radius_m for b in case.world.blocks])[case.releases.block_ids]
+
+
+@dataclass(frozen=True)
+class _FirstFlights:
+    """The part of the films that the statistics describe: instants, and first impact and window after it in frames.
+
+    `base` (releases, 15): the statistics without causes.
+    """
+
+    times_s: Array
+    first_impact: Array
+    window: Array
+    base: Array
+
+    def statistics(self, case: Case, hidden: list[reality.Hidden], soil_sd: Array | None = None) -> Array:
+        """(releases, 15) statistics of the films of a case without noise."""
+        film = film_case(case, self.times_s, hidden, noisy=False, soil_sd=soil_sd)
+        return _all_statistics(film, self.first_impact, self.window)
+
+
+def _first_flights(case: Case) -> _FirstFlights:
+    times = case.times_s
+    film = film_case(case, times, [], noisy=False)
+    first_impact = _first_impact(case, film, times)
+    window = WINDOW_AFTER_IMPACT * np.sqrt(_sizes_m(case) / case.world.gravity_m_s2) * case.fps
+    frames = window.astype(int)
+    last = min(len(times), int((first_impact + frames).max()) + 2)
+    base = _all_statistics(film[:, :last], first_impact, frames)
+    return _FirstFlights(times[:last], first_impact, frames, base)
+
+
+@dataclass(frozen=True)
+class _Whitening:
+    """Statistics without causes, their standard deviations by noise and soil, and the inverse root of what remains of
+    their covariance."""
+
+    base: Array
+    sd: Array
+    inverse_root: Array
+
+    @staticmethod
+    def estimate(case: Case, first_flights: _FirstFlights) -> _Whitening:
+        """From draws of the soil."""
+        base = first_flights.base
+        # the statistics are coefficients of orthonormal polynomials and have the noise of a frame; noise that is
+        # correlated from frame to frame averages out less
+        camera = case.camera
+        correlated = np.sqrt((1.0 + camera.colour) / (1.0 - camera.colour))
+        noise = correlated * np.array(
+            [camera.position_noise_m, camera.position_noise_m, camera.angle_noise_rad] * 5
+        )
+        without_scatter = first_flights.statistics(case, [], soil_sd=np.zeros(5))
+        others = [
+            first_flights.statistics(replace(case, seed=case.seed + k), []) for k in range(1, SOIL_DRAWS)
+        ]
+        scattered = np.array([base, *others]) - without_scatter
+        # the soil may scatter a release at the edge of a facet far more than other releases of the block
+        soil = np.empty_like(base)
+        block_ids = case.releases.block_ids
+        for b in np.unique(block_ids):
+            own, square = block_ids == b, scattered[:, block_ids == b] ** 2
+            soil[own] = np.sqrt(np.maximum(square.mean(axis=0), square.mean(axis=(0, 1))))
+        sd = np.hypot(noise, soil)
+        # it changes all statistics of a release together
+        z = (scattered / sd).transpose(1, 0, 2)
+        covariance = (1.0 - SHRINKAGE) * z.transpose(0, 2, 1) @ z / len(z[0])
+        rest = np.maximum(1.0 - np.diagonal(covariance, axis1=1, axis2=2), 0.0)
+        root = np.linalg.cholesky(covariance + np.eye(base.shape[1]) * rest[:, None, :])
+        return _Whitening(base, sd, np.linalg.inv(root))
+
+    def whitened(self, statistics: Array) -> Array:
+        """Differences from the statistics without causes, in standard errors."""
+        z = np.clip((statistics - self.base) / self.sd, -LARGEST_DEVIATION, LARGEST_DEVIATION)
+        return np.asarray((self.inverse_root @ z[..., None])[..., 0])
+
+
+def _incident_directions(case: Case, first_flights: _FirstFlights, noise: _Whitening) -> Array:
+    """(releases, 15, 6) orthonormal directions that the incident state of a release can imitate."""
+    size = _sizes_m(case)
+    pace = np.sqrt(case.world.gravity_m_s2 * size)
+    units = RELATIVE_STEP * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
+    changes = []
+    for k in range(6):
+        states = case.releases.states + units * (np.arange(6) == k)
+        changed = replace(case, releases=replace(case.releases, states=states))
+        changes.append(noise.whitened(first_flights.statistics(changed, [])))
+    directions, _ = np.linalg.qr(np.stack(changes, axis=-1))
+    return np.asarray(directions)
+
+
+def _first_impact(case: Case, film: Array, times: Array) -> Array:
+    """(releases,) first frame after the first free flight."""
     t = times[:, None]
-    x, v = case.states[:, None, :3], case.states[:, None, 3:]
-    fall = x + v * t - 0.5 * case.gravity_m_s2 * t**2 * np.array([0.0, 1.0, 0.0])
-    radius = np.array([b.radius_m for b in case.blocks])[case.block_ids][:, None]
-    off = np.hypot(film[..., 0] - fall[..., 0], film[..., 1] - fall[..., 1]) > 1e-3 * radius
+    x, v = case.releases.states[:, None, :3], case.releases.states[:, None, 3:]
+    parabola = x + v * t - 0.5 * case.world.gravity_m_s2 * t**2 * np.array([0.0, 1.0, 0.0])
+    radius = np.array([b.radius_m for b in case.world.blocks])[case.releases.block_ids][:, None]
+    off = np.hypot(film[..., 0] - parabola[..., 0], film[..., 1] - parabola[..., 1]) > 1e-3 * radius
     return np.where(off.any(axis=1), off.argmax(axis=1), len(times) - 1)
 
 
-def _statistics(film: Array, touch: int, window: int) -> Array:
-    """(15,) mean, slope and bend of x, y, theta before the impact; mean and slope in the second half of the window
-    after it."""
-    before, after = film[:touch], film[touch + window // 2 : touch + window + 2]
+def _all_statistics(films: Array, first_impact: Array, window: Array) -> Array:
+    """(releases, 15) statistics of the films (releases, frames, 3)."""
+    parts = zip(films, first_impact, window, strict=True)
+    return np.array([_statistics(film, impact, frames) for film, impact, frames in parts])
+
+
+def _statistics(film: Array, impact: int, window: int) -> Array:
+    """(15,) mean, slope and curvature of x, y, theta before the impact; mean and slope in the second half of the
+    window after it."""
+    before, after = film[:impact], film[impact + window // 2 : impact + window + 2]
     first = _basis(len(before), 2).T @ before if len(before) > 4 else np.zeros((3, 3))
     second = _basis(len(after), 1).T @ after if len(after) > 2 else np.zeros((2, 3))
     return np.concatenate([first.ravel(), second.ravel()])

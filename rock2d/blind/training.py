@@ -1,4 +1,4 @@
-"""The weights behind the probabilities: logistic regressions on trials whose labels are known."""
+"""The weights that turn scores into probabilities: logistic regressions on trials with known labels."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ FEATURES = {
     ),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
 }
-STRENGTH = 1.0  # of the regularisation, inverse
-SEEN = 2.0  # signal-to-noise below which a hidden effect leaves nothing to see: it is none
+INVERSE_REGULARISATION = 1.0
+VISIBLE_SIGNAL_TO_NOISE = 2.0  # below it a hidden cause counts as none
 
 
-Labelled = tuple[dict[str, Any], dict[str, Any]]  # a case's label and its result
+LabelledResult = tuple[dict[str, Any], dict[str, Any]]  # a case's label and its result
 
 
-def labelled(folders: Iterable[Path]) -> list[Labelled]:
-    """Labels and results of all cases that were run in these trials."""
+def labelled_results(folders: Iterable[Path]) -> list[LabelledResult]:
+    """Labels and results of all diagnosed cases of these trials."""
     out = []
     for folder in folders:
         labels = read_labels(folder)
@@ -49,22 +49,25 @@ def labelled(folders: Iterable[Path]) -> list[Labelled]:
 
 @dataclass
 class Examples:
-    """Statistics, answers, and how much each counts."""
+    """Statistics, answers and weights."""
 
     values: list[dict[str, float]] = field(default_factory=list)
     answers: list[bool] = field(default_factory=list)
     weights: list[float] = field(default_factory=list)
 
 
-def examples(cases: Iterable[Labelled]) -> dict[str, Examples]:
-    """Question -> examples; see `running.run_trial` for `without_best`: cases that are unknown once their effect is
-    left out. They and those that hide something from outside share the weight of the latter, so that "unknown" stays
-    as frequent as it is."""
+def examples(cases: Iterable[LabelledResult]) -> dict[str, Examples]:
+    """Question -> examples.
+
+    Cases that were diagnosed without their best effect too (`without_best` of `running.run_trial`) are examples of
+    "unknown". They and the cases with an outside cause share the weight of the latter, so that the frequency of
+    "unknown" does not change.
+    """
     cases = list(cases)
     out = {question: Examples() for question in FEATURES}
     outside = sum(label["label"] == "unknown" for label, _ in cases)
-    left_out = sum(bool(result["without_best"]) for _, result in cases)
-    half, share = (0.5, 0.5 * outside / left_out) if left_out else (1.0, 0.0)
+    without_effect = sum(bool(result["without_best"]) for _, result in cases)
+    half, share = (0.5, 0.5 * outside / without_effect) if without_effect else (1.0, 0.0)
 
     def add(question: str, values: dict[str, float], answer: bool, weight: float = 1.0) -> None:
         out[question].values.append(values)
@@ -75,7 +78,7 @@ def examples(cases: Iterable[Labelled]) -> dict[str, Examples]:
         found, truth = result["statistics"], set(label["label"].split("+"))
         if found is None:
             continue
-        some = label["label"] != "none" and label["signal_to_noise"] >= SEEN
+        some = label["label"] != "none" and label["signal_to_noise"] >= VISIBLE_SIGNAL_TO_NOISE
         add(ANY, found["case"], some)
         if not some:
             continue
@@ -98,7 +101,7 @@ def regression(features: Sequence[str], given: Examples) -> dict[str, Any]:
 
     x = np.array([[v[name] for name in features] for v in given.values])
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
-    model = LogisticRegression(C=STRENGTH, max_iter=1000).fit(
+    model = LogisticRegression(C=INVERSE_REGULARISATION, max_iter=1000).fit(
         (x - mean) / scale, np.array(given.answers), np.array(given.weights)
     )
     return {
@@ -111,8 +114,8 @@ def regression(features: Sequence[str], given: Examples) -> dict[str, Any]:
     }
 
 
-def train(cases: Iterable[Labelled]) -> dict[str, Any]:
-    """Weights from cases whose labels may be read."""
+def train(cases: Iterable[LabelledResult]) -> dict[str, Any]:
+    """Weights from cases with known labels."""
     cases = list(cases)
     found = examples(cases)
     weights: dict[str, Any] = {
@@ -121,9 +124,11 @@ def train(cases: Iterable[Labelled]) -> dict[str, Any]:
     return weights | {UNSEEN: unseen(cases, weights[ANY])}
 
 
-def unseen(cases: Iterable[Labelled], some: dict[str, Any]) -> float:
-    """The share of what looks like nothing that hides something, which makes the labels most probable; `some` is the
-    regression that knows effects which show."""
+def unseen(cases: Iterable[LabelledResult], some: dict[str, Any]) -> float:
+    """The share of the films without a visible effect that hide a cause: the most probable one given the labels.
+
+    `some` is the regression for visible effects.
+    """
     from scipy.optimize import minimize_scalar
 
     looked = [(label, found["statistics"]) for label, found in cases if found["statistics"] is not None]

@@ -1,4 +1,4 @@
-"""The independent reality: independence, physics of its clean motion, and that all that is hidden shows."""
+"""The independent reality: independence, physics of its motion without causes, and visibility of every cause."""
 
 from __future__ import annotations
 
@@ -12,7 +12,20 @@ import numpy as np
 import pytest
 
 from rock2d.blind import reality
-from rock2d.blind.reality import FORMS, OUTSIDE, Block, Hidden, Law, Setup, draw, ensemble, film
+from rock2d.blind.reality import (
+    FORMS,
+    OUTSIDE,
+    Block,
+    Camera,
+    Hidden,
+    Law,
+    Releases,
+    Setup,
+    World,
+    draw_hidden,
+    record_poses,
+    simulate_poses,
+)
 
 G = 9.81
 MAY_IMPORT = {"numpy", "numba", *sys.stdlib_module_names}
@@ -39,16 +52,14 @@ SETUP = Setup(
 )  # fmt: skip
 
 
-def _fall(
+def _simulate(
     setup: Setup, blocks: list[Block], states: np.ndarray, times: np.ndarray, hidden: list[Hidden] | None = None,
     *, law: Law = LAW, gravity: float = G, soil_sd: float = 0.0, seed: int = 1,
 ) -> np.ndarray:  # fmt: skip
     states = np.atleast_2d(states)
     n = np.arange(len(states))
-    return ensemble(
-        setup, law, blocks, n % len(blocks), states, n // len(blocks), times, gravity_m_s2=gravity,
-        soil_sd=np.full(5, soil_sd), hidden=hidden or [], seed=seed,
-    )  # fmt: skip
+    world, releases = World(setup, law, blocks, gravity), Releases(n % len(blocks), states, n // len(blocks))
+    return simulate_poses(world, releases, times, soil_sd=np.full(5, soil_sd), hidden=hidden or [], seed=seed)
 
 
 def _states(n: int, size: float = 0.02) -> np.ndarray:
@@ -62,7 +73,9 @@ def _states(n: int, size: float = 0.02) -> np.ndarray:
 def _rebound(law: Law, speed: float, omega: float) -> np.ndarray:
     """Velocity after the sphere hits the floor with 2 m/s down, `speed` along and `omega`, without gravity."""
     times = np.arange(300) * 1e-4
-    poses = _fall(FLOOR, [SPHERE], np.array([0, 0.02, 0, speed, -2, omega]), times, law=law, gravity=0.0)[0]
+    poses = _simulate(FLOOR, [SPHERE], np.array([0, 0.02, 0, speed, -2, omega]), times, law=law, gravity=0.0)[
+        0
+    ]
     return (poses[-1] - poses[-100]) / (99 * 1e-4)
 
 
@@ -115,7 +128,7 @@ def test_oblique_impact_of_a_circle(
 def test_flight_is_a_parabola(block: Block) -> None:
     times = np.arange(100) * 1e-3
     state = np.array([0.1, 0.4, 0.3, 1.0, 0.5, -20.0])
-    poses = _fall(SETUP, [block], state, times)[0]
+    poses = _simulate(SETUP, [block], state, times)[0]
     assert poses[:, 0] == pytest.approx(0.1 + times, abs=1e-12)
     assert poses[:, 1] == pytest.approx(0.4 + 0.5 * times - 0.5 * G * times**2, abs=1e-12)
     assert poses[:, 2] == pytest.approx(0.3 - 20.0 * times, abs=1e-12)
@@ -134,7 +147,7 @@ def _clear(pose: np.ndarray, block: Block, setup: Setup) -> bool:
 def test_energy_of_flights_never_rises(setup: Setup, indentation: bool) -> None:
     dt = 5e-4
     states = _states(30)
-    poses = _fall(setup, BLOCKS, states, np.arange(900) * dt, law=replace(LAW, indentation=indentation))
+    poses = _simulate(setup, BLOCKS, states, np.arange(900) * dt, law=replace(LAW, indentation=indentation))
     for i, path in enumerate(poses):
         block = BLOCKS[i % 3]
         speed = (path[2:] - path[:-2]) / (2 * dt)
@@ -146,13 +159,13 @@ def test_energy_of_flights_never_rises(setup: Setup, indentation: bool) -> None:
         assert (np.diff(energy) < 1e-3 * energy[0]).all()
 
 
-def test_same_seed_same_bits_whatever_the_company() -> None:
+def test_same_seed_same_bits_whatever_the_other_releases() -> None:
     times = np.arange(300) * 1e-3
     states = _states(9)
-    first, again = (_fall(SETUP, BLOCKS, states, times, soil_sd=0.1) for _ in range(2))
+    first, again = (_simulate(SETUP, BLOCKS, states, times, soil_sd=0.1) for _ in range(2))
     assert np.array_equal(first, again)
-    assert np.array_equal(first[:3], _fall(SETUP, BLOCKS, states[:3], times, soil_sd=0.1))
-    assert not np.array_equal(first, _fall(SETUP, BLOCKS, states, times, soil_sd=0.1, seed=2))
+    assert np.array_equal(first[:3], _simulate(SETUP, BLOCKS, states[:3], times, soil_sd=0.1))
+    assert not np.array_equal(first, _simulate(SETUP, BLOCKS, states, times, soil_sd=0.1, seed=2))
 
 
 def test_effects_follow_their_closed_forms() -> None:
@@ -161,7 +174,7 @@ def test_effects_follow_their_closed_forms() -> None:
     def after(
         name: str, form: int, values: dict[str, float], state: list[float], law: Law = LAW
     ) -> np.ndarray:
-        poses = _fall(
+        poses = _simulate(
             FLOOR, [SPHERE], np.array(state), times, [Hidden(name, form, values)], law=law, gravity=0.0
         )[0]
         return (poses[-1] - poses[-3]) / 1e-3
@@ -173,7 +186,7 @@ def test_effects_follow_their_closed_forms() -> None:
     assert damped[[0, 2]] == pytest.approx([3 * math.exp(-2 * t), 10 * math.exp(-1.4 * t)], rel=1e-3)
     lifted = after("magnus_lift", 0, {"lift": 0.03, "arm_m": 0.0}, [0, 0.5, 0, 3, 0, 100])
     assert math.atan2(lifted[1], lifted[0]) == pytest.approx(3.0 * t, rel=1e-3)
-    # the way out of the indentation costs pull × depth, but for half of its first tenth
+    # the way out of the indentation costs pull × depth, except for half of its first tenth
     bottom = 2.0 / math.sqrt(LAW.k_l / SPHERE.mass_kg) * (1 - LAW.k_l / LAW.k_ul)
     wet = {"pull_N": 2.0, "fades": 0.0, "onset_m_s": 0.01}
     plain = replace(LAW, mu=0.0, k_r=0.0)
@@ -184,25 +197,21 @@ def test_effects_follow_their_closed_forms() -> None:
 
 def _filmed(setup: Setup, hidden: list[Hidden], n: int = 9) -> np.ndarray:
     times = np.arange(160) * 1e-3
-    poses = _fall(setup, BLOCKS, _states(n), times, hidden, soil_sd=0.05)
-    record, stated = film(
-        poses, times, hidden=hidden, position_noise_m=0.0, angle_noise_rad=0.0, colour=0.0, lost=0.0,
-        centre_m=np.array([0.18, 0.05]), extent_m=0.36, seed=3,
-    )  # fmt: skip
-    assert np.array_equal(stated, times)
-    return record
+    poses = _simulate(setup, BLOCKS, _states(n), times, hidden, soil_sd=0.05)
+    camera = Camera(0.0, 0.0, 0.0, 0.0, centre_m=np.array([0.18, 0.05]), extent_m=0.36)
+    return record_poses(poses, times, camera, hidden, 3)
 
 
 CASES = [(name, form) for name, forms in FORMS.items() for form in range(forms)] + [(k, 0) for k in OUTSIDE]
 
 
 @pytest.mark.parametrize("setup", [SETUP, FLOOR], ids=["setup", "floor"])
-def test_what_is_hidden_shows_and_vanishes(setup: Setup) -> None:
+def test_every_cause_shows_and_vanishes_with_its_size(setup: Setup) -> None:
     clean = _filmed(setup, [])
     for name, form in CASES:
         gaps = []
         for strength in (1.0, 1e-7):
-            hidden = draw(name, form, np.random.default_rng(4), setup, LAW, BLOCKS, G, strength)
+            hidden = draw_hidden(name, form, np.random.default_rng(4), World(setup, LAW, BLOCKS, G), strength)
             record = _filmed(setup, [hidden])
             assert np.isfinite(record).all(), (name, form, strength)
             gaps.append(float(np.median(np.abs(record - clean).max(axis=(1, 2)))))
@@ -217,7 +226,11 @@ def test_what_is_hidden_shows_and_vanishes(setup: Setup) -> None:
 def test_forms_of_an_effect_differ() -> None:
     for name, forms in FORMS.items():
         records = [
-            _filmed(SETUP, [draw(name, form, np.random.default_rng(4), SETUP, LAW, BLOCKS, G, 1.0)], 6)
+            _filmed(
+                SETUP,
+                [draw_hidden(name, form, np.random.default_rng(4), World(SETUP, LAW, BLOCKS, G), 1.0)],
+                6,
+            )
             for form in range(forms)
         ]
         assert forms >= 2
@@ -228,10 +241,8 @@ def test_forms_of_an_effect_differ() -> None:
 
 def test_noise_and_lost_frames() -> None:
     poses = np.zeros((20, 2000, 3))
-    record, _ = film(
-        poses, np.arange(2000) * 1e-3, hidden=[], position_noise_m=3e-4, angle_noise_rad=0.02, colour=0.5, lost=0.1,
-        centre_m=np.zeros(2), extent_m=1.0, seed=0,
-    )  # fmt: skip
+    camera = Camera(3e-4, 0.02, colour=0.5, lost=0.1, centre_m=np.zeros(2), extent_m=1.0)
+    record = record_poses(poses, np.arange(2000) * 1e-3, camera, [], 0)
     lost = np.isnan(record)
     assert (lost.any(axis=2) == lost.all(axis=2)).all()
     assert lost.mean() == pytest.approx(0.1, abs=0.01)
@@ -251,9 +262,11 @@ def test_field_scale() -> None:
     law = Law(1e4 * k, 6e4 * k, 2.5e3 * k, LAW.mu, 0.025 * k * grow**2)
     setup = replace(SETUP, points_m=SETUP.points_m * grow)
     times = np.arange(200) * 8e-3
-    clean = _fall(setup, blocks, _states(6, 1.0), times, law=law)
+    clean = _simulate(setup, blocks, _states(6, 1.0), times, law=law)
     assert clean[:, -1, 1].max() < 10.0
     for name, form in CASES:
         if name in OUTSIDE or form == 1:
-            hidden = draw(name, form, np.random.default_rng(1), setup, law, blocks, G, 0.5)
-            assert np.isfinite(_fall(setup, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), name
+            hidden = draw_hidden(name, form, np.random.default_rng(1), World(setup, law, blocks, G), 0.5)
+            assert np.isfinite(_simulate(setup, blocks, _states(6, 1.0), times, [hidden], law=law)).all(), (
+                name
+            )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,9 +11,9 @@ import pytest
 
 from rock2d.blind import case_files, reality
 from rock2d.blind.case_files import make_trial, read_labels, redraw
-from rock2d.blind.cases import NULLS, OUTSIDERS, deal, draw_case
-from rock2d.blind.parallel import in_turn
-from rock2d.blind.scoring import auroc, calibration_error, chance_error, summary, table
+from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
+from rock2d.blind.parallel import as_finished
+from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_table, summary
 from rock2d.blind.signal_to_noise import likeness, signal_to_noise
 from rock2d.blind.training import FEATURES, Examples, regression, unseen
 from rock2d.diagnosis.classification import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
@@ -25,32 +26,34 @@ from rock2d.files.experiment import read_experiment
 def small(monkeypatch):
     """Cases of ten releases."""
 
-    def draw(hand, seed):
-        return draw_case(hand, seed, smallest=True)
+    def draw(causes, seed):
+        return draw_case(causes, seed, smallest=True)
 
     monkeypatch.setattr(case_files, "draw_case", draw)
 
 
-def test_hands_hold_enough_nulls_outsiders_and_every_effect():
-    hands = deal(200, np.random.SeedSequence(1))
-    outside = [hand for hand in hands if set(hand) & set(reality.OUTSIDE)]
-    assert len(hands) == 200
-    assert hands.count(()) >= 0.2 * 200 <= NULLS * 200
-    assert len(outside) >= OUTSIDERS * 200 >= 0.15 * 200
-    assert {name for hand in outside for name in hand} == set(reality.OUTSIDE)
-    assert {name for hand in hands if len(hand) == 1 for name in hand} >= set(catalogue())
-    assert hands == deal(200, np.random.SeedSequence(1))
+def test_every_effect_and_enough_other_cases_are_assigned():
+    causes = assign_causes(200, np.random.SeedSequence(1))
+    outside = [own for own in causes if set(own) & set(reality.OUTSIDE)]
+    assert len(causes) == 200
+    assert causes.count(()) >= 0.2 * 200 <= SHARE_WITHOUT_CAUSE * 200
+    assert len(outside) >= SHARE_OUTSIDE * 200 >= 0.15 * 200
+    assert {name for own in outside for name in own} == set(reality.OUTSIDE)
+    assert {name for own in causes if len(own) == 1 for name in own} >= set(catalogue())
+    assert causes == assign_causes(200, np.random.SeedSequence(1))
 
 
 def test_the_reality_knows_every_effect_of_the_catalogue_in_two_forms():
-    assert set(reality.FORMS) == set(catalogue())
+    missing, extra = set(catalogue()) - set(reality.FORMS), set(reality.FORMS) - set(catalogue())
+    assert not missing, f"reality/known/ has no file for {sorted(missing)}"
+    assert not extra, f"the catalogue has no effect for {sorted(extra)} of reality/known/"
     assert min(reality.FORMS.values()) >= 2
     assert len(reality.OUTSIDE) >= 6
 
 
 def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_path, small):
-    hands = [("air_drag",), (), ("late_angle",)]
-    digests = [make_trial(3, 7, tmp_path / name, hands=hands) for name in "ab"]
+    causes = [("air_drag",), (), ("late_angle",)]
+    digests = [make_trial(3, 7, tmp_path / name, causes=causes) for name in "ab"]
     assert digests[0] == digests[1]
     for path in sorted((tmp_path / "a").rglob("*.csv")):
         assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes()
@@ -64,7 +67,7 @@ def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_pat
 
 
 def test_labels_that_were_changed_are_refused(tmp_path, small):
-    make_trial(1, 3, tmp_path / "t", hands=[()])
+    make_trial(1, 3, tmp_path / "t", causes=[()])
     path = tmp_path / "t" / "labels.json"
     path.write_text(path.read_text().replace("none", "air_drag"))
     with pytest.raises(InputError, match="SHA-256"):
@@ -79,8 +82,11 @@ def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():
     case.hidden = [reality.Hidden("camera_tilt", 0, case.hidden[0].values | {"turn_rad": 0.002})]
     two = signal_to_noise(case)
     assert two == pytest.approx(2 * one, rel=0.1)  # while it is linear
-    case.position_noise_m *= 3
-    case.angle_noise_rad *= 3
+    noise = {
+        "position_noise_m": 3 * case.camera.position_noise_m,
+        "angle_noise_rad": 3 * case.camera.angle_noise_rad,
+    }
+    case.camera = replace(case.camera, **noise)
     assert signal_to_noise(case) < two
 
 
@@ -125,7 +131,11 @@ def test_a_sealed_case_can_be_drawn_again_once_it_is_open(tmp_path, small):
 
 def test_jobs_give_the_same_in_other_processes():
     jobs = [(k,) for k in range(4)]
-    assert sorted(in_turn(np.sqrt, jobs, 2)) == sorted(in_turn(np.sqrt, jobs, 1)) == list(np.sqrt(range(4)))
+    assert (
+        sorted(as_finished(np.sqrt, jobs, 2))
+        == sorted(as_finished(np.sqrt, jobs, 1))
+        == list(np.sqrt(range(4)))
+    )
 
 
 def test_calibration_error_of_known_cases():
@@ -176,38 +186,40 @@ def test_what_hides_in_films_that_show_nothing_is_counted():
 def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
     from rock2d.blind.running import run_trial
 
-    make_trial(1, 3, tmp_path / "t", hands=[()])
+    make_trial(1, 3, tmp_path / "t", causes=[()])
     sealed = (tmp_path / "t" / "labels.json").rename(tmp_path / "sealed.json")
     run_trial(tmp_path / "t")
     result = json.loads((tmp_path / "t" / "results" / "000.json").read_text())
     assert sum(result["diagnosis"]["probabilities"].values()) == pytest.approx(1.0)
     with pytest.raises(InputError, match="sealed elsewhere"):
-        table(tmp_path / "t")
+        score_table(tmp_path / "t")
     sealed.rename(tmp_path / "t" / "labels.json")
-    assert len(table(tmp_path / "t")) == 1
+    assert len(score_table(tmp_path / "t")) == 1
 
 
 def test_weights_are_learned_from_a_trial(tmp_path, small):
     """Results in which the effect with the largest gain is the right one, and what is left tells the unknown."""
-    from rock2d.blind.training import labelled, train
+    from rock2d.blind.training import labelled_results, train
 
     rng = np.random.default_rng(1)
-    hands = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
-    make_trial(len(hands), 5, tmp_path / "t", hands=hands)
+    causes = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
+    make_trial(len(causes), 5, tmp_path / "t", causes=causes)
     (tmp_path / "t" / "results").mkdir()
-    for i, hand in enumerate(hands):
-        outside = hand == ("late_angle",)
+    for i, own in enumerate(causes):
+        outside = own == ("late_angle",)
         case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.0)
-        case |= {"gain_seen": 2.5 if hand else 0.5 * rng.random(), "left_share": 0.9 if outside else 0.0}
+        case |= {"gain_seen": 2.5 if own else 0.5 * rng.random(), "left_share": 0.9 if outside else 0.0}
         effects = {
-            name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in hand else 6.0}
+            name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in own else 6.0}
             for name in ("air_drag", "adhesion", "magnus_lift")
         }
         result = {"statistics": {"case": case, "effects": effects}, "without_best": None}
         (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
     labels = read_labels(tmp_path / "t")
     # as if all that is hidden in so few releases could be seen
-    clear = [(label | {"signal_to_noise": 20.0}, result) for label, result in labelled([tmp_path / "t"])]
+    clear = [
+        (label | {"signal_to_noise": 20.0}, result) for label, result in labelled_results([tmp_path / "t"])
+    ]
     learned = train(clear)
     assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN}
     p = probabilities({"case": case, "effects": effects}, learned)

@@ -1,17 +1,31 @@
-"""An independent reality: filmed rockfall with hidden flaws, to test the diagnosis blind.
+"""An independent reality: filmed rockfall with hidden causes, to test the diagnosis blind.
 
-Law, geometry, integrator, effects and camera are written anew and share nothing with the toolkit that is tested: this
-package imports numpy, numba and the standard library alone. SI units, angles counter-clockwise in rad.
+Law, geometry, integrator, causes and camera are written a second time and share nothing with the toolkit that is
+tested: this package imports numpy, numba and the standard library alone. SI units, angles counter-clockwise in rad.
 
-`draw` chooses a hidden effect, `fall` lets blocks fall with it, `film` records what a camera makes of it.
+`draw_hidden` draws the size of a hidden cause, `simulate_poses` simulates releases with it, `record_poses` gives what
+a camera records of them.
 """
 
 from __future__ import annotations
 
-from rock2d.blind.reality.camera import film
-from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, draw
-from rock2d.blind.reality.data_model import Block, Hidden, Law, Setup
-from rock2d.blind.reality.ensemble import fall
-from rock2d.blind.reality.outside import PHASES
+from rock2d.blind.reality.camera import record_poses
+from rock2d.blind.reality.catalogue import FORMS, OUTSIDE, PHASES, draw_hidden
+from rock2d.blind.reality.data_model import Block, Camera, Hidden, Law, Releases, Setup, World
+from rock2d.blind.reality.ensemble import simulate_poses
 
-__all__ = ["FORMS", "OUTSIDE", "PHASES", "Block", "Hidden", "Law", "Setup", "draw", "fall", "film"]
+__all__ = [
+    "FORMS",
+    "OUTSIDE",
+    "PHASES",
+    "Block",
+    "Camera",
+    "Hidden",
+    "Law",
+    "Releases",
+    "Setup",
+    "World",
+    "draw_hidden",
+    "record_poses",
+    "simulate_poses",
+]

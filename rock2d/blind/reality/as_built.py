@@ -1,4 +1,4 @@
-"""Shapes as they are built, not as they are stated: of the cross-section, its roughness, and the blocks' corners."""
+"""Shapes as they are built, which may differ from the stated ones: cross-section, roughness, corners of the blocks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from rock2d.blind.reality.data_model import Array, Block, Setup
 
-STEEPEST_RAD = np.deg2rad(85.0)  # of a facing
+STEEPEST_FACING_RAD = np.deg2rad(85.0)
 
 
-def with_facing(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
-    """The set-up with its facing turned about its foot, or its ditch raised by `rise` of the embankment's height.
+def setup_as_built(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
+    """The set-up with its facing turned about its foot, or its ditch raised by `rise` times the embankment's height.
 
-    Without an embankment all ground is inclined about its middle, or raised by `rise` of a block's size.
+    Without an embankment all ground is inclined about its centre, or raised by `rise` times the size of a block.
     """
     points = np.array(setup.points_m, float)
     turn, rise = error.get("turn_rad", 0.0), error.get("rise", 0.0)
@@ -23,7 +23,7 @@ def with_facing(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
         return replace(setup, points_m=points)
     foot, crest = setup.face
     run, height = points[crest] - points[foot]
-    angle = np.clip(np.arctan2(height, run) + turn, np.deg2rad(5.0), STEEPEST_RAD)
+    angle = np.clip(np.arctan2(height, run) + turn, np.deg2rad(5.0), STEEPEST_FACING_RAD)
     shear = height / np.tan(angle) - run
     if crest + 1 < len(points):
         shear = min(shear, 0.9 * (points[crest + 1, 0] - points[crest, 0]))
@@ -34,8 +34,8 @@ def with_facing(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
     return replace(setup, points_m=points)
 
 
-def profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
-    """A rough profile through the set-up's vertices, and the facet of the set-up that each of its pieces lies on.
+def rough_profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
+    """A rough profile through the vertices of the set-up, and the facet of the set-up below each of its pieces.
 
     Neighbouring heights are correlated; the slopes of the pieces have the standard deviation `sd_rad`.
     """
@@ -43,15 +43,15 @@ def profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
     memory = 0.5
     out, pieces = [points[:1]], []
     for f in range(len(points) - 1):
-        way = points[f + 1] - points[f]
-        length = float(np.hypot(*way))
+        edge = points[f + 1] - points[f]
+        length = float(np.hypot(*edge))
         count = max(2, round(length / rough["spacing_m"]))
         height = np.zeros(count + 1)
         sd = np.tan(rough["sd_rad"]) * length / count / np.sqrt(2.0 * (1.0 - memory))
         for k in range(1, count):
             height[k] = memory * height[k - 1] + np.sqrt(1.0 - memory**2) * rng.normal(0.0, sd)
         share = np.arange(1, count + 1)[:, None] / count
-        out.append(points[f] + share * way + height[1:, None] * np.array([-way[1], way[0]]) / length)
+        out.append(points[f] + share * edge + height[1:, None] * np.array([-edge[1], edge[0]]) / length)
         pieces += [f] * count
     rough_points = np.concatenate(out)
     steps = np.maximum(np.diff(rough_points[:, 0]), 1e-3 * rough["spacing_m"])
@@ -59,10 +59,10 @@ def profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]:
     return rough_points, np.array(pieces)
 
 
-def reshaped(block: Block, edges: dict[str, float] | None, form: int) -> tuple[Array, float, int]:
-    """Corners in m, radius of the circles that they carry, and how many of them share a contact (0: a circle).
+def block_outline(block: Block, edges: dict[str, float] | None, form: int) -> tuple[Array, float, int]:
+    """Corners in m, radius of the circles that they carry, and number of corners that share a contact (0: a circle).
 
-    Of a circle its middle and radius; of a polygon with rounded edges (form 0) the inset polygon, with cut ones
+    A circle gives its centre and radius. With rounded edges (form 0) a polygon gives the inset polygon, with cut edges
     (form 1) twice as many corners.
     """
     if block.vertices_m is None:

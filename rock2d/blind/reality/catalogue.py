@@ -1,46 +1,34 @@
-"""What can be hidden, and how large it can be.
-
-`FORMS` are the effects that a diagnosis knows, each in two physically different forms; `OUTSIDE` are flaws that it
-does not know. `draw` chooses the sizes: `strength` 1 is the largest plausible one.
-"""
+"""All causes that can be hidden, and the draw of their sizes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-import numpy as np
+from rock2d.blind.reality.data_model import Hidden
+from rock2d.blind.reality.known import known_causes
+from rock2d.blind.reality.outside import outside_causes
+from rock2d.blind.reality.scale import scale_of
 
-from rock2d.blind.reality.camera_effects import CAMERA
-from rock2d.blind.reality.data_model import Block, Hidden, Setup, Soil
-from rock2d.blind.reality.outside import KINDS
-from rock2d.blind.reality.scale import Scale, scale_of
-from rock2d.blind.reality.world_effects import WORLD
+if TYPE_CHECKING:
+    import numpy as np
 
-Sizes = Callable[[int, float, np.random.Generator, Scale], dict[str, float]]
+    from rock2d.blind.reality.data_model import World
 
-KNOWN: dict[str, Sizes] = {**WORLD, **CAMERA}
-FORMS: dict[str, int] = dict.fromkeys(KNOWN, 2)
-OUTSIDE: dict[str, str] = {name: sentence for name, (sentence, _) in KINDS.items()}
-LEAST_SHARE = 0.85  # sizes are drawn between this share of `strength` and all of it
+CAUSES = {**known_causes(), **outside_causes()}
+FORMS = {name: cause.forms for name, cause in known_causes().items()}  # of the effects that a diagnosis knows
+OUTSIDE = {name: cause.sentence for name, cause in outside_causes().items()}
+PHASES = {name: cause.phase for name, cause in outside_causes().items()}
+LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strength` and all of it
 
 
-def draw(
-    name: str,
-    form: int,
-    rng: np.random.Generator,
-    setup: Setup,
-    law: Soil,
-    blocks: Sequence[Block],
-    gravity: float,
-    strength: float,
-) -> Hidden:
-    """An effect of `strength` (0 to 1) times the largest plausible size for this set-up; signs are drawn.
+def draw_hidden(name: str, form: int, rng: np.random.Generator, world: World, strength: float) -> Hidden:
+    """A cause of `strength` (0 to 1) times the largest plausible size in this world; the rng draws its sign.
 
-    Raises KeyError for a name that is neither in FORMS nor OUTSIDE, ValueError for a form that does not exist.
+    Raises KeyError for an unknown name, ValueError for a form that does not exist.
     """
-    if not 0 <= form < FORMS.get(name, 1):
-        raise ValueError(f"{name} has forms 0 to {FORMS.get(name, 1) - 1}, got {form}")
-    share = strength * float(rng.uniform(LEAST_SHARE, 1.0))
-    sizes: Sizes = KNOWN[name] if name in KNOWN else KINDS[name][1]
-    values = sizes(form, share, rng, scale_of(setup, law, blocks, gravity))
+    forms = CAUSES[name].forms
+    if not 0 <= form < forms:
+        raise ValueError(f"{name} has forms 0 to {forms - 1}, got {form}")
+    share = strength * float(rng.uniform(LEAST_SHARE_OF_STRENGTH, 1.0))
+    values = CAUSES[name].sizes(form, share, rng, scale_of(world))
     return Hidden(name, form, {key: float(value) for key, value in values.items()})

@@ -1,4 +1,4 @@
-"""All contacts of a block together, compiled: which begin and end, and what forces they exert."""
+"""All contacts of a block together, compiled: which begin and end, and the forces they exert."""
 
 from __future__ import annotations
 
@@ -6,96 +6,132 @@ import numba
 import numpy as np
 
 from rock2d.blind.reality import parameters
+from rock2d.blind.reality.compiled_records import (
+    K_L,
+    K_UL,
+    THETA,
+    BlockMotion,
+    ContactMotion,
+    ContactRows,
+    Contacts,
+    Ground,
+    GroundVelocity,
+    SoilLaw,
+    X,
+    Y,
+)
 from rock2d.blind.reality.contact_detection import DEPTH, FACET, NX, NY, PX, PY
 from rock2d.blind.reality.data_model import Array
-from rock2d.blind.reality.forces import DEEPEST, K_L, K_UL, N_MEMORY, ON, SOFT, START, ZONE, press
+from rock2d.blind.reality.forces import (
+    ACTIVE,
+    N_MEMORY,
+    PEAK_PENETRATION,
+    START_DEPTH,
+    STIFFNESS_FACTOR,
+    ZONE,
+    contact_force,
+)
 
-# sums over the contacts: force, moment, horizontal force on the embankment, last outward unit vector, way in m to the
-# next contact that may press, how many are on, how many press, how many of them enter first-loading soil
-FX, FY, MOMENT, EMBANKMENT, OUT_X, OUT_Y, WAY, COUNT, PRESSING, VIRGIN = range(10)
-N_SUMS = 10
+# sums over the contacts: force, moment, horizontal force on the embankment, outward unit vector of the last one,
+# distance in m to the next contact that may press, number of active and of pressing contacts, number of those in first
+# loading
+(
+    FORCE_X, FORCE_Y, MOMENT, EMBANKMENT_FORCE, NORMAL_X, NORMAL_Y, NEXT_DISTANCE, N_ACTIVE, N_PRESSING,
+    N_FIRST_LOADING,
+) = range(10)  # fmt: skip
+N_SUMS = N_FIRST_LOADING + 1
 
 
 @numba.njit
-def begin(i: int, theta: float, late: float, zone: Array, found: Array, memory: Array, dial: Array) -> None:
-    """Contact i begins; one that is found deeper than `late` in m was covered until now: it begins without force."""
+def row_of(i: int, rows: ContactRows) -> int:
+    """Row of the i-th contact of `rows`."""
+    return i if i < rows.corners else rows.low + i - rows.corners
+
+
+@numba.njit
+def begin_contact(
+    j: int, theta: float, late: float, ground: Ground, contacts: Contacts, values: Array
+) -> None:
+    """Contact j begins. One that is found deeper than `late` in m was covered before: it begins without force."""
+    found, memory = contacts.found, contacts.memory
     for k in range(N_MEMORY):
-        memory[i, k] = 0.0
-    memory[i, ON] = 1.0
-    memory[i, ZONE] = zone[int(found[i, FACET])]
-    memory[i, START] = found[i, DEPTH] if found[i, DEPTH] > late else 0.0
-    soft = 1.0
-    if dial[parameters.STRIP_FACTOR] > 0.0:
-        into = (found[i, PX] - dial[parameters.STRIP_LEFT]) % dial[parameters.STRIP_PERIOD]
-        soft = dial[parameters.STRIP_FACTOR] if into < dial[parameters.STRIP_WIDTH] else 1.0
-    if dial[parameters.SIDE] > 0.0:
-        facing = np.arctan2(-found[i, NY], -found[i, NX]) - theta - dial[parameters.SIDE_ANGLE]
-        soft *= np.exp(-0.5 * dial[parameters.SIDE] * (1.0 + np.cos(facing)))
-    memory[i, SOFT] = soft
+        memory[j, k] = 0.0
+    memory[j, ACTIVE] = 1.0
+    memory[j, ZONE] = ground.zone[int(found[j, FACET])]
+    memory[j, START_DEPTH] = found[j, DEPTH] if found[j, DEPTH] > late else 0.0
+    factor = 1.0
+    if values[parameters.STRIP_FACTOR] > 0.0:
+        into = (found[j, PX] - values[parameters.STRIP_LEFT]) % values[parameters.STRIP_PERIOD]
+        factor = values[parameters.STRIP_FACTOR] if into < values[parameters.STRIP_WIDTH] else 1.0
+    if values[parameters.SIDE_LOG_RATIO] > 0.0:
+        facing = np.arctan2(-found[j, NY], -found[j, NX]) - theta - values[parameters.SIDE_ANGLE]
+        factor *= np.exp(-0.5 * values[parameters.SIDE_LOG_RATIO] * (1.0 + np.cos(facing)))
+    memory[j, STIFFNESS_FACTOR] = factor
 
 
 @numba.njit
-def settle(
-    low: int, high: int, corners: int, theta: float, late: float, zone: Array, found: Array, memory: Array,
-    dial: Array,
-) -> int:  # fmt: skip
-    """Let contacts begin and end: of the corners (0 to `corners`) and of `low` to `high`. Returns how many are on."""
-    on = 0
-    for i in range(corners + high - low):
-        j = i if i < corners else low + i - corners
-        if found[j, DEPTH] <= 0.0:
-            memory[j, ON] = 0.0
+def update_contacts(
+    rows: ContactRows, state: Array, late: float, ground: Ground, contacts: Contacts, values: Array
+) -> int:
+    """Let contacts begin and end. Returns the number of active ones."""
+    active = 0
+    for i in range(rows.corners + rows.high - rows.low):
+        j = row_of(i, rows)
+        if contacts.found[j, DEPTH] <= 0.0:
+            contacts.memory[j, ACTIVE] = 0.0
             continue
-        if memory[j, ON] == 0.0:
-            begin(j, theta, late, zone, found, memory, dial)
-        on += 1
-    return on
+        if contacts.memory[j, ACTIVE] == 0.0:
+            begin_contact(j, state[THETA], late, ground, contacts, values)
+        active += 1
+    return active
 
 
 @numba.njit
-def add_up(
-    low: int, high: int, corners: int, x: float, y: float, velocity: Array, going: Array, span: float, ground_vx: float,
-    ground_vy: float, yielding: Array, soil: Array, indentation: bool, dial: Array, found: Array, memory: Array,
-    sums: Array,
+def sum_forces(
+    rows: ContactRows, block: BlockMotion, ground: Ground, ground_velocity: GroundVelocity, law: SoilLaw,
+    contacts: Contacts,
 ) -> None:  # fmt: skip
-    """Fill `sums` with the forces of all contacts on a block at (x, y).
-
-    velocity : of the block now (m/s, m/s, rad/s), for what depends on speeds; going : on the way of the last `span` s
-    ground_vx : of the embankment's facets (`yielding`), ground_vy : of all ground, m/s; soil : (zones, 5)
-    """
+    """Fill `contacts.sums` with the forces of all contacts on a block."""
+    found, memory, sums = contacts.found, contacts.memory, contacts.sums
+    x, y = block.state[X], block.state[Y]
+    velocity, path_velocity, span = block.velocity, block.path_velocity, block.span_s
     for k in range(N_SUMS):
         sums[k] = 0.0
-    sums[WAY] = 1e9
-    for i in range(corners + high - low):
-        j = i if i < corners else low + i - corners
-        if memory[j, ON] == 0.0:
-            sums[WAY] = min(sums[WAY], -found[j, DEPTH])
+    sums[NEXT_DISTANCE] = 1e9
+    for i in range(rows.corners + rows.high - rows.low):
+        j = row_of(i, rows)
+        if memory[j, ACTIVE] == 0.0:
+            sums[NEXT_DISTANCE] = min(sums[NEXT_DISTANCE], -found[j, DEPTH])
             continue
         nx, ny = found[j, NX], found[j, NY]
         rx, ry = found[j, PX] - x, found[j, PY] - y
         facet = int(found[j, FACET])
-        gx = ground_vx if yielding[facet] > 0.0 else 0.0
-        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - ground_vy
-        wx, wy = going[0] - going[2] * ry - gx, going[1] + going[2] * rx - ground_vy
-        rate, slip = -(ux * nx + uy * ny), ux * ny - uy * nx
-        slid = span * (wx * ny - wy * nx)
+        gx = ground_velocity.embankment_x if ground.yielding[facet] > 0.0 else 0.0
+        gy = ground_velocity.all_y
+        ux, uy = velocity[0] - velocity[2] * ry - gx, velocity[1] + velocity[2] * rx - gy
+        wx, wy = path_velocity[0] - path_velocity[2] * ry - gx, path_velocity[1] + path_velocity[2] * rx - gy
+        rate, slip_velocity = -(ux * nx + uy * ny), ux * ny - uy * nx
+        slip = span * (wx * ny - wy * nx)
         zone = int(memory[j, ZONE])
-        before = memory[j, DEEPEST]
-        force, along, moment, pressing = press(
-            found[j, DEPTH], rate, slip, slid, span * going[2], soil[zone], indentation, dial, memory[j]
+        before = memory[j, PEAK_PENETRATION]
+        motion = ContactMotion(found[j, DEPTH], rate, slip_velocity, slip, span * path_velocity[2])
+        force, tangential, moment, pressing = contact_force(
+            motion, law.soil[zone], law.indentation, law.values, memory[j]
         )
-        fx, fy = force * nx + along * ny, force * ny - along * nx
-        sums[FX] += fx
-        sums[FY] += fy
+        fx, fy = force * nx + tangential * ny, force * ny - tangential * nx
+        sums[FORCE_X] += fx
+        sums[FORCE_Y] += fy
         sums[MOMENT] += rx * fy - ry * fx + moment
-        sums[OUT_X], sums[OUT_Y] = nx, ny
-        sums[COUNT] += 1.0
-        if yielding[facet] > 0.0:
-            sums[EMBANKMENT] -= fx
+        sums[NORMAL_X], sums[NORMAL_Y] = nx, ny
+        sums[N_ACTIVE] += 1.0
+        if ground.yielding[facet] > 0.0:
+            sums[EMBANKMENT_FORCE] -= fx
         if pressing:
-            sums[PRESSING] += 1.0
-            if memory[j, DEEPEST] > before and rate > 0.0:
-                sums[VIRGIN] += 1.0
+            sums[N_PRESSING] += 1.0
+            if memory[j, PEAK_PENETRATION] > before and rate > 0.0:
+                sums[N_FIRST_LOADING] += 1.0
         else:
-            floor = memory[j, DEEPEST] * (1.0 - soil[zone, K_L] / soil[zone, K_UL])
-            sums[WAY] = min(sums[WAY], floor - (found[j, DEPTH] - memory[j, START]))
+            indentation = memory[j, PEAK_PENETRATION] * (1.0 - law.soil[zone, K_L] / law.soil[zone, K_UL])
+            sums[NEXT_DISTANCE] = min(
+                sums[NEXT_DISTANCE], indentation - (found[j, DEPTH] - memory[j, START_DEPTH])
+            )

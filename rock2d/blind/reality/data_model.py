@@ -1,4 +1,4 @@
-"""What there is: blocks, the set-up, the soil's law, and what is hidden."""
+"""Blocks, set-up, soil law, camera, and hidden causes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Setup:
-    """The cross-section: a polyline from left to right (x strictly rising), solid below.
+    """The cross-section: a polyline from left to right (x strictly increasing), solid below.
 
     zones : name of the soil of each facet
     face, embankment, ditch : ranges [a, b) of facets; None where there is none
@@ -85,7 +85,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect at work: its name, its form, and its sizes in SI."""
+    """A cause at work: its name, its form, and its values in SI."""
 
     name: str
     form: int
@@ -93,6 +93,52 @@ class Hidden:
 
 
 Soil = Law | Mapping[str, Law]
+
+
+@dataclass(frozen=True)
+class World:
+    """Set-up, soil (one law, or one for each zone), blocks and gravity."""
+
+    setup: Setup
+    law: Soil
+    blocks: Sequence[Block]
+    gravity_m_s2: float
+
+
+@dataclass(frozen=True)
+class Releases:
+    """n releases.
+
+    Attributes
+    ----------
+    block_ids : (n,) index of the block
+    states : (n, 6) x, y, theta, vx, vy, omega of the centroid at the first instant, in SI
+    order : (n,) number of earlier releases of the same block
+    """
+
+    block_ids: Array
+    states: Array
+    order: Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Noise of a camera, and what it looks at.
+
+    Attributes
+    ----------
+    position_noise_m, angle_noise_rad : standard deviations of the noise of a frame
+    colour : correlation of the noise from frame to frame (0: white)
+    lost : share of the frames that are lost (NaN)
+    centre_m, extent_m : centre of the picture, and the length by which distortions scale
+    """
+
+    position_noise_m: float
+    angle_noise_rad: float
+    colour: float
+    lost: float
+    centre_m: Array
+    extent_m: float
 
 
 def soil_of(soil: Soil, zone: str) -> Law:

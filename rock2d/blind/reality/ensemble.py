@@ -1,4 +1,4 @@
-"""Many releases on a set-up, in parallel."""
+"""Many releases in one world, in parallel."""
 
 from __future__ import annotations
 
@@ -10,118 +10,131 @@ from typing import Any
 import numba
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array, Block, Hidden, Setup, Soil
-from rock2d.blind.reality.ground import CONVEX, patches, turns
-from rock2d.blind.reality.motion import CENTROID_X, CENTROID_Y, release
-from rock2d.blind.reality.motion_inputs import setting_of, stiffening
+from rock2d.blind.reality.compiled_records import (
+    CENTROID_X,
+    CENTROID_Y,
+    GROUP,
+    INERTIA,
+    MASS,
+    REACH,
+    ROUNDING,
+    SIZE,
+    Body,
+    Ground,
+    ImpactDraws,
+    MotionInputs,
+    SoilLaw,
+)
+from rock2d.blind.reality.data_model import Array, Hidden, Releases, World
+from rock2d.blind.reality.motion import simulate_release
+from rock2d.blind.reality.motion_inputs import motion_inputs, stiffening
 
-IMPACTS = 64  # with draws of their own; later ones share the last
-STEEPEST_TILT = 0.3  # rad
+IMPACTS_WITH_OWN_DRAWS = 64  # later ones share the last
+LARGEST_TILT_RAD = 0.3
 
 
-def fall(
-    setup: Setup,
-    law: Soil,
-    blocks: Sequence[Block],
-    block_ids: Array,
-    states: Array,
-    order: Array,
-    times_s: Array,
-    *,
-    gravity_m_s2: float,
-    soil_sd: Array,
-    hidden: Sequence[Hidden],
-    seed: int,
+def simulate_poses(
+    world: World, releases: Releases, times_s: Array, *, soil_sd: Array, hidden: Sequence[Hidden], seed: int
 ) -> Array:
-    """(n, frames, 3) true poses x, y, theta of the centroid at the camera's instants.
+    """(n, frames, 3) true poses x, y, theta of the centroid at the instants of the camera.
 
-    states : (n, 6) of the centroid at the first instant: x, y, theta, vx, vy, omega in SI
-    order : (n,) how many releases of the same block were before
     times_s : the instants that the camera states; with a frame-rate error those of the poses differ
-    soil_sd : (5,) standard deviations of the logarithms of k_l, k_ul / k_l, k_t, mu, k_r, drawn anew for each impact;
+    soil_sd : (5,) standard deviations of the logarithms of k_l, k_ul / k_l, k_t, mu, k_r, drawn for each impact;
         the draws depend on `seed`, the release and the impact alone
     """
-    states = np.array(np.atleast_2d(states), float)
-    n = len(states)
-    order = np.asarray(order, float)
-    world = setting_of(setup, law, blocks, hidden)
-    factors, tilts, shares = _luck(n, np.asarray(soil_sd, float), hidden, seed)
-    slopes = np.diff(world.points, axis=0)
-    room = min(STEEPEST_TILT, np.deg2rad(88.0) - np.abs(np.arctan2(slopes[:, 1], slopes[:, 0])).max())
-    tilts = np.clip(tilts, -room, room)  # no facet overhangs when the ground is tilted
-    soil = np.repeat(world.soil[None], n, axis=0)
-    soil[:, :, :2] *= stiffening(hidden, order)[:, None, None]
-    bodies = np.array(world.bodies)
-    ids = np.asarray(block_ids, np.int64)
-    for i in range(n):
-        body, (_, _, theta, _, _, omega) = bodies[ids[i]], states[i]
+    n = len(np.atleast_2d(releases.states))
+    inputs = motion_inputs(world, hidden)
+    draws = _impact_draws(n, np.asarray(soil_sd, float), hidden, seed, inputs.ground.points)
+    soil = np.repeat(inputs.law.soil[None], n, axis=0)
+    soil[:, :, :2] *= stiffening(hidden, np.asarray(releases.order, float))[:, None, None]
+    ids = np.asarray(releases.block_ids, np.int64)
+    states = _states_of_mass_centres(np.array(np.atleast_2d(releases.states), float), inputs.bodies[ids])
+    times = _true_times(np.asarray(times_s, float), n, hidden, seed)
+    poses = np.full((n, len(times_s), 3), np.nan)
+    _simulate_releases(states, times, ids, soil, inputs, draws, poses)
+    return poses
+
+
+def _states_of_mass_centres(states: Array, bodies: Array) -> Array:
+    """States (n, 6) of the centres of mass from those of the centroids, in place."""
+    for state, body in zip(states, bodies, strict=True):
+        _, _, theta, _, _, omega = state
         c, s = np.cos(theta), np.sin(theta)
         dx = c * body[CENTROID_X] - s * body[CENTROID_Y]
         dy = s * body[CENTROID_X] + c * body[CENTROID_Y]
-        states[i, :2] -= dx, dy  # the centroid lies at (dx, dy) from the centre of mass
-        states[i, 3:5] -= -omega * dy, omega * dx
-    counts = np.array([len(corners) for corners in world.corners])
-    corners = np.zeros((len(blocks), counts.max(), 2))
-    for i, own in enumerate(world.corners):
-        corners[i, : counts[i]] = own
-    ridges = (turns(world.points) < -CONVEX).astype(float)
-    poses = np.full((n, len(times_s), 3), np.nan)
-    _releases(
-        states, _true_times(np.asarray(times_s, float), n, hidden, seed), world.points, world.zone,
-        patches(world.points), ridges, world.yielding, corners, counts, bodies, ids, soil, world.indentation,
-        float(gravity_m_s2), factors, tilts, shares, world.dial, poses,
-    )  # fmt: skip
-    return poses
+        state[:2] -= dx, dy  # the centroid lies at (dx, dy) from the centre of mass
+        state[3:5] -= -omega * dy, omega * dx
+    return states
 
 
 def _true_times(times: Array, n: int, hidden: Sequence[Hidden], seed: int) -> Array:
     """(n, frames) the instants at which the camera really takes its frames."""
     true = np.repeat(times[None], n, axis=0)
-    for effect in hidden:
-        if effect.name == "frame_rate_error":
+    for cause in hidden:
+        if cause.name == "frame_rate_error":
             frame = float(np.median(np.diff(times)))
             late = np.array(
                 [np.random.default_rng([seed, i, 3]).uniform(-0.45, 0.45, len(times)) for i in range(n)]
             )
             late[:, 0] = 0.0
-            true = times[0] + effect.values["factor"] * (
-                true - times[0] + effect.values["jitter"] * frame * late
+            true = times[0] + cause.values["factor"] * (
+                true - times[0] + cause.values["jitter"] * frame * late
             )
     return true
 
 
-def _luck(n: int, sd: Array, hidden: Sequence[Hidden], seed: int) -> tuple[Array, Array, Array]:
-    """For each impact: factors on the soil (n, 64, 5), tilt of the ground in rad and share of speed lost (n, 64)."""
-    values = {effect.name: effect.values for effect in hidden}
+def _impact_draws(n: int, sd: Array, hidden: Sequence[Hidden], seed: int, points: Array) -> ImpactDraws:
+    """Draws of each impact of n releases: soil factors (n, 64, 5), tilts of the ground and shares of speed (n, 64)."""
+    values = {cause.name: cause.values for cause in hidden}
     rough = values.get("surface_roughness", {})
     tilt_sd = 0.0 if "spacing_m" in rough else rough.get("sd_rad", 0.0)
-    leaves = values.get("out_of_plane", {"share": 0.0, "random": 0.0})
-    factors, tilts, shares = np.ones((n, IMPACTS, 5)), np.zeros((n, IMPACTS)), np.zeros((n, IMPACTS))
+    out_of_plane = values.get("out_of_plane", {"share": 0.0, "random": 0.0})
+    shape = (n, IMPACTS_WITH_OWN_DRAWS)
+    factors, tilts, losses = np.ones((*shape, 5)), np.zeros(shape), np.zeros(shape)
     for i in range(n):
-        factors[i] = np.exp(sd * np.random.default_rng([seed, i, 0]).normal(size=(IMPACTS, 5)))
-        tilts[i] = tilt_sd * np.random.default_rng([seed, i, 1]).normal(size=IMPACTS)
-        luck = np.random.default_rng([seed, i, 2]).uniform(0.0, 2.0, IMPACTS)
-        shares[i] = leaves["share"] * (luck if leaves["random"] > 0.0 else 1.0)
-    return factors, tilts, shares
+        factors[i] = np.exp(sd * np.random.default_rng([seed, i, 0]).normal(size=(IMPACTS_WITH_OWN_DRAWS, 5)))
+        tilts[i] = tilt_sd * np.random.default_rng([seed, i, 1]).normal(size=IMPACTS_WITH_OWN_DRAWS)
+        random = np.random.default_rng([seed, i, 2]).uniform(0.0, 2.0, IMPACTS_WITH_OWN_DRAWS)
+        losses[i] = out_of_plane["share"] * (random if out_of_plane["random"] > 0.0 else 1.0)
+    slopes = np.diff(points, axis=0)
+    steepest = np.abs(np.arctan2(slopes[:, 1], slopes[:, 0])).max()
+    limit = min(LARGEST_TILT_RAD, np.deg2rad(88.0) - steepest)  # a tilted facet must not overhang
+    return ImpactDraws(factors, np.clip(tilts, -limit, limit), losses)
 
 
 def _compiled(sources: int) -> Any:
-    """The loop over releases, kept on disk under the fingerprint of all `sources`: numba alone would go on using
-    what it compiled before a function of another file was edited."""
+    """The loop over releases, cached on disk by the fingerprint of all `sources`.
+
+    Numba alone does not notice that a function in another file was edited.
+    """
 
     @numba.njit(cache=True, parallel=True)
     def releases(
-        states: Array, times: Array, points: Array, zone: Array, patch: Array, ridges: Array, yielding: Array,
-        corners: Array, counts: Array, bodies: Array, ids: Array, soil: Array, indentation: bool, gravity: float,
-        factors: Array, tilts: Array, shares: Array, dial: Array, poses: Array,
-    ) -> None:  # fmt: skip
+        states: Array,
+        times: Array,
+        ids: Array,
+        soil: Array,
+        inputs: MotionInputs,
+        draws: ImpactDraws,
+        poses: Array,
+    ) -> None:
         if sources == 0:
             return
+        # a parallel loop of numba takes arrays and numbers alone: tuples are taken apart before it
+        points, zone, patch, ridges, yielding = inputs.ground
+        corners, counts, bodies = inputs.corners, inputs.corner_counts, inputs.bodies
+        indentation, gravity, values = inputs.law.indentation, inputs.law.gravity, inputs.law.values
+        factors, tilts, losses = draws
         for i in numba.prange(len(states)):
             b = ids[i]
-            release(
-                states[i], times[i], points, zone, patch, ridges, yielding, corners[b, : counts[b]], bodies[b], soil[i],
-                indentation, gravity, factors[i], tilts[i], shares[i], dial, poses[i],
+            row = bodies[b]
+            body = Body(
+                corners[b, : counts[b]], row[MASS], row[INERTIA], row[REACH], row[ROUNDING], row[CENTROID_X],
+                row[CENTROID_Y], int(row[GROUP]), row[SIZE],
+            )  # fmt: skip
+            simulate_release(
+                states[i], times[i], Ground(points, zone, patch, ridges, yielding), body,
+                SoilLaw(soil[i], indentation, gravity, values), ImpactDraws(factors[i], tilts[i], losses[i]), poses[i],
             )  # fmt: skip
 
     return releases
@@ -134,4 +147,4 @@ def _fingerprint() -> int:
     return 1 + int(digest.hexdigest()[:12], 16)
 
 
-_releases = _compiled(_fingerprint())
+_simulate_releases = _compiled(_fingerprint())

@@ -1,8 +1,4 @@
-"""The soil's law with what may be hidden in it, compiled: force on a block at one contact.
-
-Memory of a contact: whether it is on, greatest depth, stretch of the tangential spring, turn of the rolling spring,
-depth at which it began (it begins without force), zone, factor on its stiffness.
-"""
+"""The contact law of the soil with the causes that may be hidden in it, compiled: force on a block at one contact."""
 
 from __future__ import annotations
 
@@ -10,110 +6,114 @@ import numba
 import numpy as np
 
 from rock2d.blind.reality import parameters
+from rock2d.blind.reality.compiled_records import K_L, K_R, K_T, K_UL, MU, ContactMotion
 from rock2d.blind.reality.data_model import Array
 
-ON, DEEPEST, STRETCH, TURN, START, ZONE, SOFT = range(7)
-N_MEMORY = 7
-K_L, K_UL, K_T, MU, K_R = range(5)
-SET_IN = 0.1  # of the way out of the indentation over which a tension sets in
+# memory of a contact: whether it is active, peak penetration, tangential displacement, rolling rotation, depth at which
+# it began (it begins without force), zone, factor on its stiffness
+ACTIVE, PEAK_PENETRATION, TANGENTIAL_DISPLACEMENT, ROLLING_ROTATION, START_DEPTH, ZONE, STIFFNESS_FACTOR = (
+    range(7)
+)
+N_MEMORY = STIFFNESS_FACTOR + 1
+TENSION_ONSET = 0.1  # share of the rise from the indentation over which a tension grows to its full value
 
 
 @numba.njit
-def spring(depth: float, deepest: float, k_l: float, k_ul: float) -> float:
-    """Force in N of the elasto-plastic spring; `deepest` includes the present depth."""
-    unloading = k_ul * (depth - deepest * (1.0 - k_l / k_ul))
+def spring_force(depth: float, peak: float, k_l: float, k_ul: float) -> float:
+    """Force in N of the elasto-plastic spring; `peak` includes the present depth."""
+    unloading = k_ul * (depth - peak * (1.0 - k_l / k_ul))
     return max(0.0, min(k_l * depth, unloading))
 
 
 @numba.njit
-def slip_factor(slip: float, dial: Array) -> float:
-    """Friction at this slip in m/s over friction at rest."""
-    change = dial[parameters.SLIP_CHANGE]
+def friction_factor(slip_velocity: float, values: Array) -> float:
+    """Friction at this slip velocity in m/s over friction at rest."""
+    change = values[parameters.SLIP_CHANGE]
     if change == 0.0:
         return 1.0
-    ratio = abs(slip) / dial[parameters.SLIP_SPEED]
-    grown = ratio / (1.0 + ratio) if dial[parameters.SLIP_FORM] > 0.0 else 1.0 - np.exp(-ratio)
+    ratio = abs(slip_velocity) / values[parameters.SLIP_SPEED]
+    grown = ratio / (1.0 + ratio) if values[parameters.SLIP_HYPERBOLIC] > 0.0 else 1.0 - np.exp(-ratio)
     return max(0.05, 1.0 + change * grown)
 
 
 @numba.njit
-def tension(depth: float, bottom: float, rate: float, dial: Array) -> float:
-    """Pull in N of wet soil on a block that rises from its indentation, at `depth` above its `bottom` (m)."""
-    pull = dial[parameters.TENSION]
-    if pull == 0.0 or rate >= 0.0 or depth >= bottom or depth <= 0.0:
+def tension(depth: float, indentation: float, rate: float, values: Array) -> float:
+    """Tension in N of wet soil on a block at `depth` that rises from an `indentation` (both in m)."""
+    pull = values[parameters.TENSION]
+    if pull == 0.0 or rate >= 0.0 or depth >= indentation or depth <= 0.0:
         return 0.0
-    risen = (bottom - depth) / bottom
-    if dial[parameters.TENSION_FADES] > 0.0:
+    risen = (indentation - depth) / indentation
+    if values[parameters.TENSION_FADES] > 0.0:
         pull *= 1.0 - risen
-    return pull * min(1.0, risen / SET_IN) * np.tanh(-rate / dial[parameters.TENSION_SPEED])
+    return pull * min(1.0, risen / TENSION_ONSET) * np.tanh(-rate / values[parameters.TENSION_SPEED])
 
 
 @numba.njit
-def press(
-    depth: float, rate: float, slip: float, slid: float, turned: float, soil: Array, indentation: bool, dial: Array,
-    memory: Array,
-) -> tuple[float, float, float, bool]:  # fmt: skip
+def contact_force(
+    motion: ContactMotion, soil: Array, indentation: bool, values: Array, memory: Array
+) -> tuple[float, float, float, bool]:
     """(normal force N, force along the tangent N, moment N m, whether the ground presses); updates `memory`.
 
-    depth : m; rate : of the depth, m/s; slip : of the contact point along the tangent, m/s
-    slid, turned : way in m and angle in rad that the contact point and the block went since the last call
+    `soil`: the row of the zone; `indentation`: the rolling spring acts until the contact ends.
     """
-    soft = memory[SOFT]
-    k_l, k_ul, k_t = soil[K_L] * soft, soil[K_UL] * soft, soil[K_T]
-    depth -= memory[START]
-    memory[DEEPEST] = max(memory[DEEPEST], depth)
-    force = spring(depth, memory[DEEPEST], k_l, k_ul)
+    factor = memory[STIFFNESS_FACTOR]
+    k_l, k_ul, k_t = soil[K_L] * factor, soil[K_UL] * factor, soil[K_T]
+    depth = motion.depth - memory[START_DEPTH]
+    memory[PEAK_PENETRATION] = max(memory[PEAK_PENETRATION], depth)
+    force = spring_force(depth, memory[PEAK_PENETRATION], k_l, k_ul)
     pressing = force > 0.0
     if pressing:
-        resisting = dial[parameters.VISCOUS] + dial[parameters.HUNT] * depth
-        force = max(0.0, force + resisting * rate)
-    limit = soil[MU] * slip_factor(slip, dial) * force
-    drag = 0.0
+        dashpot = values[parameters.DASHPOT] + values[parameters.DEPTH_DASHPOT] * depth
+        force = max(0.0, force + dashpot * motion.rate)
+    limit = soil[MU] * friction_factor(motion.slip_velocity, values) * force
+    ploughing = 0.0
     if pressing:
-        drag = (dial[parameters.PLOUGH] + dial[parameters.PLOUGH_SQUARE] * abs(slip)) * depth * slip
-    along = 0.0
+        coefficient = values[parameters.PLOUGHING] + values[parameters.PLOUGHING_SQUARE] * abs(
+            motion.slip_velocity
+        )
+        ploughing = coefficient * depth * motion.slip_velocity
+    tangential = 0.0
     if k_t > 0.0:
-        along = min(max(k_t * (memory[STRETCH] + slid), -limit), limit)
-        memory[STRETCH] = along / k_t
+        tangential = min(max(k_t * (memory[TANGENTIAL_DISPLACEMENT] + motion.slip), -limit), limit)
+        memory[TANGENTIAL_DISPLACEMENT] = tangential / k_t
     if pressing or indentation:
-        memory[TURN] += turned
-    moment = soil[K_R] * memory[TURN] if force > 0.0 or indentation else 0.0
+        memory[ROLLING_ROTATION] += motion.rotation
+    moment = soil[K_R] * memory[ROLLING_ROTATION] if force > 0.0 or indentation else 0.0
     if not pressing:
-        force -= tension(depth, memory[DEEPEST] * (1.0 - k_l / k_ul), rate, dial)
-    return force, -along - drag, -moment, pressing
+        force -= tension(depth, memory[PEAK_PENETRATION] * (1.0 - k_l / k_ul), motion.rate, values)
+    return force, -tangential - ploughing, -moment, pressing
 
 
 @numba.njit
-def air(
-    x: float, y: float, vx: float, vy: float, omega: float, gap: float, dial: Array
-) -> tuple[float, float, float]:
+def air_acceleration(state: Array, velocity: Array, gap: float, values: Array) -> tuple[float, float, float]:
     """Accelerations (m/s², m/s², rad/s²) beside gravity of a block at a clearance `gap` in m from the ground."""
+    x, y, vx, vy, omega = state[0], state[1], velocity[0], velocity[1], velocity[2]
     speed = np.sqrt(vx * vx + vy * vy)
-    slow = dial[parameters.DAMP_V]
-    if dial[parameters.DRAG] > 0.0 and speed > 0.0:
-        slow += dial[parameters.DRAG] * speed ** (dial[parameters.POWER] - 1.0)
-    turn = dial[parameters.LIFT] * omega
-    if dial[parameters.LIFT_ARM] > 0.0:
-        turn *= speed / (speed + dial[parameters.LIFT_ARM] * abs(omega) + 1e-12)
-    ax, ay = -slow * vx - turn * vy, -slow * vy + turn * vx
-    if dial[parameters.PUSH_LOW] < y < dial[parameters.PUSH_HIGH]:
-        ax += dial[parameters.PUSH]
-    if dial[parameters.DRAUGHT_LEFT] < x < dial[parameters.DRAUGHT_RIGHT]:
-        ay += dial[parameters.DRAUGHT]
-    if 0.0 < gap < dial[parameters.PULL_RANGE]:
-        ay -= dial[parameters.PULL]
-    return ax, ay, -dial[parameters.DAMP_W] * omega
+    decay = values[parameters.VELOCITY_DECAY]
+    if values[parameters.DRAG] > 0.0 and speed > 0.0:
+        decay += values[parameters.DRAG] * speed ** (values[parameters.DRAG_POWER] - 1.0)
+    turn = values[parameters.LIFT] * omega
+    if values[parameters.LIFT_ARM] > 0.0:
+        turn *= speed / (speed + values[parameters.LIFT_ARM] * abs(omega) + 1e-12)
+    ax, ay = -decay * vx - turn * vy, -decay * vy + turn * vx
+    if values[parameters.WIND_LOW] < y < values[parameters.WIND_HIGH]:
+        ax += values[parameters.WIND]
+    if values[parameters.UPDRAUGHT_LEFT] < x < values[parameters.UPDRAUGHT_RIGHT]:
+        ay += values[parameters.UPDRAUGHT]
+    if 0.0 < gap < values[parameters.ATTRACTION_RANGE]:
+        ay -= values[parameters.ATTRACTION]
+    return ax, ay, -values[parameters.SPIN_DECAY] * omega
 
 
 @numba.njit
-def blows(dial: Array) -> bool:
-    """Whether any force of the air acts."""
+def acts_in_flight(values: Array) -> bool:
+    """Whether any force beside gravity acts in flight."""
     return (
-        dial[parameters.DRAG] != 0.0
-        or dial[parameters.DAMP_V] != 0.0
-        or dial[parameters.DAMP_W] != 0.0
-        or dial[parameters.LIFT] != 0.0
-        or dial[parameters.PUSH] != 0.0
-        or dial[parameters.DRAUGHT] != 0.0
-        or dial[parameters.PULL] != 0.0
+        values[parameters.DRAG] != 0.0
+        or values[parameters.VELOCITY_DECAY] != 0.0
+        or values[parameters.SPIN_DECAY] != 0.0
+        or values[parameters.LIFT] != 0.0
+        or values[parameters.WIND] != 0.0
+        or values[parameters.UPDRAUGHT] != 0.0
+        or values[parameters.ATTRACTION] != 0.0
     )

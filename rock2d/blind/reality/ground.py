@@ -1,4 +1,4 @@
-"""The ground's polyline, compiled: nearest points and which side of it a point is on. The end facets go on forever."""
+"""The polyline of the ground, compiled: nearest points and the side of a point. The end facets have no end."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 
 from rock2d.blind.reality.data_model import Array
 
-CONCAVE = 0.2  # rad: a sharper hollow parts the ground into patches, each of which may touch a circle
-CONVEX = 0.05  # rad: a sharper ridge can poke into the face of a polygon
+HOLLOW_TURN_RAD = 0.2  # a sharper hollow divides the ground into patches, each of which may touch a circle
+RIDGE_TURN_RAD = 0.05  # a sharper ridge may touch the face of a polygon
 
 
 @numba.njit
@@ -25,7 +25,7 @@ def facet_at(x: float, points: Array) -> int:
 
 
 @numba.njit
-def foot(x: float, y: float, f: int, points: Array) -> tuple[float, float, float, float]:
+def nearest_on_facet(x: float, y: float, f: int, points: Array) -> tuple[float, float, float, float]:
     """Nearest point of facet f in m, its squared distance, and where it lies on the facet's line (0 to 1 within)."""
     ax, ay = points[f, 0], points[f, 1]
     bx, by = points[f + 1, 0] - ax, points[f + 1, 1] - ay
@@ -40,7 +40,7 @@ def foot(x: float, y: float, f: int, points: Array) -> tuple[float, float, float
 
 
 @numba.njit
-def below(x: float, y: float, f: int, points: Array) -> bool:
+def is_below(x: float, y: float, f: int, points: Array) -> bool:
     """Whether a point that facet f spans in x is in the solid."""
     ax, ay = points[f, 0], points[f, 1]
     bx, by = points[f + 1, 0] - ax, points[f + 1, 1] - ay
@@ -48,7 +48,7 @@ def below(x: float, y: float, f: int, points: Array) -> bool:
 
 
 @numba.njit
-def outward(
+def outward_normal(
     x: float, y: float, qx: float, qy: float, f: int, sunk: bool, points: Array
 ) -> tuple[float, float]:
     """Unit vector out of the solid at the nearest point (qx, qy) of (x, y)."""
@@ -64,36 +64,36 @@ def outward(
 
 
 @numba.njit
-def sink(x: float, y: float, points: Array) -> tuple[float, float, float, float, float, int]:
+def nearest_on_ground(x: float, y: float, points: Array) -> tuple[float, float, float, float, float, int]:
     """Depth of a point in m (negative: height above the surface), outward unit vector, nearest point, facet."""
     home = facet_at(x, points)
-    qx, qy, best, _ = foot(x, y, home, points)
+    qx, qy, best, _ = nearest_on_facet(x, y, home, points)
     at = home
     f = home - 1
     while f >= 0 and (x <= points[f + 1, 0] or (x - points[f + 1, 0]) ** 2 < best):
-        px, py, square, _ = foot(x, y, f, points)
+        px, py, square, _ = nearest_on_facet(x, y, f, points)
         if square < best:
             qx, qy, best, at = px, py, square, f
         f -= 1
     f = home + 1
     while f < points.shape[0] - 1 and (x >= points[f, 0] or (points[f, 0] - x) ** 2 < best):
-        px, py, square, _ = foot(x, y, f, points)
+        px, py, square, _ = nearest_on_facet(x, y, f, points)
         if square < best:
             qx, qy, best, at = px, py, square, f
         f += 1
-    sunk = below(x, y, home, points)
-    nx, ny = outward(x, y, qx, qy, at, sunk, points)
+    sunk = is_below(x, y, home, points)
+    nx, ny = outward_normal(x, y, qx, qy, at, sunk, points)
     depth = np.sqrt(best)
     return (depth if sunk else -depth), nx, ny, qx, qy, at
 
 
-def turns(points: Array) -> Array:
+def ground_turns(points: Array) -> Array:
     """(n,) turn of the ground at each point in rad, positive in hollows, 0 at the ends."""
     step = np.diff(points, axis=0)
     direction = np.arctan2(step[:, 1], step[:, 0])
     return np.concatenate([[0.0], np.diff(direction), [0.0]])
 
 
-def patches(points: Array) -> Array:
+def ground_patches(points: Array) -> Array:
     """(n - 1,) patch of each facet: runs of facets without a sharp hollow."""
-    return np.concatenate([[0], np.cumsum(turns(points)[1:-1] > CONCAVE)]).astype(np.int64)
+    return np.concatenate([[0], np.cumsum(ground_turns(points)[1:-1] > HOLLOW_TURN_RAD)]).astype(np.int64)

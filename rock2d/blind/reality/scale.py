@@ -1,18 +1,17 @@
-"""What sizes of effects are measured by: length, mass, gravity, stiffness and extent of the set-up at hand."""
+"""The units in which sizes of causes are given: length, mass, gravity, stiffness and extent of a world."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.blind.reality.data_model import Array, Block, Setup, Soil, mean_mass_kg, mean_size_m, soil_of
+from rock2d.blind.reality.data_model import Array, World, mean_mass_kg, mean_size_m, soil_of
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes of the set-up at hand in SI.
+    """Sizes of a world in SI.
 
     Attributes
     ----------
@@ -27,21 +26,17 @@ class Scale:
     spring: float
     low: Array
     high: Array
-    blocks: int
+    n_blocks: int
 
     @property
     def speed(self) -> float:
         """√(gravity × size) in m/s."""
         return float(np.sqrt(self.gravity * self.size))
 
-    @property
-    def width(self) -> float:
-        """Width in m of what is looked at."""
-        return float(self.high[0] - self.low[0])
 
-
-def scale_of(setup: Setup, law: Soil, blocks: Sequence[Block], gravity: float) -> Scale:
-    """The scale of a set-up."""
+def scale_of(world: World) -> Scale:
+    """The scale of a world."""
+    setup = world.setup
     points = np.asarray(setup.points_m, float)
     ranges = [r for r in (setup.ditch, setup.embankment) if r is not None]
     if ranges:
@@ -51,6 +46,6 @@ def scale_of(setup: Setup, law: Soil, blocks: Sequence[Block], gravity: float) -
         low, high = points.min(axis=0), points.max(axis=0)
         third = (high[0] - low[0]) / 3.0
         low[0], high[0] = low[0] + third, high[0] - third
-    mass = mean_mass_kg(blocks)
-    spring = float(np.sqrt(soil_of(law, setup.zones[0]).k_l / mass))
-    return Scale(mean_size_m(blocks), mass, gravity, spring, low, high, len(blocks))
+    mass = mean_mass_kg(world.blocks)
+    spring = float(np.sqrt(soil_of(world.law, setup.zones[0]).k_l / mass))
+    return Scale(mean_size_m(world.blocks), mass, world.gravity_m_s2, spring, low, high, len(world.blocks))

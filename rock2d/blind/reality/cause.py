@@ -1,0 +1,76 @@
+"""What a cause is: something that a blind trial can hide. Every cause is one file in `known/` or `outside/`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.blind.reality.data_model import Array
+from rock2d.blind.reality.scale import Scale
+
+Rng = np.random.Generator
+Values = Mapping[str, float]
+Sizes = Callable[[int, float, Rng, Scale], dict[str, float]]
+
+IMPACT_SPEED = 4.0  # typical speed of an impact over √(gravity × size)
+LAST_IN_DRAW_ORDER = 1000
+
+
+class View(NamedTuple):
+    """What a camera looks at: instants (frames,), centre (2,) of the picture, length by which distortions scale."""
+
+    times_s: Array
+    centre_m: Array
+    extent_m: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that a blind trial can hide.
+
+    Attributes
+    ----------
+    name : the name of its file
+    sizes : (form, share, rng, scale) -> values in SI; share 1 is the largest plausible size
+    forms : number of physically different forms
+    columns : column of `parameters` in which the compiled motion finds each value
+    switches : columns of `parameters` that are 1 while the cause acts
+    recorded : (poses, view, values) -> poses that the camera records; None if the recording is correct
+    phase : of a cause outside the catalogue: "flight", "impact" or "all"
+    sentence : of a cause outside the catalogue: what happens
+    draw_order : place among the causes when a seed assigns them to cases; causes of the same place follow by name
+    """
+
+    name: str
+    sizes: Sizes
+    forms: int = 1
+    columns: Mapping[str, int] = field(default_factory=dict)
+    switches: tuple[int, ...] = ()
+    recorded: Callable[[Array, View, Values], Array] | None = None
+    phase: str = ""
+    sentence: str = ""
+    draw_order: int = LAST_IN_DRAW_ORDER
+
+
+def causes_in(package: str, folder: Path) -> dict[str, Cause]:
+    """The causes of a package, one for each file, in draw order. Raises ValueError if name and file differ."""
+    found = []
+    for path in folder.glob("*.py"):
+        if path.stem == "__init__":
+            continue
+        cause: Cause = import_module(f"{package}.{path.stem}").CAUSE
+        if cause.name != path.stem:
+            raise ValueError(f"{path.name} defines the cause {cause.name}; file and cause need the same name")
+        found.append(cause)
+    return {cause.name: cause for cause in sorted(found, key=lambda cause: (cause.draw_order, cause.name))}
+
+
+def random_sign(rng: Rng) -> float:
+    """-1 or 1."""
+    return 1.0 if rng.random() < 0.5 else -1.0

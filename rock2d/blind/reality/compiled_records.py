@@ -1,0 +1,140 @@
+"""State that travels together through the compiled motion, as named tuples of arrays and numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from rock2d.blind.reality.data_model import Array
+
+X, Y, THETA, VX, VY, OMEGA = range(6)  # of a state
+K_L, K_UL, K_T, MU, K_R = range(5)  # columns of soil rows
+# columns of `MotionInputs.bodies`: mass, inertia about the centre of mass, largest radius from it, rounding of the
+# corners, position of the centroid, number of corners that share a contact (0: a circle), size
+MASS, INERTIA, REACH, ROUNDING, CENTROID_X, CENTROID_Y, GROUP, SIZE = range(8)
+BODY_WIDTH = SIZE + 1
+
+
+class Ground(NamedTuple):
+    """The ground: points (m, 2); zone, patch and yielding (1: embankment) of each facet (m - 1,); ridges (m,)."""
+
+    points: Array
+    zone: Array
+    patch: Array
+    ridges: Array
+    yielding: Array
+
+
+class GroundMotion(NamedTuple):
+    """How the ground is displaced: turned by `tilt` about the pivot, embankment shifted along x, all lifted."""
+
+    pivot_x: float
+    pivot_y: float
+    tilt: float
+    shift: float
+    lift: float
+
+
+class GroundVelocity(NamedTuple):
+    """Velocity of the embankment along x, and of all ground along y, in m/s."""
+
+    embankment_x: float
+    all_y: float
+
+
+class Body(NamedTuple):
+    """A block: corners (k, 2) from the centre of mass (a circle: its centre); see the columns of bodies."""
+
+    corners: Array
+    mass: float
+    inertia: float
+    reach: float
+    rounding: float
+    centroid_x: float
+    centroid_y: float
+    group: int
+    size: float
+
+
+class SoilLaw(NamedTuple):
+    """Soil rows (zones, 5), whether the rolling spring acts until the contact ends, gravity, values of `parameters`."""
+
+    soil: Array
+    indentation: bool
+    gravity: float
+    values: Array
+
+
+class ImpactDraws(NamedTuple):
+    """Random draws of each impact: factors on the soil (impacts, 5), tilt of the ground in rad, share of speed lost."""
+
+    soil_factors: Array
+    tilts: Array
+    speed_losses: Array
+
+
+class MotionInputs(NamedTuple):
+    """Everything that the releases of one call share.
+
+    `corners` (blocks, most corners, 2) of which `corner_counts` (blocks,) are used; `bodies` (blocks, 8);
+    `law.soil` has a row for each facet of the set-up.
+    """
+
+    ground: Ground
+    corners: Array
+    corner_counts: Array
+    bodies: Array
+    law: SoilLaw
+
+
+class Contacts(NamedTuple):
+    """Contacts as found (rows, 6), their memory (rows, 7), and sums over them."""
+
+    found: Array
+    memory: Array
+    sums: Array
+
+
+class ContactRows(NamedTuple):
+    """Rows of contacts to look at: 0 to `corners`, and `low` to `high`."""
+
+    corners: int
+    low: int
+    high: int
+
+
+class BlockMotion(NamedTuple):
+    """State of a block, its velocity (3,) for forces, and the velocity (3,) of its path during the last `span_s`."""
+
+    state: Array
+    velocity: Array
+    path_velocity: Array
+    span_s: float
+
+
+class ContactMotion(NamedTuple):
+    """Motion at one contact: depth in m, rate of the depth and slip velocity in m/s; slip in m and rotation in rad
+    since the last call."""
+
+    depth: float
+    rate: float
+    slip_velocity: float
+    slip: float
+    rotation: float
+
+
+class PathPiece(NamedTuple):
+    """The path from state `old` at t0 to `new` at t1 under a constant `gravity` (0: straight)."""
+
+    t0: float
+    t1: float
+    old: Array
+    new: Array
+    gravity: float
+
+
+class TimeSteps(NamedTuple):
+    """Time steps in s while contacts load, while they unload, and while none presses."""
+
+    loading: float
+    unloading: float
+    floating: float

@@ -1,0 +1,23 @@
+"""Wrong geometry: the facing is turned about its foot, or the ditch is raised."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng, random_sign
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return (
+        {"turn_rad": 0.2 * share * random_sign(rng)}
+        if form == 0
+        else {"rise": 0.15 * share * random_sign(rng)}
+    )
+
+
+CAUSE = Cause(
+    "geometry_error",
+    sizes,
+    forms=2,
+    draw_order=6,
+)

@@ -1,0 +1,21 @@
+"""Magnus lift: linear in the spin, or saturating with the ratio of rim speed to block speed."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality import parameters
+from rock2d.blind.reality.cause import Cause, Rng, random_sign
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"lift": random_sign(rng) * (0.03, 0.04)[form] * share, "arm_m": (0.0, 0.5 * scale.size)[form]}
+
+
+CAUSE = Cause(
+    "magnus_lift",
+    sizes,
+    forms=2,
+    columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM},
+    draw_order=2,
+)

@@ -1,0 +1,24 @@
+"""Eccentric mass: the centre of mass is displaced along the x axis of the block, or diagonally."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng, random_sign
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    offset = 0.15 * share * scale.size * random_sign(rng)
+    return (
+        {"x_m": offset, "y_m": 0.0}
+        if form == 0
+        else {"x_m": 0.7 * offset, "y_m": 0.7 * random_sign(rng) * offset}
+    )
+
+
+CAUSE = Cause(
+    "mass_eccentricity",
+    sizes,
+    forms=2,
+    draw_order=3,
+)

@@ -1,0 +1,29 @@
+"""Mirrored axis: x is recorded with the wrong sign, or the angle. There is no size."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng, Values, View
+from rock2d.blind.reality.data_model import Array
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"x": -1.0, "theta": 1.0} if form == 0 else {"x": 1.0, "theta": -1.0}
+
+
+def recorded(poses: Array, view: View, values: Values) -> Array:
+    """The poses (releases, frames, 3) that the camera records."""
+    out = poses.copy()
+    out[..., 0] *= values["x"]
+    out[..., 2] *= values["theta"]
+    return out
+
+
+CAUSE = Cause(
+    "mirrored_axis",
+    sizes,
+    forms=2,
+    recorded=recorded,
+    draw_order=21,
+)

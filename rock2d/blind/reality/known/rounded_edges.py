@@ -1,0 +1,19 @@
+"""Rounded edges: corners are circular, or cut off; `share` is relative to half the width of the block."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"share": (0.9, 0.7)[form] * share}
+
+
+CAUSE = Cause(
+    "rounded_edges",
+    sizes,
+    forms=2,
+    draw_order=5,
+)

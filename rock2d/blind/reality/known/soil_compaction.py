@@ -1,0 +1,19 @@
+"""Compaction: the stiffness grows with the blows and saturates, or grows with the logarithm of their number."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"growth": 3.0 * share, "blows": 12.0} if form == 0 else {"growth": 1.0 * share, "blows": 0.0}
+
+
+CAUSE = Cause(
+    "soil_compaction",
+    sizes,
+    forms=2,
+    draw_order=9,
+)

@@ -1,0 +1,32 @@
+"""The recorded orientation lags behind the recorded position."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.blind.reality.cause import Cause, Rng, Values, View
+from rock2d.blind.reality.data_model import Array
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"lag_s": 0.4 * share * np.sqrt(scale.size / scale.gravity)}
+
+
+def recorded(poses: Array, view: View, values: Values) -> Array:
+    """The poses (releases, frames, 3) that the camera records."""
+    out = poses.copy()
+    for i, release in enumerate(poses):
+        out[i, :, 2] = np.interp(view.times_s - values["lag_s"], view.times_s, release[:, 2])
+    return out
+
+
+CAUSE = Cause(
+    "late_angle",
+    sizes,
+    recorded=recorded,
+    phase="impact",
+    sentence="The recorded orientation lags behind the recorded position.",
+    draw_order=5,
+)

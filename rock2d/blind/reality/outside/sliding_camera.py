@@ -1,0 +1,33 @@
+"""The camera slides during each release, each time in another direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.blind.reality.cause import Cause, Rng, Values, View
+from rock2d.blind.reality.data_model import Array
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"speed_m_s": 0.5 * share * scale.speed}
+
+
+def recorded(poses: Array, view: View, values: Values) -> Array:
+    """The poses (releases, frames, 3) that the camera records."""
+    direction = np.random.default_rng([view.seed, 13]).uniform(0.0, 2.0 * np.pi, len(poses))
+    slide = values["speed_m_s"] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
+    out = poses.copy()
+    out[..., :2] -= slide[:, None, :] * (view.times_s - view.times_s[0])[:, None]
+    return out
+
+
+CAUSE = Cause(
+    "sliding_camera",
+    sizes,
+    recorded=recorded,
+    phase="all",
+    sentence="The camera slides during each release, each time in another direction.",
+    draw_order=6,
+)

@@ -1,0 +1,22 @@
+"""At lift-off the block gains speed off the ground in proportion to its spin."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality import parameters
+from rock2d.blind.reality.cause import Cause, Rng
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    return {"kick": 0.3 * share}
+
+
+CAUSE = Cause(
+    "spin_kick",
+    sizes,
+    columns={"kick": parameters.SPIN_KICK},
+    phase="impact",
+    sentence="At lift-off the block gains speed off the ground in proportion to its spin.",
+    draw_order=8,
+)

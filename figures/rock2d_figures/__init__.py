@@ -1,1 +1,1 @@
-"""The paper's tables and figures, one module each; `reproduction.write_all` makes them all."""
+"""The paper's tables and figures, one module each; `command.reproduce` computes and draws all of them."""

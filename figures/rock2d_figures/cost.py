@@ -1,12 +1,12 @@
-"""What releases and facets cost, for the batch engine and the point-mass ensembles: cost.png and cost.json.
+"""Computing time by number of releases and of facets, for both compiled engines: cost.png and cost.json.
 
-    python figures/cost.py                        # up to a million releases
-    python figures/cost.py --releases 10000000
+    python -m rock2d_figures.cost                        # up to a million releases
+    python -m rock2d_figures.cost --releases 10000000
 
 Releases: the paper's set-up, sphere, from the incident state to rest or exit. Facets: the scenario slope_embankment,
-its 1 m cube, on the same profile cut ever finer with a small smooth undulation on its long facets. Engines run in
-turns, on all threads; compiling is not in the times. Runs above CHUNK releases repeat the first CHUNK starts chunk
-by chunk, so that memory stays bounded; the point mass has new seeds in each.
+its 1 m cube, on the same profile with more and more facets and a small smooth undulation on the long ones. The engines
+run in turns on all threads; times do not include compilation. Runs above RELEASES_PER_CALL releases repeat the first
+incident states call by call, so that memory stays bounded; the point mass has other seeds in each call.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from rock2d import __version__
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.graphics.palette import block_colours
 from rock2d.graphics.plots import blank_figure, save_figure
 from rock2d.laws.contact import parameter_table
@@ -37,25 +38,35 @@ from rock2d.scene.cross_section import CrossSection
 Array = np.ndarray
 Key = TypeVar("Key", bound=Hashable)
 
-HERE = Path(__file__).resolve().parents[1]
+OUTPUT_FOLDER = Path(__file__).resolve().parents[1]
 SEED = 1
-CHUNK = 100_000  # releases in one call
-FACETS = (10, 30, 100, 300, 1000, 3000, 10_000)
+RELEASES_PER_CALL = 100_000  # releases in one call
+FACET_COUNTS = (10, 30, 100, 300, 1000, 3000, 10_000)
 FACET_RELEASES = {"batch": 500, "point mass": 10_000}
-WAVE_M, HEIGHT_M = 8.0, 0.05  # shortest wave of the undulation, and its height
+UNDULATION_LENGTH_M, UNDULATION_HEIGHT_M = 8.0, 0.05  # its shortest wave
 ENGINES = ("batch", "point mass")
 
 
 @click.command()
-@click.option("--releases", type=click.IntRange(100), default=1_000_000, show_default=True, help="The most.")
 @click.option(
-    "--rounds", type=click.IntRange(1), default=5, show_default=True, help="Repetitions of each time."
+    "--releases",
+    type=click.IntRange(100),
+    default=1_000_000,
+    show_default=True,
+    help="Largest number of releases.",
 )
 @click.option(
-    "--seconds", type=float, default=60.0, show_default=True, help="After so long no further repetition."
+    "--rounds", type=click.IntRange(1), default=5, show_default=True, help="Repetitions of each measurement."
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=HERE, show_default="here", help="Folder of the files."
+    "--seconds", type=float, default=60.0, show_default=True, help="Time after which no repetition begins."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=OUTPUT_FOLDER,
+    show_default="figures/",
+    help="Folder of the files.",
 )
 def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
     """Measure, write cost.json and draw cost.png."""
@@ -75,15 +86,16 @@ def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
 
 def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
     """By engine: numbers of releases, all times in s, their medians."""
-    scenario = load_scenario(HERE.parent / "scenarios" / "paper_setup.yaml")
-    states = states_of(scenario, "sphere", min(most, CHUNK))
+    scenario = load_scenario(scenario_file("paper_setup.yaml"))
+    states = incident_states_of(scenario, "sphere", min(most, RELEASES_PER_CALL))
     numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
     found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
     for number in numbers:
         runs = {
-            e: run_of(e, scenario, "sphere", scenario.make_cross_section(), states, number) for e in ENGINES
+            e: prepared_run(e, scenario, "sphere", scenario.make_cross_section(), states, number)
+            for e in ENGINES
         }
-        for engine, times in in_turns(runs, rounds, seconds).items():
+        for engine, times in times_in_turns(runs, rounds, seconds).items():
             found[engine]["times_s"].append(times)
             found[engine]["median_s"].append(float(np.median(times)))
     return found
@@ -92,21 +104,21 @@ def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
 def cost_of_facets(rounds: int, seconds: float) -> dict[str, Any]:
     """By engine: numbers of facets, all times in s per release, their medians, and the ratio of 10⁴ to 100 facets
     (median of the rounds)."""
-    scenario = load_scenario(HERE.parent / "scenarios" / "slope_embankment.yaml")
-    states = states_of(scenario, "cube_1m", max(FACET_RELEASES.values()))
+    scenario = load_scenario(scenario_file("slope_embankment.yaml"))
+    states = incident_states_of(scenario, "cube_1m", max(FACET_RELEASES.values()))
     runs = {
-        (engine, n): run_of(
+        (engine, n): prepared_run(
             engine, scenario, "cube_1m", resampled(scenario.make_cross_section(), n), states, number
         )
         for engine, number in FACET_RELEASES.items()
-        for n in FACETS
+        for n in FACET_COUNTS
     }
-    times = in_turns(runs, rounds, seconds)
+    times = times_in_turns(runs, rounds, seconds)
     found = {}
     for engine, number in FACET_RELEASES.items():
-        each = {n: np.array(times[engine, n]) / number for n in FACETS}
+        each = {n: np.array(times[engine, n]) / number for n in FACET_COUNTS}
         found[engine] = {
-            "facets": FACETS,
+            "facets": FACET_COUNTS,
             "releases": number,
             "times_s": [list(t) for t in each.values()],
             "median_s": [float(np.median(t)) for t in each.values()],
@@ -115,7 +127,9 @@ def cost_of_facets(rounds: int, seconds: float) -> dict[str, Any]:
     return found
 
 
-def in_turns(runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: float) -> dict[Key, list[float]]:
+def times_in_turns(
+    runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: float
+) -> dict[Key, list[float]]:
     """Times in s of each run, taken in turns; no round begins after `seconds`."""
     times: dict[Key, list[float]] = {key: [] for key in runs}
     begin = perf_counter()
@@ -129,10 +143,10 @@ def in_turns(runs: Mapping[Key, Callable[[], object]], rounds: int, seconds: flo
     return times
 
 
-def run_of(
+def prepared_run(
     engine: str, scenario: Scenario, block_name: str, cross_section: CrossSection, states: Array, number: int
 ) -> Callable[[], None]:
-    """`number` releases of an engine, chunk by chunk; compiled and prepared already."""
+    """A function that simulates `number` releases; the engine is compiled already."""
     block = scenario.make_blocks()[block_name]
     shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
     table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
@@ -140,8 +154,8 @@ def run_of(
     ensemble = Ensemble([block], [cross_section], [table])
 
     def run(number: int = number) -> None:
-        for first in range(0, number, CHUNK):
-            part = states[: min(CHUNK, number - first)]
+        for first in range(0, number, RELEASES_PER_CALL):
+            part = states[: min(RELEASES_PER_CALL, number - first)]
             if engine == "batch":
                 run_batch(ensemble, part, stop_when_captured=True, **shared)
             else:
@@ -152,13 +166,13 @@ def run_of(
     return run
 
 
-def states_of(scenario: Scenario, block_name: str, number: int) -> Array:
+def incident_states_of(scenario: Scenario, block_name: str, number: int) -> Array:
     """(number, 6) drawn states of one block."""
     return np.array([s.state for s in starts(scenario, SEED, number) if s.block == block_name])
 
 
 def resampled(cross_section: CrossSection, facets: int) -> CrossSection:
-    """The profile cut into `facets`, shared among its own by length; long ones undulate in whole waves."""
+    """The profile divided into `facets` facets in proportion to length; long ones undulate in whole waves."""
     start, edge = cross_section.points_m[:-1], np.diff(cross_section.points_m, axis=0)
     length = np.hypot(*edge.T)
     share = np.cumsum(length) / length.sum() * (facets - len(length))
@@ -167,14 +181,14 @@ def resampled(cross_section: CrossSection, facets: int) -> CrossSection:
     for a, along, long, n, zone in zip(start, edge, length, pieces, cross_section.zones, strict=True):
         u = np.arange(n) / n
         part = a + u[:, None] * along
-        part[:, 1] += HEIGHT_M * np.sin(2 * np.pi * (long // WAVE_M) * u)
+        part[:, 1] += UNDULATION_HEIGHT_M * np.sin(2 * np.pi * (long // UNDULATION_LENGTH_M) * u)
         points.append(part)
         zones += [zone] * n
     return CrossSection(np.vstack([*points, cross_section.points_m[-1:]]), zones, cross_section.measure_lines)
 
 
 def machine() -> dict[str, Any]:
-    """What the times were taken on."""
+    """Processor and versions of the measurement."""
     model = platform.processor() or platform.machine()
     about = Path("/proc/cpuinfo")
     if about.exists():

@@ -11,7 +11,7 @@ from rock2d.reproduction.results import Results
 from rock2d_figures.style import setup_view, with_short_lines
 
 OTHER_HYPOTHESES = 60  # drawn in grey
-WIDE_IN = 7.2
+FIGURE_WIDTH_IN = 7.2
 
 
 def figure(results: Results) -> Figure:
@@ -20,9 +20,9 @@ def figure(results: Results) -> Figure:
     sample = results.samples["deterministic"]
     ground = with_short_lines(hypothesis_cross_section(values, sample.best, known))
     view, shape = setup_view(ground, 1500)
-    drawn = blank_figure(WIDE_IN, WIDE_IN * shape + 0.5)
+    drawn = blank_figure(FIGURE_WIDTH_IN, FIGURE_WIDTH_IN * shape + 0.5)
     axis = drawn.subplots()
-    draw_cross_section(axis, ground, view, np.empty((0, 2)), WIDE_IN - 0.6)
+    draw_cross_section(axis, ground, view, np.empty((0, 2)), FIGURE_WIDTH_IN - 0.6)
     for i in np.linspace(0, len(sample.u) - 1, OTHER_HYPOTHESES).astype(int):
         other = hypothesis_cross_section(values, int(i), known)
         axis.plot(*other.points_m.T, color="#555555", lw=0.35, alpha=0.35, zorder=1.9)

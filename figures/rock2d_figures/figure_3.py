@@ -9,21 +9,21 @@ from rock2d.graphics.plots import blank_figure, draw_cross_section, finish, posi
 from rock2d.runs.run import RunResult
 from rock2d_figures.style import STYLES, TEXT_PT, setup_view, with_short_lines
 
-WIDE_IN = 3.45  # of a panel
+PANEL_WIDTH_IN = 3.45
 
 
 def figure(runs: dict[str, RunResult]) -> Figure:
-    """A row a block, a column a model, each on its own set-up; `runs`: model -> its run of its calibrated scenario."""
+    """One row for each block, one column for each model; `runs`: model -> run of its calibrated scenario."""
     grounds = {model: with_short_lines(run.cross_section) for model, run in runs.items()}
     views = {model: setup_view(ground, 1100) for model, ground in grounds.items()}
-    high_in = WIDE_IN * max(shape for _, shape in views.values())
+    high_in = PANEL_WIDTH_IN * max(shape for _, shape in views.values())
     blocks = list(next(iter(runs.values())).blocks)
-    drawn = blank_figure(len(runs) * WIDE_IN, len(blocks) * (high_in + 0.35) + 0.3)
+    drawn = blank_figure(len(runs) * PANEL_WIDTH_IN, len(blocks) * (high_in + 0.35) + 0.3)
     axes = drawn.subplots(len(blocks), len(runs), squeeze=False)
     for column, (model, run) in enumerate(runs.items()):
         for row, block in enumerate(blocks):
             axis = axes[row, column]
-            draw_cross_section(axis, grounds[model], views[model][0], np.empty((0, 2)), WIDE_IN)
+            draw_cross_section(axis, grounds[model], views[model][0], np.empty((0, 2)), PANEL_WIDTH_IN)
             for track in run.tracks:
                 if track.block == block:
                     axis.plot(*positions_of(track).T, color=STYLES[model][0], lw=0.7, alpha=0.6, zorder=3)

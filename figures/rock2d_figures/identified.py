@@ -1,4 +1,4 @@
-"""What is identified: the posteriors of set-up and laws within their prior ranges."""
+"""Identified quantities: posteriors of set-up and laws within their prior ranges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How experiment and models are drawn: by colour, line and marker, so that grey print tells them apart, too."""
+"""Colour, line and marker of the experiment and the models; they can be distinguished in grey print too."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ STYLES: dict[str, tuple[str, Any, str]] = {
     "deterministic": (SIMULATED_COLOUR, "-", "D"),
     "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
 }
-BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the set-up that is drawn round ditch and embankment
-SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
+MARGIN_LEFT_M, MARGIN_RIGHT_M, MARGIN_BELOW_M = 0.12, 0.12, 0.02  # of the picture round ditch and embankment
+SHOWN_LINE_LENGTH_M = 0.11  # of measure lines, so that their names stay in the picture
 TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.plots`
 
 
 def spelled(name: str) -> str:
-    """A name as it is read."""
+    """A name as readers see it."""
     return name.replace("_", " ")
 
 
@@ -31,9 +31,9 @@ def setup_view(cross_section: CrossSection, width_px: int) -> tuple[View, float]
     rise = cross_section.embankment
     assert rise is not None
     limits = (
-        -BEFORE_M,
-        float(cross_section.points_m[rise.crest_end, 0]) + BEYOND_M,
-        -BELOW_M,
+        -MARGIN_LEFT_M,
+        float(cross_section.points_m[rise.crest_end, 0]) + MARGIN_RIGHT_M,
+        -MARGIN_BELOW_M,
         2.4 * rise.height_m,
     )
     shape = (limits[3] - limits[2]) / (limits[1] - limits[0])
@@ -41,9 +41,9 @@ def setup_view(cross_section: CrossSection, width_px: int) -> tuple[View, float]
 
 
 def with_short_lines(cross_section: CrossSection) -> CrossSection:
-    """The cross-section with its measure lines cut at SHOWN_LINE_M from their first end."""
+    """The cross-section with its measure lines cut at SHOWN_LINE_LENGTH_M from their first end."""
     lines = {}
     for name, (foot, head) in cross_section.measure_lines.items():
         away = head - foot
-        lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_M / np.hypot(*away))])
+        lines[name] = np.stack([foot, foot + away * min(1.0, SHOWN_LINE_LENGTH_M / np.hypot(*away))])
     return CrossSection(cross_section.points_m, cross_section.zones, lines)

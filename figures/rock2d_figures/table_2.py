@@ -10,7 +10,7 @@ from rock2d_figures.style import spelled
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """`table` as `summary.passing_table` gives it, as a reader wants it: % [95 % interval], p of exact tests."""
+    """`table` as `summary.passing_table` gives it, in Markdown: % [95 % interval], p of exact tests."""
     lines = [
         "| block | line | experiment | deterministic | p | probabilistic | p | paper, deterministic | p | "
         "paper, probabilistic | p |",

@@ -139,7 +139,7 @@ def _share_right(cases: pd.DataFrame, column: str, edges: Sequence[float], label
                 a, b = wilson_interval(hits, len(part))
                 share = hits / len(part)
                 axes.errorbar(i + shift, share, [[share - a], [b - share]], fmt=marker, color=colour,
-                              label=name if i == len(bounds) - 2 else None)  # fmt: skip
+                              label=name if name not in axes.get_legend_handles_labels()[1] else None)  # fmt: skip
                 axes.annotate(str(len(part)), (i + shift, 0.02), ha="center", fontsize=7, color=colour)
     axes.set_xticks(
         range(len(bounds) - 1), [f"{_edge_text(a)} to {_edge_text(b)}" for a, b in itertools.pairwise(bounds)]

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import click
+from rock2d_tracking.importers import importer_names
 
 ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
 OUTPUT = click.Choice(["ends", "crossings", "impacts", "samples"])
@@ -242,8 +243,8 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 
 @cli.command("import")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--kind", type=click.Choice(["tracker", "kinovea", "dltdv", "deeplabcut"]), required=True,
-              help="Program that wrote the files, one a film.")  # fmt: skip
+@click.option("--kind", type=click.Choice(importer_names()), required=True,
+              help="Program that wrote the files, one for each film.")  # fmt: skip
 @click.option("--config", type=click.Path(path_type=Path), required=True,
               help="setup.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
 @click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows.")
@@ -254,14 +255,14 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--min-confidence", type=float, help="Points below it were not seen (DeepLabCut).")
 @click.option("--gap-frames", type=click.IntRange(1), help="More lost frames than this separate releases.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
-def import_(
-    files, kind, config, y, block, marks, centroid, file_fps, min_confidence, gap_frames, out
-) -> None:
-    """Make an experiment of FILES that another program tracked (Tracker, Kinovea, DLTdv, DeepLabCut)."""
+def import_(files, kind, config, y, block, out, **options) -> None:
+    """Make an experiment of FILES that another program tracked."""
     from rock2d_tracking.command import import_files
+    from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
-    import_files(files, kind, config, out, y=y, block=block, marks=marks, centroid=centroid, file_fps=file_fps,
-                 min_confidence=min_confidence, gap_frames=gap_frames, report=click.echo)  # fmt: skip
+    import_files(
+        TrackedFiles(files, kind, y), config, out, ImportOptions(**options), block=block, report=click.echo
+    )
 
 
 @cli.command()

@@ -44,7 +44,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
     found, truth = read_experiment(tmp_path / "out"), read_experiment(filmed / "truth")
     off = found.trajectories[["x_m", "y_m"]].to_numpy() - truth.trajectories[["x_m", "y_m"]].to_numpy()
     assert np.sqrt((off**2).mean()) < 0.1 * CAMERA.metres_per_pixel
-    for name in ("frames.csv", "flights.csv", "bounces.csv", "tracking.html", "overlay.webm"):
+    for name in ("frames.csv", "flights.csv", "measured_impacts.csv", "tracking.html", "overlay.webm"):
         assert (tmp_path / "out" / name).stat().st_size > 0
     page = (tmp_path / "out" / "tracking.html").read_text()
     assert page.count("<img") == 4 and "http" not in page.replace("http-equiv", "")

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
-from rock2d_tracking import following as following
+from rock2d_tracking import following
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.setup_file import Setup
+
+if TYPE_CHECKING:
+    from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
 Array = np.ndarray
 Report = Callable[[str], None]
@@ -58,7 +62,7 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
         found.remarks.extend(_refuse_what_cannot_be(found.experiment, setup))
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
-        for name, table in (("frames", found.frames), ("flights", flights), ("bounces", impacts)):
+        for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
     trusted = (found.frames["reason"] == "").sum()
@@ -118,11 +122,19 @@ def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
 
 
 def import_files(
-    files: Sequence[Path], kind: str, config: Path, out: Path, *, y: str, block: str | None, marks: Sequence[str],
-    centroid: Sequence[str], file_fps: float | None, min_confidence: float | None, gap_frames: int | None, report:
-Report, ) -> None:  # fmt: skip
-    """Turn what another program tracked into the experiment folder `out`; scale and frame rate are the set-up's."""
-    from rock2d_tracking.importers.importing import import_tracks
+    files: TrackedFiles,
+    config: Path,
+    out: Path,
+    options: ImportOptions,
+    *,
+    block: str | None = None,
+    report: Report,
+) -> None:
+    """Turn what another program tracked into the experiment folder `out`; scale and frame rate are those of the set-up.
+
+    `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
+    """
+    from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.recording import film_of, with_measured_noise
 
     setup = Setup(config)
@@ -130,12 +142,9 @@ Report, ) -> None:  # fmt: skip
     if name not in setup.blocks:
         raise InputError(f"no block {name!r} in it; it has {', '.join(setup.blocks)}", config)
     camera = setup.keys.camera
-    table = import_tracks(
-        files, kind, metres_per_unit=setup.metres_per_pixel, y=y, fps=camera.fps, block=setup.blocks[name], marks=marks,
-        centroid=centroid, origin=(camera.origin_px[0], camera.origin_px[1]),
-        origin_m=(camera.origin_m[0], camera.origin_m[1]), file_fps=file_fps, min_confidence=min_confidence,
-        gap_frames=gap_frames, report=report,
-    )  # fmt: skip
+    (u, v), (x_m, y_m) = camera.origin_px, camera.origin_m
+    scale = CameraScale(setup.metres_per_pixel, camera.fps, (u, v), (x_m, y_m))
+    table = import_tracks(files, scale, setup.blocks[name], options, report=report)
     stated = Experiment(
         setup.keys.name, setup.keys.gravity_m_s2, camera.fps, setup.metres_per_pixel, np.deg2rad(1.0),
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
@@ -151,7 +160,7 @@ Report, ) -> None:  # fmt: skip
 def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> None:
     """Write the trajectories of an experiment for Tracker (Open Source Physics)."""
     from rock2d.files.experiment import read_experiment
-    from rock2d_tracking.importers.tracker_text import write_tracker
+    from rock2d_tracking.importers.tracker import write_tracker
 
     experiment = read_experiment(experiment_folder)
     if experiment.trajectories is None:

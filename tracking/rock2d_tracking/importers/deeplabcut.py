@@ -16,7 +16,9 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
 HEADINGS = ("scorer", "individuals", "bodyparts", "coords")
 READ = {"x": "u", "y": "v", "likelihood": "confidence"}
@@ -68,3 +70,6 @@ def read(path: Path, text: str) -> Points:
             values = {key: number(row[j], path, line, f"{track} {coords[j]}") for key, j in of.items()}
             rows.append({"track": track, "line": line, "frame": frame, **values})
     return Points.seen(path, top, rows)
+
+
+IMPORTER = Importer("DeepLabCut", looks_like, read)

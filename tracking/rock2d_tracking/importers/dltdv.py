@@ -18,7 +18,9 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
 NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
 
@@ -76,3 +78,6 @@ def _sparse(
         for (frame, column), (line, u) in values.items()
         if column == of["X"] and (frame, of["Y"]) in values
     ]
+
+
+IMPORTER = Importer("DLTdv", looks_like, read)

@@ -22,7 +22,9 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
 TEXT_TITLE = "#kinovea"
 TIMECODE = re.compile(r"(-?)(\d+):(\d\d):(\d\d)[:.,](\d+)")
@@ -108,3 +110,6 @@ def _time(cell: str, path: Path, line: int) -> float:
     sign, hours, minutes, seconds, fraction = match.groups()
     time_s = 3600 * int(hours) + 60 * int(minutes) + int(seconds) + int(fraction) / 10 ** len(fraction)
     return -time_s if sign else time_s
+
+
+IMPORTER = Importer("Kinovea", looks_like, read)

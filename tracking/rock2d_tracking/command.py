@@ -11,10 +11,11 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
-from rock2d_tracking import following
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.following import follow
 from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.sights import FollowedRelease
 
 if TYPE_CHECKING:
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Report = Callable[[str], None]
 
-FRAME = 0.08  # share of the picture that is left free around what moves
+VIEW_MARGIN = 0.08  # share of the picture that is left free around what moves
 
 
 def track(video: Path, config: Path, out: Path, *, last: int | None, progress: bool, report: Report) -> None:
@@ -34,7 +35,7 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
 
     from rock2d_tracking.overlay import Overlay
     from rock2d_tracking.page import write_page
-    from rock2d_tracking.recording import film_of, record
+    from rock2d_tracking.tracked_film import film_of, tracked_film
     from rock2d_tracking.velocities import flights_and_impacts
 
     setup = Setup(config)
@@ -45,15 +46,15 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
         try:
             with tqdm(total=film.promised or None, unit="frame", disable=not progress) as bar:
 
-                def on_progress(number: int, frame: Array, path: following.Path | None) -> None:
+                def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                     if not still:
                         still.append(frame)
-                    overlay.draw(number, frame, path)
+                    overlay.draw(number, frame, release)
                     bar.update()
 
-                paths = following.follow(film.frames(last), setup, film.size_px, on_progress)
+                releases = follow(film.frames(last), setup, film.size_px, on_progress)
             try:
-                found = record(paths, setup, film.size_px)
+                found = tracked_film(releases, setup, film.size_px)
             except ValueError as error:
                 raise InputError(str(error), video) from None
             overlay.finish()
@@ -117,8 +118,10 @@ def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
     reach = max(b.radius_m for b in experiment.blocks.values())
     low = np.array([table["x_m"].min(), table["y_m"].min()]) - 2 * reach
     high = np.array([table["x_m"].max(), table["y_m"].max()]) + 2 * reach
-    scale = float(((high - low) / ((1 - 2 * FRAME) * np.array(size_px))).max())
-    return PixelMap(scale, (FRAME * size_px[0], (1 - FRAME) * size_px[1]), (float(low[0]), float(low[1])))
+    scale = float(((high - low) / ((1 - 2 * VIEW_MARGIN) * np.array(size_px))).max())
+    return PixelMap(
+        scale, (VIEW_MARGIN * size_px[0], (1 - VIEW_MARGIN) * size_px[1]), (float(low[0]), float(low[1]))
+    )
 
 
 def import_files(
@@ -135,7 +138,7 @@ def import_files(
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
     from rock2d_tracking.importing import CameraScale, import_tracks
-    from rock2d_tracking.recording import film_of, with_measured_noise
+    from rock2d_tracking.tracked_film import film_of, with_measured_noise
 
     setup = Setup(config)
     name = block or setup.block_of(0)
@@ -172,7 +175,7 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
 def _refuse_what_cannot_be(experiment: Experiment, setup: Setup) -> list[str]:
     """Remarks on an experiment; raises `InputError` where frame rate, scale or axes must be wrong."""
     from rock2d.kinematics.sanity import check_film
-    from rock2d_tracking.recording import film_of
+    from rock2d_tracking.tracked_film import film_of
 
     sanity = check_film(experiment, film_of(experiment, setup))
     wrong = [fault for fault in sanity.faults if "releases are too few" not in fault]

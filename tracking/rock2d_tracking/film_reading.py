@@ -11,7 +11,7 @@ from rock2d.errors import InputError
 
 Array = np.ndarray
 
-MISSING = 0.01  # share of the promised frames that may be missing: containers count loosely
+UNREADABLE_SHARE = 0.01  # share of the promised frames that may be missing: containers count loosely
 
 
 class FilmFile:
@@ -64,7 +64,7 @@ class FilmFile:
             self._capture.release()
         if count == 0:
             raise InputError("this video holds no frame that can be read", self.path)
-        if last is None and count < (1.0 - MISSING) * self.promised - 1:
+        if last is None and count < (1.0 - UNREADABLE_SHARE) * self.promised - 1:
             raise InputError(
                 f"the video breaks off: {count} of the {self.promised} frames that it promises can be read; "
                 f"--frames {count} takes what is there",

@@ -13,7 +13,7 @@ import pandas as pd
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.files.folders import write_whole
-from rock2d_tracking.recording import Record
+from rock2d_tracking.tracked_film import TrackedFilm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,12 +26,12 @@ STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;color:#2b2b2b;padding:0 1rem}"
     "td,th{padding:.15rem .8rem .15rem 0;border-bottom:1px solid #eee;text-align:left}img,video{max-width:100%}"
 )
-BINS = 10  # of the sub-pixel position
+SUBPIXEL_BINS = 10  # of the sub-pixel position
 
 
 def write_page(
     path: Path,
-    record: Record,
+    record: TrackedFilm,
     flights: pd.DataFrame,
     impacts: pd.DataFrame,
     data: FilmData,
@@ -93,7 +93,7 @@ def _tracks(frames: pd.DataFrame, background: Array) -> Figure:
     return figure
 
 
-def _flight_residuals(record: Record, data: FilmData) -> tuple[Array, Array, Array]:
+def _flight_residuals(record: TrackedFilm, data: FilmData) -> tuple[Array, Array, Array]:
     """What parabolas leave of each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1); row of
     the frame among those trusted."""
     left, when, rows = [], [], []
@@ -107,7 +107,7 @@ def _flight_residuals(record: Record, data: FilmData) -> tuple[Array, Array, Arr
     return np.concatenate(left), np.concatenate(when), np.concatenate(rows)
 
 
-def _residuals(record: Record, data: FilmData) -> Figure:
+def _residuals(record: TrackedFilm, data: FilmData) -> Figure:
     figure, axes = _axes(9.0, 2.8, 3)
     if not len(data.cut.flights):
         return figure
@@ -120,7 +120,7 @@ def _residuals(record: Record, data: FilmData) -> Figure:
     return figure
 
 
-def _bias(record: Record, data: FilmData) -> Figure:
+def _bias(record: TrackedFilm, data: FilmData) -> Figure:
     figure, axes = _axes(7.0, 2.8, 2)
     if not len(data.cut.flights):
         return figure
@@ -128,13 +128,15 @@ def _bias(record: Record, data: FilmData) -> Figure:
     seen = record.frames[record.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")
     for own, column, k in zip(axes, ("u_px", "v_px"), (0, 1), strict=True):
         within = seen[column].to_numpy(float)[rows] % 1.0
-        which = np.minimum((within * BINS).astype(int), BINS - 1)
+        which = np.minimum((within * SUBPIXEL_BINS).astype(int), SUBPIXEL_BINS - 1)
         own.axhline(0.0, color="#bbbbbb")
-        for i in range(BINS):
+        for i in range(SUBPIXEL_BINS):
             part = left[which == i, k] / _pixel(record)
             if len(part) > 2:
                 error = part.std() / np.sqrt(len(part))
-                own.errorbar((i + 0.5) / BINS, part.mean(), 1.96 * error, fmt="o", ms=3, color=ACCENT)
+                own.errorbar(
+                    (i + 0.5) / SUBPIXEL_BINS, part.mean(), 1.96 * error, fmt="o", ms=3, color=ACCENT
+                )
         own.set_xlabel(f"place of {column[0]} within its pixel")
         own.set_ylabel("mean left (px)")
     return figure
@@ -151,7 +153,7 @@ def _trust(frames: pd.DataFrame) -> Figure:
     return figure
 
 
-def _pixel(record: Record) -> float:
+def _pixel(record: TrackedFilm) -> float:
     """Metres per pixel, from the record itself."""
     seen = record.frames[record.frames["reason"] == ""]
     table = record.experiment.trajectories

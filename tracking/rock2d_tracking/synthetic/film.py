@@ -18,7 +18,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import CLEAN, Faults, Puff, Sensor, extended, puffs, while_open
-from rock2d_tracking.synthetic.scene import PLAIN, Look, Pose, Scene
+from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
 if TYPE_CHECKING:
     import cv2
@@ -58,7 +58,7 @@ def film_frames(
     size_px: tuple[int, int],
     *,
     faults: Faults = CLEAN,
-    look: Look = PLAIN,
+    look: Look = PLAIN_LOOK,
     seed: int,
     releases: Sequence[int] | None = None,
     rest_frames: int = 5,

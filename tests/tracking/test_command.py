@@ -9,7 +9,7 @@ from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
-from rock2d_tracking.synthetic.film import film_frames, write_film
+from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
@@ -30,7 +30,7 @@ def filmed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("film")
     experiment = falls(140)
     write_experiment(folder / "truth", experiment)
-    shots = film_frames(experiment, CAMERA, SIZE_PX, faults=CLEAN, seed=1, rest_frames=40)
+    shots = film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=1, faults=CLEAN, rest_frames=40))
     write_film(folder / "film.avi", shots, SIZE_PX, 25, 90)
     write_setup(folder / "setup.yaml", experiment, CAMERA, ["sphere", "cube", "slab"])
     return folder

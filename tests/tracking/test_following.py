@@ -14,7 +14,7 @@ from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
-from rock2d_tracking.synthetic.film import Shot, film_frames
+from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
 from rock2d_tracking.tracked_film import TrackedFilm, film_of, tracked_film
 from rock2d_tracking.velocities import flights_and_impacts
 
@@ -71,7 +71,9 @@ def tracked(tmp_path_factory):
 
     def make(faults: Faults) -> Tracked:
         if faults not in known:
-            shots = list(film_frames(experiment, CAMERA, SIZE_PX, faults=faults, seed=3, rest_frames=40))
+            shots = list(
+                film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40))
+            )
             releases = follow([s.image for s in shots], setup, SIZE_PX)
             pictures = [[s.frame for s in r.sights] for r in releases]
             known[faults] = Tracked(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,16 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Report = Callable[[str], None]
 
-VIEW_MARGIN = 0.08  # share of the picture that is left free around what moves
+VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
+FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
+FILM_PLAYED_FPS = 25
+
+
+class Shown(NamedTuple):
+    """What a synthetic film shows: size of its pictures (width, height) and number of releases, None for all."""
+
+    size_px: tuple[int, int]
+    releases: int | None
 
 
 def track(video: Path, config: Path, out: Path, *, last: int | None, progress: bool, report: Report) -> None:
@@ -41,25 +51,23 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
     setup = Setup(config)
     film = FilmFile(video)
     with atomic_folder(out) as folder:
-        overlay = Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)
         still: list[Array] = []
+        with (
+            closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay,
+            tqdm(total=film.promised or None, unit="frame", disable=not progress) as bar,
+        ):
+
+            def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
+                if not still:
+                    still.append(frame)
+                overlay.draw(number, frame, release)
+                bar.update()
+
+            releases = follow(film.frames(last), setup, film.size_px, on_progress)
         try:
-            with tqdm(total=film.promised or None, unit="frame", disable=not progress) as bar:
-
-                def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
-                    if not still:
-                        still.append(frame)
-                    overlay.draw(number, frame, release)
-                    bar.update()
-
-                releases = follow(film.frames(last), setup, film.size_px, on_progress)
-            try:
-                found = tracked_film(releases, setup, film.size_px)
-            except ValueError as error:
-                raise InputError(str(error), video) from None
-            overlay.finish()
-        finally:
-            overlay.drop()
+            found = tracked_film(releases, setup, film.size_px)
+        except ValueError as error:
+            raise InputError(str(error), video) from None
         found.remarks.extend(_refuse_what_cannot_be(found.experiment, setup))
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
@@ -77,26 +85,33 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
 
 
 def film(
-    experiment_folder: Path, out: Path, *, size_px: tuple[int, int], faults: str, releases: int | None, seed: int,
-    progress: bool, report: Report,
-) -> None:  # fmt: skip
-    """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a set-up file to track it with."""
+    experiment_folder: Path,
+    out: Path,
+    shown: Shown,
+    *,
+    faults: str,
+    seed: int,
+    progress: bool,
+    report: Report,
+) -> None:
+    """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a set-up file to track it with.
+
+    `faults`: one of `FAULT_LEVELS`. Raises `InputError` for an experiment that cannot be filmed.
+    """
     from tqdm import tqdm
 
     from rock2d.files.experiment import read_experiment
     from rock2d_tracking.setup_writing import write_setup
-    from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, SEVERE
-    from rock2d_tracking.synthetic.film import film_frames, write_film
+    from rock2d_tracking.synthetic.faults import FAULT_LEVELS
+    from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
     experiment = read_experiment(experiment_folder)
     if experiment.trajectories is None:
-        raise InputError("has impacts only; trajectories can be filmed", experiment_folder)
-    numbers = experiment.trajectories["release"].unique()[:releases].tolist()
-    camera = _whole_view(experiment, size_px)
-    spoiled = {"clean": CLEAN, "moderate": MODERATE, "severe": SEVERE}[faults]
-    shots = film_frames(
-        experiment, camera, size_px, faults=spoiled, seed=seed, releases=numbers, rest_frames=60
-    )
+        raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
+    numbers = experiment.trajectories["release"].unique()[: shown.releases].tolist()
+    camera = _whole_view(experiment, shown.size_px)
+    options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
+    shots = film_frames(experiment, camera, shown.size_px, options)
     with tqdm(unit="frame", disable=not progress) as bar:
 
         def counted():
@@ -104,7 +119,7 @@ def film(
                 bar.update()
                 yield shot
 
-        write_film(out, counted(), size_px, 25, spoiled.quality, truth=True)
+        write_film(out, counted(), shown.size_px, FILM_PLAYED_FPS, options.faults.quality, truth=True)
     setup = out.with_suffix(".yaml")
     first = experiment.trajectories.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])

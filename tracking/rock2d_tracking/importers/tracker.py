@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
+from rock2d.files.folders import write_whole
 from rock2d_tracking.delimited_text import cells, number, separator_of
 from rock2d_tracking.importers import Importer
 from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points
@@ -81,7 +82,7 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
         lines = [name, "\t".join(OWN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
         texts[path.with_stem(f"{path.stem}_{release}") if several else path] = "\n".join(lines) + "\n"
     for target, text in texts.items():
-        target.write_text(text, encoding="utf-8")
+        write_whole(target, text)
     return list(texts)
 
 

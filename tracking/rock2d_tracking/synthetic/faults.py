@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,18 +16,16 @@ from rock2d_tracking.camera import PixelMap
 Array = np.ndarray
 
 LAMP_HZ = 100.0  # a lamp on 50 Hz mains lights up twice a period
-HEAP_GAP_RADII = 0.2  # radii
+HEAP_GAP_RADII = 0.2  # gap below a block at which no soil is heaped up
 HEAP_CORNERS = 83
-FOOT_HEIGHT_RADII = 0.4  # radii above the block's lowest point: what touches higher up leans on a wall
-NOISE_SHIFT_PX = 128  # the noise pattern is laid at random within this many pixels
+FOOT_HEIGHT_RADII = 0.4  # above the lowest point of the block; a contact higher up is a wall
+NOISE_SHIFT_PX = 128  # largest random shift of the noise pattern
 DUST_GREY = 185.0
-PUFF_GRAINS = 90  # of dust in a puff
-JUMP_INTERVAL_S = 0.006  # vertical velocity is compared this long before and after
-SMALLEST_JUMP_SHARE = 0.15  # of a release's hardest impact: what jumps less raises no dust
-EXPOSURE_STEP_PX, EXPOSURE_POSES = (
-    0.5,
-    32,
-)  # at most from one to the next while the shutter is open, and at most in number
+PUFF_GRAINS = 90
+JUMP_INTERVAL_S = 0.006  # before and after which the vertical velocity is compared
+SMALLEST_JUMP_SHARE = 0.15  # of the velocity change of a release's hardest impact; smaller ones raise no dust
+EXPOSURE_STEP_PX = 0.5  # largest distance between two poses while the shutter is open
+EXPOSURE_POSES = 32  # largest number of poses while the shutter is open
 THINNEST_DUST = 0.004  # opacity below which dust is not drawn
 
 
@@ -83,6 +82,7 @@ SEVERE = Faults(
     noise_grey=5.0, shot_noise=0.12, defocus_px=1.6, shutter=0.8, dust=0.75, shadow=0.6, low_contrast=0.55,
     burial_radii=0.5, dropped=0.05, flicker=0.08, compression=0.5,
 )  # fmt: skip
+FAULT_LEVELS = {"clean": CLEAN, "moderate": MODERATE, "severe": SEVERE}
 
 
 class Sensor:
@@ -121,16 +121,29 @@ def extended(rows: Array) -> Array:
     return np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
 
 
-def while_open(
-    t_s: Array, poses_m: Array, at_s: float, open_s: float, block: Block, pixel_map: PixelMap
-) -> Array:
+class BlockMotion(NamedTuple):
+    """The motion of a block in a release.
+
+    Attributes
+    ----------
+    t_s, poses_m : (n,) times and (n, 3) poses x, y in m and theta in rad; between them it moves on straight lines
+    noise_m : 1 sigma of the positions
+    """
+
+    block: Block
+    t_s: Array
+    poses_m: Array
+    noise_m: float
+
+
+def while_open(motion: BlockMotion, at_s: float, open_s: float, pixel_map: PixelMap) -> Array:
     """(n, 3) poses between samples, evenly over `open_s` about `at_s`, so close that they make one smear."""
 
     def poses(at: Array) -> Array:
-        return np.stack([np.interp(at, t_s, column) for column in poses_m.T], axis=1)
+        return np.stack([np.interp(at, motion.t_s, column) for column in motion.poses_m.T], axis=1)
 
     dx, dy, turn = np.ptp(poses(at_s + np.array([-0.5, 0.5]) * open_s), axis=0)
-    travel_px = (np.hypot(dx, dy) + block.radius_m * turn) / pixel_map.metres_per_pixel
+    travel_px = (np.hypot(dx, dy) + motion.block.radius_m * turn) / pixel_map.metres_per_pixel
     count = int(np.clip(np.ceil(travel_px / EXPOSURE_STEP_PX), 1, EXPOSURE_POSES))
     return poses(at_s + open_s * ((np.arange(count) + 0.5) / count - 0.5))
 
@@ -252,10 +265,14 @@ class Puff:
 
 
 def puffs(
-    t_s: Array, poses_m: Array, noise_m: float, block: Block, cross_section: CrossSection, pixel_map: PixelMap,
-    dust: float, rng: np.random.Generator,
-) -> list[Puff]:  # fmt: skip
-    """The puffs of a release whose block is at `poses_m` (n, 3) at `t_s` (n,); `dust` as in `Faults`."""
+    motion: BlockMotion,
+    cross_section: CrossSection,
+    pixel_map: PixelMap,
+    dust: float,
+    rng: np.random.Generator,
+) -> list[Puff]:
+    """The puffs of dust that a moving block raises at its impacts; `dust` as in `Faults`."""
+    block, t_s, poses_m, noise_m = motion
     found = list(impacts(t_s, poses_m[:, 1], noise_m))
     hardest, raised = max((jump for _, jump in found), default=1.0), []
     for row, jump in found:

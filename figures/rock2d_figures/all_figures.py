@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from rock2d.files.scenario import load_scenario
-from rock2d.graphics.plots import save_figure
+from rock2d.graphics.figure_style import save_figure
 from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import ARRIVALS, SETUP
 from rock2d.reproduction.results import SPACES, Results

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.graphics.drawing import View, fitted_view
+from rock2d.graphics.canvas import View, fitted_view
 from rock2d.graphics.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.scene.cross_section import CrossSection
 
@@ -18,7 +18,7 @@ STYLES: dict[str, tuple[str, Any, str]] = {
 }
 BEFORE_M, BEYOND_M, BELOW_M = 0.12, 0.12, 0.02  # of the set-up that is drawn round ditch and embankment
 SHOWN_LINE_M = 0.11  # of a measure line, so that its name stays in the picture
-TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.plots`
+TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.figure_style`
 
 
 def spelled(name: str) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 from rock2d_tracking.importers import importer_names
+from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
 OUTPUT = click.Choice(["ends", "crossings", "impacts", "samples"])
@@ -226,7 +227,7 @@ def track(video, config, out, frames, quiet) -> None:
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Film to write (.avi).")
 @click.option("--size", nargs=2, type=click.IntRange(64, 8192), default=(1280, 800), show_default=True,
               help="Width and height in px.")  # fmt: skip
-@click.option("--faults", type=click.Choice(["clean", "moderate", "severe"]), default="clean", show_default=True,
+@click.option("--faults", type=click.Choice(FAULT_LEVEL_NAMES), default="clean", show_default=True,
               help="Noise, blur, dust, shadow, burial, lost frames, compression ...")  # fmt: skip
 @click.option("--releases", type=click.IntRange(1), help="Only the first ones.")
 @click.option(

@@ -41,9 +41,9 @@ def render_video(
     Written beside `path` and renamed when whole. Raises InputError if the suffix is neither .webm nor .mp4,
     the codec is missing, nothing is to be shown, or a clip's block is unknown; ValueError on bad sizes.
     """
-    scenes = _dressed(_scenes(series), blocks)
+    scenes = _with_labels(_scenes(series), blocks)
     layout = Layout(options.size_px, 1)
-    view = _view(cross_section, blocks, scenes, layout, options.view)
+    view = _common_view(cross_section, blocks, scenes, layout, options.view)
     frames = Frames(layout, options)
     for scene in scenes:
         frames.add([Panel(cross_section, blocks, scene, (), view, "", scene)], scene)
@@ -88,9 +88,9 @@ def compare_video(
     if not scenes or not all(len(scene) == len(labels) and all(scene) for scene in scenes):
         raise InputError("side by side needs at least one clip on each side")
     layout = Layout(options.size_px, len(labels))
-    dressed = [[_dressed([panel], blocks)[0] for panel in scene] for scene in scenes]
+    dressed = [[_with_labels([panel], blocks)[0] for panel in scene] for scene in scenes]
     together = [[clip for panel in scene for clip in panel] for scene in dressed]
-    view = _view(cross_section, blocks, together, layout, options.view)
+    view = _common_view(cross_section, blocks, together, layout, options.view)
     frames = Frames(layout, options)
     for scene, clips in zip(dressed, together, strict=True):
         panels = [
@@ -110,7 +110,7 @@ def panel_views(
 ) -> list[tuple[int, int, View]]:
     """Where a picture shows what: left and top pixel of each panel, and its `View` relative to that corner."""
     layout = Layout(options.size_px, panels)
-    view = _view(cross_section, blocks, _dressed(_scenes(series), blocks), layout, options.view)
+    view = _common_view(cross_section, blocks, _with_labels(_scenes(series), blocks), layout, options.view)
     return [(left, layout.top, view) for left in layout.lefts]
 
 
@@ -128,7 +128,7 @@ def _scenes(series: Sequence[Clip] | Sequence[Sequence[Clip]]) -> list[list[Clip
     return scenes
 
 
-def _dressed(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> list[list[Clip]]:
+def _with_labels(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> list[list[Clip]]:
     """Clips with the label and colour of their block where they have none of their own."""
     colours = block_colours(blocks)
     out = []
@@ -145,7 +145,7 @@ def _dressed(scenes: Iterable[Sequence[Clip]], blocks: Mapping[str, Block]) -> l
     return out
 
 
-def _view(
+def _common_view(
     cross_section: CrossSection,
     blocks: Mapping[str, Block],
     scenes: Sequence[Sequence[Clip]],

@@ -1,4 +1,4 @@
-"""What the camera sees without a block: learned from the first frames, kept up to date where no block is."""
+"""The background: what the camera sees without a block, learned from the first frames and updated where no block is."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 Array = np.ndarray
 
 LEARNING_RATE = 0.02  # share of a frame that the background takes over
-LEARNING_INTERVAL = 4  # frames of which it takes one, with as much more
-CHANGED_SIGMAS, CHANGED_GREY = 5.0, 6.0  # noise, and grey levels, by which a pixel differs
-CHANGED_LEARNING_SHARE = 0.05  # of the usual share is learned of what differs
-BACKGROUND_SAMPLES = 25  # pictures that it starts from
+LEARNING_INTERVAL = 4  # frames, of which one is used, with a larger share
+CHANGED_SIGMAS, CHANGED_GREY = 5.0, 6.0  # in noise and in grey levels; a pixel that differs more has changed
+CHANGED_LEARNING_SHARE = 0.05  # share of the learning rate for changed pixels
+BACKGROUND_SAMPLES = 25  # frames whose median it starts from
 
 
 class Background:
@@ -25,7 +25,7 @@ class Background:
     """
 
     def __init__(self, frames: Sequence[Array]) -> None:
-        """Median of the frames (height, width) uint8; what moves through them leaves no trace."""
+        """Median of the frames (height, width) uint8; moving objects do not appear in it."""
         chosen = np.linspace(0, len(frames) - 1, min(len(frames), BACKGROUND_SAMPLES)).round().astype(int)
         stack = np.stack([frames[i] for i in np.unique(chosen)])
         self.grey = np.median(stack, axis=0).astype(np.float32)

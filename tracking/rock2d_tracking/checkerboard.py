@@ -9,9 +9,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.folders import path_inside
 
-LARGEST_SCALE_SPREAD = (
-    0.02  # spread of the scale over the board beyond which the camera did not look squarely at it
-)
+LARGEST_SCALE_SPREAD = 0.02  # over the board; with a larger one the camera looked at a slant
 
 
 def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:

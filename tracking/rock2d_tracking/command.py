@@ -68,7 +68,7 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
             found = tracked_film(releases, setup, film.size_px)
         except ValueError as error:
             raise InputError(str(error), video) from None
-        found.remarks.extend(_refuse_what_cannot_be(found.experiment, setup))
+        found.remarks.extend(_check_sanity(found.experiment, setup))
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
@@ -127,7 +127,7 @@ def film(
 
 
 def _whole_view(experiment: Experiment, size_px: tuple[int, int]) -> PixelMap:
-    """A camera that sees all that moves."""
+    """A camera that sees the whole motion."""
     table = experiment.trajectories
     assert table is not None
     reach = max(b.radius_m for b in experiment.blocks.values())
@@ -158,7 +158,7 @@ def import_files(
     setup = Setup(config)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
-        raise InputError(f"no block {name!r} in it; it has {', '.join(setup.blocks)}", config)
+        raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
     camera = setup.keys.camera
     (u, v), (x_m, y_m) = camera.origin_px, camera.origin_m
     scale = CameraScale(setup.metres_per_pixel, camera.fps, (u, v), (x_m, y_m))
@@ -168,7 +168,7 @@ def import_files(
         setup.cross_section, {name: setup.blocks[name]}, trajectories=table,
     )  # fmt: skip
     found = with_measured_noise(film_of(stated, setup), stated)
-    _refuse_what_cannot_be(found, setup)
+    _check_sanity(found, setup)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
     report(f"{table['release'].nunique()} releases, {len(table)} frames")
@@ -182,12 +182,14 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
 
     experiment = read_experiment(experiment_folder)
     if experiment.trajectories is None:
-        raise InputError("has impacts only; Tracker takes trajectories", experiment_folder)
+        raise InputError(
+            "holds impacts only; Tracker needs an experiment with trajectories", experiment_folder
+        )
     for path in write_tracker(out, experiment.trajectories, experiment.fps):
         report(f"written: {path}")
 
 
-def _refuse_what_cannot_be(experiment: Experiment, setup: Setup) -> list[str]:
+def _check_sanity(experiment: Experiment, setup: Setup) -> list[str]:
     """Remarks on an experiment; raises `InputError` where frame rate, scale or axes must be wrong."""
     from rock2d.kinematics.sanity import check_film
     from rock2d_tracking.tracked_film import film_of
@@ -199,7 +201,7 @@ def _refuse_what_cannot_be(experiment: Experiment, setup: Setup) -> list[str]:
     if sanity.mirror:
         raise InputError(
             f"seen with {sanity.mirror} mirrored, blocks would fall and stay above the ground: "
-            "does the film stand on its head (camera: up), or is it filmed from behind?",
+            "is the film upside down (camera: up), or was it filmed from behind?",
             setup.path,
         )
     if sanity.seen is not None:

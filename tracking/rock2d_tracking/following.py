@@ -29,24 +29,24 @@ from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 
 Array = np.ndarray
 
-BACKGROUND_FRAMES = 100  # frames from which the background is learned, unless the set-up names some
+BACKGROUND_FRAMES = 100  # at the start of a film, unless the set-up file names others
 FIT_ROUNDS = 25
-SEEN_TO_START = 0.75  # share of the outline that must be seen for a block to be taken up
-LARGEST_MISFIT = 0.2  # misfit of the edge, over the contrast, above which it is not this block
+SEEN_TO_START = 0.75  # share of the outline that must be seen at the start of a release
+LARGEST_MISFIT = 0.2  # of the edge, over the contrast; a larger misfit is not this block
 FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = (
     4.0,
     8.0,
-)  # noise, and grey levels, below which the contrast is none
-FAINTEST_CONTRAST_SHARE = 0.3  # of the usual contrast: what is paler is no block, but dust or a trace of one
-LARGEST_ERROR_PX = 0.5  # standard error above which a frame is lost
-FOREGROUND_SIGMAS = 6.0  # noise by which a pixel must differ from the background
-FOREGROUND_GREY = 8.0  # grey levels that a pixel must differ by in any film
-SEARCH_RADIUS_PX = 6.0  # of the block's radius: how coarse a picture is searched
-SEARCH_CANDIDATES = 4  # places of a picture at which a block is tried
-CANDIDATE_AREAS = (0.3, 2.5)  # of the block's area that a candidate may have
-LONGEST_LOSS_S = 0.25  # seconds at most that a block may be lost within a release
-FRAMES_TO_START = 3  # frames in a row that take up a block
-STILL_STEP_PX = 0.5  # way per frame below which a lost block stays where it was
+)  # in noise and in grey levels
+FAINTEST_CONTRAST_SHARE = 0.3  # of the usual contrast; what is fainter is dust or an afterimage
+LARGEST_ERROR_PX = 0.5  # standard error; a frame with a larger one is lost
+FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in noise
+FOREGROUND_GREY = 8.0  # and in grey levels
+SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
+SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
+CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
+LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
+FRAMES_TO_START = 3  # in a row with a block: a release has begun
+STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
 
 
 def follow(
@@ -57,8 +57,8 @@ def follow(
 ) -> list[FollowedRelease]:
     """Every release of a film, in the order filmed.
 
-    `on_progress` hears of every frame: its number, picture (height, width) and the release that is being followed,
-    if any.
+    `on_progress` is called for every frame with its number, its picture (height, width) and the release that is being
+    followed, if any.
     """
     stream = iter(frames)
     named = setup.keys.detection.background_frames
@@ -70,15 +70,15 @@ def follow(
     number = 0
     for part in (buffer, stream):
         for frame in part:
-            follower.look(number, frame)
+            follower.read_frame(number, frame)
             on_progress(number, frame, follower.release)
             number += 1
-    follower.end()
+    follower.end_release()
     return follower.releases
 
 
 class _Follower:
-    """What is known while a film is read."""
+    """The state of the search while a film is read."""
 
     def __init__(self, setup: Setup, size_px: tuple[int, int], background: Background) -> None:
         self.setup, self.background = setup, background
@@ -88,53 +88,55 @@ class _Follower:
             name: outline_of(block, setup.metres_per_pixel, self.map.up)
             for name, block in setup.blocks.items()
         }
-        self.patience = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
+        self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
         self.releases: list[FollowedRelease] = []
         self.release: FollowedRelease | None = None
         self.blur = 1.0
-        self._new: list[tuple[Sight, Array]] = []  # sights of a block that may be coming, with their frames
+        self._sighted: list[tuple[Sight, Array]] = []  # sights of what may be a block, with their frames
         self._marks = Marks()
         self._lost = 0
         self._grey = self._contrast = 0.0
-        self._usual = 0.0  # contrast of the blocks so far
+        self._usual_contrast = 0.0  # contrast of the blocks so far
 
     # --- frame by frame ---
 
-    def look(self, number: int, frame: Array) -> None:
+    def read_frame(self, number: int, frame: Array) -> None:
         """One more frame."""
         if self.release is not None:
-            sight = self._again(number, frame)
+            sight = self._follow_on(number, frame)
             self.release.sights.append(sight)
             self._lost = 0 if not sight.reason else self._lost + 1
             if self._lost >= FRAMES_TO_START and self._search(number, frame):
                 return  # another release has begun
-            if self._lost > self.patience or (self._lost and self._has_left()):
-                self.end()
+            if self._lost > self.longest_loss or (self._lost and self._has_left()):
+                self.end_release()
         else:
             self._search(number, frame)
         self._learn(frame)
 
-    def end(self) -> None:
+    def end_release(self) -> None:
         """The release that is being followed is over."""
         if self.release is not None:
             while self.release.sights and self.release.sights[-1].reason:
                 self.release.sights.pop()
             self.releases.append(self.release)
-        self.release, self._lost, self._new = None, 0, []
+        self.release, self._lost, self._sighted = None, 0, []
 
     def _next_block(self) -> str:
         return self.setup.block_of(len(self.releases) + (self.release is not None))
 
     def _learn(self, frame: Array) -> None:
         if self.release is None:
-            self.background.learn(frame, None if not self._new else self._window(self._new[-1][0].pose, 1.5))
+            self.background.learn(
+                frame, None if not self._sighted else self._window(self._sighted[-1][0].pose, 1.5)
+            )
             return
         for sight in self.release.last_seen(1):
             self.background.learn(frame, self._window(sight.pose, 1.5))
 
     # --- a block that is known ---
 
-    def _again(self, number: int, frame: Array) -> Sight:
+    def _follow_on(self, number: int, frame: Array) -> Sight:
         assert self.release is not None
         expected = self._expected(number)
         outline = self.outlines[self.release.block]
@@ -145,13 +147,13 @@ class _Follower:
                 other = self._fit(number, frame, outline, np.array([*blob, expected[2]]), self._grey)
                 best = other if not other.reason else best
         if not best.reason and self._jumped(best.pose, expected, outline):
-            best = lost_sight(number, "too far from where it should be")
+            best = lost_sight(number, "too far from the expected place")
         if not best.reason and outline.symmetry_rad == 0.0 and self.setup.keys.detection.marks:
-            best = self._turned(frame, best, expected[2], outline)
+            best = self._with_angle_of_marks(frame, best, expected[2], outline)
         return best
 
     def _expected(self, number: int) -> Array:
-        """Pose in this frame, as the last frames went on."""
+        """Pose in this frame if the motion of the last frames goes on."""
         assert self.release is not None
         seen = self.release.last_seen(4)
         last = seen[-1]
@@ -172,7 +174,7 @@ class _Follower:
         way = float(np.hypot(*(pose - expected)[:2]))
         return way > 0.5 * outline.reach_px + (1 + self._lost) * (1.5 * pace + 1.0)
 
-    def _turned(self, frame: Array, sight: Sight, near: float, outline: Outline) -> Sight:
+    def _with_angle_of_marks(self, frame: Array, sight: Sight, near: float, outline: Outline) -> Sight:
         contrast = max(self._contrast, 1.0)
         found = self._marks.angle(
             frame, self.visible, (sight.pose[0], sight.pose[1]), outline.reach_px, near, contrast
@@ -197,35 +199,35 @@ class _Follower:
     # --- a block that is not known yet ---
 
     def _search(self, number: int, frame: Array) -> bool:
-        """Look for a block anywhere; whether a release has begun."""
+        """Look for a block in the whole picture; returns whether a release has begun."""
         name = self._next_block()
         outline = self.outlines[name]
         best: Sight | None = None
         for centre in self._candidates(frame, outline):
-            for turn in _starts(outline):
+            for turn in _start_angles(outline):
                 sight = self._fit(number, frame, outline, np.array([*centre, turn]), None, SEEN_TO_START)
                 if not sight.reason and (best is None or sight.confidence > best.confidence):
                     best = sight
             if best is not None and self.release is None:
                 break
         if best is None or (self.release is not None and not self._far_away(best, outline)):
-            self._new = []
+            self._sighted = []
             return False
-        self._new = [n for n in self._new if n[0].frame >= number - FRAMES_TO_START] + [(best, frame)]
-        if len(self._new) < FRAMES_TO_START:
+        self._sighted = [n for n in self._sighted if n[0].frame >= number - FRAMES_TO_START] + [(best, frame)]
+        if len(self._sighted) < FRAMES_TO_START:
             return False
-        taken = self._new
-        self.end()
+        taken = self._sighted
+        self.end_release()
         self.release = FollowedRelease(name)
         self._marks = Marks()
         for sight, own in taken:
             before = self.release.sights[-1].pose[2] if self.release.sights else sight.pose[2]
             if outline.symmetry_rad > 0.0:
-                sight.pose[2] = _nearest(sight.pose[2], before, outline.symmetry_rad)
+                sight.pose[2] = _nearest_angle(sight.pose[2], before, outline.symmetry_rad)
             elif self.setup.keys.detection.marks:
-                self._turned(own, sight, before, outline)
+                self._with_angle_of_marks(own, sight, before, outline)
             self.release.sights.append(sight)
-        self._new = []
+        self._sighted = []
         return True
 
     def _far_away(self, sight: Sight, outline: Outline) -> bool:
@@ -233,7 +235,7 @@ class _Follower:
         return float(np.hypot(*(sight.pose - expected)[:2])) > 4.0 * outline.reach_px
 
     def _candidates(self, frame: Array, outline: Outline) -> list[tuple[float, float]]:
-        """Centres (u, v) of what stands out and has about the block's area, the best first."""
+        """Centres (u, v) of what differs from the background and has about the area of the block, the best first."""
         import cv2
 
         # pixels of a sixth of the block, but no finer than the film's
@@ -251,7 +253,7 @@ class _Follower:
     # --- one fit ---
 
     def _blob(self, frame: Array, expected: Array, outline: Outline) -> tuple[float, float] | None:
-        """Centre of what stands out near the expected place."""
+        """Centre of what differs from the background near the expected place."""
         u0, u1, v0, v1 = self._window(expected, 2.5)
         if u1 - u0 < 4 or v1 - v0 < 4:
             return None
@@ -286,7 +288,7 @@ class _Follower:
         behind = self.background.grey[v0:v1, u0:u1]
         if grey is None:
             a, b, half = int(start[1] - v0), int(start[0] - u0), int(0.4 * outline.reach_px) + 1
-            # of a part large enough that marks do not make it
+            # median of a part that is larger than the marks
             grey = float(np.median(image[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]))
         p = np.array([start[0] - u0, start[1] - v0, start[2], grey, max(self.blur, SMALLEST_BLUR_PX)])
         patch = Patch(image, behind, self.visible[v0:v1, u0:u1], self.background.noise)
@@ -300,7 +302,7 @@ class _Follower:
         elif contrast < max(
             FAINTEST_CONTRAST_SIGMAS * self.background.noise,
             FAINTEST_CONTRAST_GREY,
-            FAINTEST_CONTRAST_SHARE * self._usual,
+            FAINTEST_CONTRAST_SHARE * self._usual_contrast,
         ):
             reason = "no contrast"
         elif seen < (least or self.setup.keys.detection.least_seen):
@@ -312,20 +314,22 @@ class _Follower:
         if reason:
             return lost_sight(number, reason)
         self._grey, self._contrast = float(p[FIT_GREY]), contrast
-        self._usual = contrast if self._usual == 0.0 else 0.99 * self._usual + 0.01 * contrast
+        self._usual_contrast = (
+            contrast if self._usual_contrast == 0.0 else 0.99 * self._usual_contrast + 0.01 * contrast
+        )
         self.blur = 0.9 * self.blur + 0.1 * min(float(p[FIT_BLUR]), 4.0)
         return Sight(number, pose, error, float(seen * max(0.0, 1.0 - misfit)))
 
 
-def _starts(outline: Outline) -> Array:
-    """Angles from which a fit finds any orientation."""
+def _start_angles(outline: Outline) -> Array:
+    """Start angles; from one of them a fit finds the orientation."""
     if outline.symmetry_rad == 0.0:
         return np.zeros(1)
     return np.arange(0.0, outline.symmetry_rad, np.deg2rad(22.5))
 
 
-def _nearest(angle: float, near: float, symmetry: float) -> float:
-    """The angle, of those that look the same, nearest to another."""
+def _nearest_angle(angle: float, near: float, symmetry: float) -> float:
+    """Of the angles at which the block looks the same, the nearest to `near`."""
     return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry
 
 

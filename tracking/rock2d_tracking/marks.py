@@ -6,12 +6,14 @@ import numpy as np
 
 Array = np.ndarray
 
-RING_SAMPLES = 256  # samples around
-RING_RADII = np.linspace(0.2, 0.85, 12)  # radii, of the block's, at which the marks are sampled
-REFERENCE_UPDATE = 0.05  # share of a new picture that the reference takes over
-SMALLEST_CORRELATION = 0.5  # correlation below which the marks were not recognised
-HIGHEST_HARMONIC = 40  # harmonics of the angle that are compared: finer ones are noise
-SMALLEST_MARK_CONTRAST = 0.05  # spread of the grey values, over the contrast, below which there are no marks
+RING_SAMPLES = 256  # samples on a ring
+RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, over that of the block
+REFERENCE_UPDATE = 0.05  # share of each frame that the reference takes over
+SMALLEST_CORRELATION = 0.5  # with the reference; below it the marks are not recognised
+HIGHEST_HARMONIC = 40  # of the angle that is compared; finer ones are noise
+SMALLEST_MARK_CONTRAST = (
+    0.05  # standard deviation of the grey values, over the contrast; below it there are no marks
+)
 
 
 class Marks:

@@ -1,9 +1,9 @@
-"""A block's outline in pixels, and what a camera makes of its edge.
+"""The outline of a block in pixels and its edge as a camera sees it.
 
-The grey value of a pixel is B + (F - B) C: background B, block F, and C the share of the pixel that the block covers
-once the optics have blurred it. Of a half-plane at a distance d beyond its edge C is Φ(-d / s), s the blur; of a convex
-polygon the product over its edges, which at right angles is exact; of an ellipse Φ(-d / s) of the distance to first
-order, of a circle of the true one.
+The grey value of a pixel is B + (F - B) C, with the background B, the block F and the share C of the pixel that the
+blurred block covers. For a half-plane C = Φ(-d / s), where d is the distance beyond its edge and s the blur. For a
+convex polygon C is the product over its edges, which is exact at right angles. For an ellipse C = Φ(-d / s) with the
+distance to first order, for a circle with the true distance.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
         seen = whole = squares = band = 0.0
         c, s = math.cos(p[FIT_ANGLE]), math.sin(p[FIT_ANGLE])
         difference, n_inside = 0.0, 0.0
-        # misfits of more than this are something else; at first, when the start is off, they are the signal
+        # larger misfits are no part of the block; in the first rounds, far from the solution, they are the signal
         scale = max(noise, GREY_ROUGHNESS * contrast) if it > 0 else 1e9
         tukey = TUKEY_SIGMAS * scale * (3.0 if it < COARSE_ROUNDS else 1.0)
         for v in range(height):
@@ -214,7 +214,7 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
                 n_inside += share
                 if weight == 0.0:
                     continue
-                # by the pose: the body's axes move and turn
+                # derivatives by the pose: the axes of the body move and turn
                 j[FIT_U] = -step * (c * slope[0] - s * slope[1])
                 j[FIT_V] = -step * (s * slope[0] + c * slope[1])
                 j[FIT_ANGLE] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0

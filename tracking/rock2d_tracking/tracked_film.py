@@ -1,4 +1,4 @@
-"""From followed blocks to an experiment: metres, seconds, and only frames that can be trusted."""
+"""The experiment that a film shows: metres, seconds, and only frames that can be trusted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from rock2d_tracking.sights import FollowedRelease, Sight
 
 Array = np.ndarray
 
-COMPARED_FRAMES = 4  # frames on either side that a frame is compared with
-JUMP_SIGMAS = 6.0  # standard deviations by which a frame may differ from the parabola through its neighbours
-SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # and how far at least, before it is lost
-COMPARED_STEPS = 3  # steps on either side that one is compared with
-SMALLEST_NOISE_PX = 0.01  # noise of a film without noise
-SMALLEST_STEP_SIGMA_PX = 0.02  # what steps differ by at least, 1 sigma
-LONG_STEP_SIGMAS = 7.0  # sigma by which a step must be longer than its like to be that of two frames
-SHORTEST_MOTION_PX = 3.0  # way of a release below which it is none: a stone of the soil, a hand, a shadow
+COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
+JUMP_SIGMAS = (
+    6.0  # largest distance of a frame from the parabola through its neighbours, in standard deviations
+)
+SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
+COMPARED_STEPS = 3  # steps on each side that a step is compared with
+SMALLEST_NOISE_PX = 0.01  # of the positions in a film without noise
+SMALLEST_STEP_SIGMA_PX = 0.02  # of the steps in a film without noise
+LONG_STEP_SIGMAS = 7.0  # by which a step over a dropped frame is longer than the others
+SHORTEST_MOTION_PX = 3.0  # what moves less is no release, but a stone in the soil, a person or a shadow
 
 
 @dataclass
@@ -36,7 +38,7 @@ class TrackedFilm:
     experiment : with the noise found in its flights
     frames : a row a frame of a release: release, block, frame, t_s, u_px, v_px, angle_px_rad, their standard errors,
         confidence, reason ("" or why the frame is lost)
-    remarks : what the user should know
+    remarks : for the user
     """
 
     experiment: Experiment
@@ -51,16 +53,18 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     kept = [release for release in releases if _moved(release)]
     if len(kept) < len(releases):
         remarks.append(
-            f"{len(releases) - len(kept)} of {len(releases)} things followed never moved and were left out"
+            f"{len(releases) - len(kept)} of {len(releases)} objects that were followed never moved and are left out"
         )
     if not kept:
         raise ValueError(
-            "no block was seen to move in this film: are the scale and the blocks' sizes right, is the cross-section "
-            "where it is in the picture, does `up` point to where it is up?"
+            "no block was seen to move in this film; check in the set-up file the scale, the sizes of the blocks, "
+            "the place of the cross-section in the picture (origin_px, origin_m) and the direction `up`"
         )
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
-        remarks.append(f"{len(kept)} releases were seen, {stated} are listed in the set-up file")
+        remarks.append(
+            f"{len(kept)} releases were seen, but the key releases of the set-up file lists {stated}"
+        )
     missing = 0
     for release in kept:
         _reject_jumps(release.sights)
@@ -69,13 +73,13 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
         )
     if missing:
         remarks.append(
-            f"{missing} frames are missing in the film: blocks moved twice as far where they should be"
+            f"{missing} frames are missing in the film: blocks moved two or three times as far there"
         )
     fps = setup.keys.camera.fps
     rows = [_rows(k, release, fps) for k, release in enumerate(kept)]
     frames = pd.DataFrame([row for own in rows for row in own])
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
-        remarks.append("circles carry no marks: their angle is written as 0, no spin can be read off")
+        remarks.append("circles carry no marks: their angle is written as 0 and their spin is unknown")
     return TrackedFilm(_experiment(frames, setup, camera, fps), frames, remarks)
 
 
@@ -88,7 +92,7 @@ def _moved(release: FollowedRelease) -> bool:
 
 
 def _reject_jumps(sights: list[Sight]) -> None:
-    """Frames that jump out of the parabola through their neighbours are lost: no block moves so."""
+    """Frames that jump out of the parabola through their neighbours are rejected: no block moves like that."""
     seen = [s for s in sights if not s.reason]
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
@@ -109,9 +113,10 @@ def _reject_jumps(sights: list[Sight]) -> None:
 
 
 def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
-    """Frames that the camera or the file dropped: steps two or three times as long, turn included, as those before and
-    after promise. The frames that follow are numbered anew. Where a block hardly moves it does not matter, and shows
-    nothing."""
+    """Number the frames anew where the camera or the file dropped some; returns how many.
+
+    There the steps, turn included, are two or three times as long as those before and after. Where a block hardly
+    moves, dropped frames cannot be seen, and do not matter."""
     seen = [s for s in sights if not s.reason]
     at = np.array([s.frame for s in seen])
     step = np.diff([s.pose * [1.0, 1.0, reach_px] for s in seen], axis=0)
@@ -124,7 +129,7 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
             continue
         slope, usual = line @ step[k + sides]
         uneven = step[k + sides] - usual - sides[:, None] * slope
-        # at an impact the steps before and after do not go together: nothing stands out of that
+        # at an impact the steps before and after differ: sigma is large and no step is long
         sigma = max(float(np.sqrt((uneven**2).sum() / (len(sides) - 2) / 3)), SMALLEST_STEP_SIGMA_PX)
         times = round(float(step[k] @ usual) / max(float(usual @ usual), 1e-12))
         longer, off = (float(np.abs(step[k] - n * usual).max()) for n in (1, times))
@@ -139,7 +144,7 @@ def _renumber_dropped(sights: list[Sight], reach_px: float) -> int:
 
 
 def _relative_misfit(t: Array, pose: Array, i: int, side: list[int]) -> float:
-    """How far a frame lies off the line through some of its neighbours, over what is allowed."""
+    """Distance of a frame from the curve through some of its neighbours, over the largest distance that is allowed."""
     degree = 2 if len(side) > 4 else 1
     basis = np.vander(t[side] - t[i], degree + 1)
     fitted, *_ = np.linalg.lstsq(basis, pose[side], rcond=None)
@@ -183,8 +188,8 @@ def _experiment(frames: pd.DataFrame, setup: Setup, camera: PixelMap, fps: float
 
 
 def film_of(experiment: Experiment, setup: Setup) -> Film:
-    """The frames of an experiment, with as much noise as what even a film without any leaves: a few thousandths of a
-    pixel that go with the place of the block within its pixels."""
+    """The frames of an experiment, with a noise of at least `SMALLEST_NOISE_PX`: even in a film without noise the error
+    depends on the place of the block within its pixels."""
     film = load_film(experiment)
     reach = min(b.radius_m for b in experiment.blocks.values())
     film.noise = np.maximum(

@@ -1,4 +1,4 @@
-"""What spoils a film: sensor, lens, shutter, dust, shadow, soil, light, codec; each a size, 0 for none."""
+"""Faults of a film: sensor, lens, shutter, dust, shadow, soil, light, codec. Each has a size; 0 is none."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rock2d.errors import InputError
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 Array = np.ndarray
 
@@ -31,7 +32,7 @@ THINNEST_DUST = 0.004  # opacity below which dust is not drawn
 
 @dataclass(frozen=True)
 class Faults:
-    """Sizes of what spoils a film; 0 is off. Raises InputError if one is out of its range.
+    """Sizes of the faults of a film; 0 is off. Raises InputError if one is out of its range.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ SEVERE = Faults(
     noise_grey=5.0, shot_noise=0.12, defocus_px=1.6, shutter=0.8, dust=0.75, shadow=0.6, low_contrast=0.55,
     burial_radii=0.5, dropped=0.05, flicker=0.08, compression=0.5,
 )  # fmt: skip
-FAULT_LEVELS = {"clean": CLEAN, "moderate": MODERATE, "severe": SEVERE}
+FAULT_LEVELS = dict(zip(FAULT_LEVEL_NAMES, (CLEAN, MODERATE, SEVERE), strict=True))
 
 
 class Sensor:

@@ -21,10 +21,10 @@ Pose = tuple[float, float, float]
 Box = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
 Window = tuple[slice, slice]
 
-SMOOTH_CORNERS = 512  # corners by which a smooth profile is drawn
-SUPERSAMPLING = 3  # parts of a pixel's side
-SMALLEST_COVER = 0.01  # of a pixel, for a block to be in the picture
-SURFACE_STEP_PX = 3.0  # from one corner of the soil's surface to the next
+SMOOTH_CORNERS = 512  # of the polygon for a smooth profile
+SUPERSAMPLING = 3  # parts of the side of a pixel
+SMALLEST_COVER = 0.01  # of a pixel; a block that covers less of every pixel is out of the picture
+SURFACE_STEP_PX = 3.0  # distance of the corners of the drawn surface
 MARK_DOTS = ((0.42, 0.42, 0.17), (-0.45, 0.36, 0.11), (-0.12, -0.5, 0.14))  # x, y, radius of marks, in radii
 MARK_LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]])
 
@@ -143,7 +143,7 @@ class Scene:
         return np.s_[top:bottom, left:right]
 
     def _through_lens(self, light: Array, fine: int = 1) -> Array:
-        """Light on pixels as the lens spreads it; `light` is on pixels that are so many times finer."""
+        """Light on pixels as the lens spreads it; `light` is on pixels that are `fine` times finer."""
         import cv2
 
         seen: Array = light.astype(np.float32)
@@ -161,7 +161,7 @@ class Scene:
 def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
-    Exact: the outlines are cut at the pixels' borders, and each piece gives its pixel the area to its right and all
+    Exact: the outlines are split at the borders of the pixels, and each piece gives its pixel the area to its right and all
     pixels beyond its height. All outlines must run the same way around.
     """
     left, top, right, bottom = box
@@ -172,7 +172,7 @@ def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     start = np.concatenate(list(outlines_px)) - corner
     end = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines_px]) - corner
     for axis in (0, 1):
-        start, end = _cut(start, end, axis)
+        start, end = _split_at_pixels(start, end, axis)
     x, y = (0.5 * (start + end)).T
     inside = (y > 0) & (y < height)
     x, row, rise = np.clip(x[inside], 0, width), y[inside].astype(int), (end - start)[inside, 1]
@@ -183,8 +183,8 @@ def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     return np.abs(np.cumsum(area.reshape(height, width + 2), axis=1)[:, :width])
 
 
-def _cut(start: Array, end: Array, axis: int) -> tuple[Array, Array]:
-    """Edges cut wherever their coordinate `axis` is a whole number."""
+def _split_at_pixels(start: Array, end: Array, axis: int) -> tuple[Array, Array]:
+    """Edges, split wherever their coordinate `axis` is a whole number."""
     a, b = start[:, axis], end[:, axis]
     first = np.floor(np.minimum(a, b)).astype(int) + 1
     count = np.maximum(np.ceil(np.maximum(a, b)).astype(int) - first, 0)

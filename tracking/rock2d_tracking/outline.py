@@ -163,6 +163,66 @@ def cover(qx, qy, edges, semi_a, semi_b, s, slope):
     return c
 
 
+class FitSums(NamedTuple):
+    """Sums over the pixels of a patch: of the outline's edge, seen and whole; of squared residuals and weights in the
+    band of the edge; of the difference between block and background, and of the covered shares."""
+
+    seen: float
+    whole: float
+    squares: float
+    band: float
+    difference: float
+    covered: float
+
+
+@njit
+def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
+    """Fill `curve` (5, 5; lower half) and `grad` (5,) of a Gauss-Newton step at `p`; returns `FitSums`.
+
+    tukey : residual in grey levels beyond which a pixel has no weight
+    """
+    image, background, visible, _ = patch
+    curve[:], grad[:] = 0.0, 0.0
+    seen = whole = squares = band = difference = covered = 0.0
+    turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
+    c, s = math.cos(p[FIT_ANGLE]), math.sin(p[FIT_ANGLE])
+    slope, j = np.zeros(3), np.zeros(5)
+    height, width = image.shape
+    for v in range(height):
+        for u in range(width):
+            rx, ry = u - p[FIT_U], v - p[FIT_V]
+            qx, qy = c * rx + s * ry, -s * rx + c * ry
+            share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[FIT_BLUR], slope)
+            if share == 0.0:
+                continue
+            step = p[FIT_GREY] - background[v, u]
+            edge = share * (1.0 - share)
+            whole += edge
+            if visible[v, u] == 0:
+                continue
+            r = image[v, u] - background[v, u] - step * share
+            weight = 0.0
+            if abs(r) < tukey:
+                weight = (1.0 - (r / tukey) ** 2) ** 2
+            seen += edge * weight
+            squares += edge * weight * r * r
+            band += edge * weight
+            difference += abs(step) * share
+            covered += share
+            if weight == 0.0:
+                continue
+            # derivatives by the pose: the axes of the body move and turn
+            j[FIT_U] = -step * (c * slope[0] - s * slope[1])
+            j[FIT_V] = -step * (s * slope[0] + c * slope[1])
+            j[FIT_ANGLE] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
+            j[FIT_GREY], j[FIT_BLUR] = share, step * slope[2]
+            for a in range(5):
+                grad[a] += weight * j[a] * r
+                for b in range(a + 1):
+                    curve[a, b] += weight * j[a] * j[b]
+    return FitSums(seen, whole, squares, band, difference, covered)
+
+
 @njit
 def fit_pose(patch, edges, semi_axes, start, rounds):
     """Fit position, angle, grey and blur of an outline to a patch of a frame by robust Gauss-Newton steps.
@@ -174,56 +234,17 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
     Returns (5,) the fit, (3,) standard errors of u, v, angle, share of the outline that is seen as fitted, and root
     mean square of the residuals in the band of the edge, over the contrast.
     """
-    image, background, visible, noise = patch
     p = start.copy()
-    height, width = image.shape
     curve, grad = np.zeros((5, 5)), np.zeros(5)
-    slope = np.zeros(3)
-    seen, whole, squares, band, contrast = 0.0, 0.0, 0.0, 0.0, 1.0
+    sums, contrast = FitSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
     turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
     reach = max(semi_axes[0], 1.0) if edges.shape[0] == 0 else max(np.max(edges[:, 2]), 1.0)
-    j = np.zeros(5)
     for it in range(rounds):
-        curve[:], grad[:] = 0.0, 0.0
-        seen = whole = squares = band = 0.0
-        c, s = math.cos(p[FIT_ANGLE]), math.sin(p[FIT_ANGLE])
-        difference, n_inside = 0.0, 0.0
         # larger misfits are no part of the block; in the first rounds, far from the solution, they are the signal
-        scale = max(noise, GREY_ROUGHNESS * contrast) if it > 0 else 1e9
+        scale = max(patch.noise, GREY_ROUGHNESS * contrast) if it > 0 else 1e9
         tukey = TUKEY_SIGMAS * scale * (3.0 if it < COARSE_ROUNDS else 1.0)
-        for v in range(height):
-            for u in range(width):
-                rx, ry = u - p[FIT_U], v - p[FIT_V]
-                qx, qy = c * rx + s * ry, -s * rx + c * ry
-                share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[FIT_BLUR], slope)
-                if share == 0.0:
-                    continue
-                step = p[FIT_GREY] - background[v, u]
-                edge = share * (1.0 - share)
-                whole += edge
-                if visible[v, u] == 0:
-                    continue
-                r = image[v, u] - background[v, u] - step * share
-                weight = 0.0
-                if abs(r) < tukey:
-                    weight = (1.0 - (r / tukey) ** 2) ** 2
-                seen += edge * weight
-                squares += edge * weight * r * r
-                band += edge * weight
-                difference += abs(step) * share
-                n_inside += share
-                if weight == 0.0:
-                    continue
-                # derivatives by the pose: the axes of the body move and turn
-                j[FIT_U] = -step * (c * slope[0] - s * slope[1])
-                j[FIT_V] = -step * (s * slope[0] + c * slope[1])
-                j[FIT_ANGLE] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
-                j[FIT_GREY], j[FIT_BLUR] = share, step * slope[2]
-                for a in range(5):
-                    grad[a] += weight * j[a] * r
-                    for b in range(a + 1):
-                        curve[a, b] += weight * j[a] * j[b]
-        contrast = max(difference / max(n_inside, 1e-9), 1e-9)
+        sums = _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad)
+        contrast = max(sums.difference / max(sums.covered, 1e-9), 1e-9)
         for a in range(5):
             for b in range(a):
                 curve[b, a] = curve[a, b]
@@ -239,9 +260,9 @@ def fit_pose(patch, edges, semi_axes, start, rounds):
         if length < CONVERGED_STEP_PX and it > COARSE_ROUNDS:
             break
     inverse = np.linalg.inv(curve)
-    residual = math.sqrt(squares / max(band, 1e-9))
-    sigma = max(noise, residual)
+    residual = math.sqrt(sums.squares / max(sums.band, 1e-9))
+    sigma = max(patch.noise, residual)
     error = np.empty(3)
     for a in range(3):
         error[a] = sigma * math.sqrt(max(inverse[a, a], 0.0))
-    return p, error, seen / max(whole, 1e-9), residual / contrast
+    return p, error, sums.seen / max(sums.whole, 1e-9), residual / contrast

@@ -161,8 +161,8 @@ class Scene:
 def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
-    Exact: the outlines are split at the borders of the pixels, and each piece gives its pixel the area to its right and all
-    pixels beyond its height. All outlines must run the same way around.
+    Exact: the outlines are split at the borders of the pixels; each piece gives its pixel the area to its right, and
+    all pixels beyond its height. All outlines must run in the same sense.
     """
     left, top, right, bottom = box
     width, height = right - left, bottom - top

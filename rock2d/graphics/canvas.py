@@ -1,6 +1,6 @@
 """A pixel canvas (OpenCV; BGR, anti-aliased, sub-pixel): the view that it shows, lines, areas and text on it.
 
-A `View` maps metres to pixels; pixel centres lie at whole numbers, row 0 is at the top.
+A `Viewport` maps metres to pixels; pixel centres lie at whole numbers, row 0 is at the top.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PIXEL_FRACTION_BITS = 6  # of cv2's fixed-point coordinates: 1/64 px
 
 
 @dataclass(frozen=True)
-class View:
+class Viewport:
     """A rectangle of `width_px` x `height_px` whose top left corner shows (left_m, top_m), equal aspect."""
 
     left_m: float
@@ -44,10 +44,10 @@ class View:
         right = self.left_m + self.width_px / self.px_per_m
         return self.left_m, right, self.top_m - self.height_px / self.px_per_m, self.top_m
 
-    def around(self, x_m: float, y_m: float, px_per_m: float, side_px: int) -> View:
+    def around(self, x_m: float, y_m: float, px_per_m: float, side_px: int) -> Viewport:
         """A square view of `side_px` centred on (x_m, y_m)."""
         half = 0.5 * side_px / px_per_m
-        return View(x_m - half, y_m + half, px_per_m, side_px, side_px)
+        return Viewport(x_m - half, y_m + half, px_per_m, side_px, side_px)
 
 
 def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m: float) -> Limits:
@@ -76,24 +76,26 @@ def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m:
     return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
 
-def fitted_view(limits: Limits, width_px: int, height_px: int) -> View:
+def fitted_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
     """The view that holds `limits` at equal aspect, with room for zone names below the ground."""
     wide, high = limits[1] - limits[0], limits[3] - limits[2]
     px_per_m = min(0.92 * width_px / max(wide, 1e-9), 0.78 * height_px / max(high, 1e-9))
     shown_m = height_px / px_per_m
     below = max(0.16 * shown_m, 0.45 * (shown_m - high))
     left = 0.5 * (limits[0] + limits[1]) - 0.5 * width_px / px_per_m
-    return View(left, limits[2] - below + shown_m, px_per_m, width_px, height_px)
+    return Viewport(left, limits[2] - below + shown_m, px_per_m, width_px, height_px)
 
 
-def exact_view(limits: Limits, width_px: int, height_px: int) -> View:
+def exact_view(limits: Limits, width_px: int, height_px: int) -> Viewport:
     """The view centred on `limits` that just holds them, equal aspect. ValueError if they are empty."""
     wide, high = limits[1] - limits[0], limits[3] - limits[2]
     if not (wide > 0 and high > 0 and np.isfinite([*limits]).all()):
         raise ValueError(f"view must be x_min < x_max, y_min < y_max in m, got {limits}")
     px_per_m = min(width_px / wide, height_px / high)
     x, y = 0.5 * (limits[0] + limits[1]), 0.5 * (limits[2] + limits[3])
-    return View(x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px)
+    return Viewport(
+        x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px
+    )
 
 
 def bgr(colour: str) -> tuple[int, int, int]:

@@ -29,12 +29,12 @@ def overlay_figure(
     releases: Sequence[int] | None = None,
     title: str = "",
 ) -> Figure:
-    """Measured (dots) against simulated (lines), a column a release: the way with the block's outline at the
-    start and the end, then height and orientation against time.
+    """Measured (dots) against simulated (lines), a column for each release: the way with the outline of the block at
+    the start and the end, then height and orientation against time.
 
-    `measured` has columns release, block, t_s, x_m, y_m, theta_rad, on the tracks' clock. Without `releases`
+    `measured` has columns release, block, t_s, x_m, y_m, theta_rad, on the clock of the tracks. Without `releases`
     (numbers, at most six are shown) those with the least, the median, the 90 % and the largest rms
-    distance are taken. Raises InputError if nothing measured has a track.
+    distance are shown. Raises InputError if nothing measured has a track.
     """
     pairs = _pairs(measured, simulated)
     shown, notes = _chosen(pairs, releases)
@@ -56,7 +56,6 @@ def overlay_figure(
     for column, ((rows, track), (dots, way), frame, note) in enumerate(
         zip(shown, points, frames, notes, strict=True)
     ):
-        block = blocks[track.block]
         top, height, angle = axes[:, column]
         ground = cross_section.points_m * factor
         deep = ground[:, 1].min() - 10 * high * factor
@@ -64,34 +63,49 @@ def overlay_figure(
         top.plot(*ground.T, color=INK, lw=1.2)
         top.plot(*(way * factor).T, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
         top.plot(*(dots * factor).T, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
-        first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
-        final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
-        _outline(top, block, first, factor, MEASURED_COLOUR, "-", 0.10)
-        _outline(top, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
-        _outline(top, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)), 0.0)
+        _draw_outlines(top, blocks[track.block], rows, track, factor)
         top.set_aspect("equal")
         left = 0.5 * (frame[0] + frame[1] - wide)
         top.set_xlim(left * factor, (left + wide) * factor)
         top.set_ylim(frame[2] * factor, (frame[2] + high) * factor)
         top.set_title(plain_text(note), fontsize=SMALL_PT + 0.5)
         top.set_xlabel(f"x ({unit})", labelpad=1)
-
-        t = rows["t_s"].to_numpy(float)
-        fine = np.linspace(t[0], t[-1], 1200)
-        states = track.states(fine)
-        for axis, values, line in (
-            (height, rows["y_m"] * factor, states[:, 1] * factor),
-            (angle, rows["theta_rad"], states[:, 2]),
-        ):
-            axis.plot(fine, line, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
-            axis.plot(t, values, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
-            axis.grid(color="#e4e4e4", lw=0.6)
-            axis.set_xlim(t[0], t[-1])
-        height.tick_params(labelbottom=False)
-        angle.set_xlabel("time (s)")
+        _draw_histories(height, angle, rows, track, factor)
         for axis, label in ((top, f"y ({unit})"), (height, f"y ({unit})"), (angle, "orientation (rad)")):
             if column == 0:
                 axis.set_ylabel(label)
+    _draw_legend(figure, columns)
+    finish(figure, title)
+    return figure
+
+
+def _draw_outlines(axis: Any, block: Block, rows: pd.DataFrame, track: Track, factor: float) -> None:
+    """The block at the measured start and end, and where the simulation ends."""
+    first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
+    final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
+    _outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
+    _outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
+    _outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)), 0.0)
+
+
+def _draw_histories(height: Any, angle: Any, rows: pd.DataFrame, track: Track, factor: float) -> None:
+    """Height and orientation against time, measured and simulated."""
+    t = rows["t_s"].to_numpy(float)
+    fine = np.linspace(t[0], t[-1], 1200)
+    states = track.states(fine)
+    for axis, values, line in (
+        (height, rows["y_m"] * factor, states[:, 1] * factor),
+        (angle, rows["theta_rad"], states[:, 2]),
+    ):
+        axis.plot(fine, line, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
+        axis.plot(t, values, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
+        axis.grid(color="#e4e4e4", lw=0.6)
+        axis.set_xlim(t[0], t[-1])
+    height.tick_params(labelbottom=False)
+    angle.set_xlabel("time (s)")
+
+
+def _draw_legend(figure: Figure, columns: int) -> None:
     handles = [
         handle("measured", marker=".", ls="none", color=MEASURED_COLOUR, ms=7),
         handle("simulated", color=SIMULATED_COLOUR, lw=1.5),
@@ -107,8 +121,6 @@ def overlay_figure(
         frameon=False,
         fontsize=SMALL_PT + 0.5,
     )
-    finish(figure, title)
-    return figure
 
 
 def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.DataFrame, Track]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.graphics.canvas import (
     PIXEL_FRACTION_BITS,
-    View,
+    Viewport,
     bgr,
     draw_text,
     fill,
@@ -34,7 +34,7 @@ def zone_tones(cross_section: CrossSection) -> dict[str, str]:
 
 
 def ground_image(
-    cross_section: CrossSection, view: View, depth_px: float, *, surface_px: float = 2.0
+    cross_section: CrossSection, view: Viewport, depth_px: float, *, surface_px: float = 2.0
 ) -> Array:
     """The cross-section as a BGR image (height_px, width_px, 3): sky, ground tinted by the zone of the
     nearest facet down to about `depth_px`, surface line.
@@ -77,7 +77,7 @@ def ground_image(
     return image
 
 
-def draw_measure_lines(image: Array, cross_section: CrossSection, view: View, thick_px: float) -> None:
+def draw_measure_lines(image: Array, cross_section: CrossSection, view: Viewport, thick_px: float) -> None:
     """Dashed measure lines."""
     for line in cross_section.measure_lines.values():
         a, b = view.pixels(line)
@@ -89,7 +89,7 @@ def draw_measure_lines(image: Array, cross_section: CrossSection, view: View, th
 
 
 @dataclass(frozen=True)
-class Name:
+class PlacedName:
     """A name in its place: the box its text fills and, where it lies apart from what it names, a leader."""
 
     text: str
@@ -99,11 +99,11 @@ class Name:
 
 
 def placed_names(
-    cross_section: CrossSection, view: View, size_px: int, avoid_px: Array | None = None
-) -> list[Name]:
+    cross_section: CrossSection, view: Viewport, size_px: int, avoid_px: Array | None = None
+) -> list[PlacedName]:
     """Places for the names of zones (under the ground) and of measure lines (beside their ends, off the
     points `avoid_px` where possible). A zone's name that finds no room in the view is left out."""
-    names: list[Name] = []
+    names: list[PlacedName] = []
     taken: list[Box] = []
     gap = 0.4 * size_px
     surface = view.pixels(cross_section.points_m)
@@ -122,17 +122,17 @@ def placed_names(
         taken.append(box)
         apart = y - at[1] > 1.5 * size_px
         leader = np.array([[at[0], at[1] + 0.4 * gap], [at[0], y - 0.1 * gap]]) if apart else None
-        names.append(Name(text, box, NAME_INK, leader))
+        names.append(PlacedName(text, box, NAME_INK, leader))
     busy = np.empty((0, 2)) if avoid_px is None else avoid_px
     for name, line in cross_section.measure_lines.items():
         text = name.replace("_", " ")
         box = _line_label(view.pixels(line), surface, text_size(text, size_px), gap, taken, bounds, busy)
         taken.append(box)
-        names.append(Name(text, box, LINE_INK))
+        names.append(PlacedName(text, box, LINE_INK))
     return names
 
 
-def draw_names(image: Array, names: Sequence[Name], size_px: int) -> None:
+def draw_names(image: Array, names: Sequence[PlacedName], size_px: int) -> None:
     """Names on a canvas; those of measure lines, which lie in the air, with a halo."""
     for name in names:
         if name.leader_px is not None:
@@ -142,7 +142,7 @@ def draw_names(image: Array, names: Sequence[Name], size_px: int) -> None:
 
 
 def draw_block(
-    image: Array, view: View, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
+    image: Array, view: Viewport, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
 ) -> None:
     """Draw `block` at `pose` (x_m, y_m, theta_rad): "solid" with an orientation mark (a pale half and a dot
     on a smooth profile, a pale corner on a polygon), "ghost" (translucent) or "hollow" (outline)."""
@@ -192,7 +192,7 @@ def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
     return a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
 
 
-def _visible_runs(cross_section: CrossSection, surface: Array, view: View) -> list[tuple[str, Array]]:
+def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -> list[tuple[str, Array]]:
     """Zone name and anchor (middle of what is seen, px) of each run of facets of one zone."""
     runs: list[tuple[str, list[Array]]] = []
     for i, zone in enumerate(cross_section.zones):

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.errors import InputError
-from rock2d.graphics.canvas import Limits, View, fitted_view, motion_limits
+from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle, plain_text
 from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SKY, block_colours
 from rock2d.graphics.scenery import ground_image, placed_names
@@ -74,7 +74,7 @@ def trajectories_figure(
 
 
 def draw_cross_section(
-    axis: Any, cross_section: CrossSection, view: View, ways: Array, axis_in: float
+    axis: Any, cross_section: CrossSection, view: Viewport, ways: Array, axis_in: float
 ) -> None:
     """The ground with zones and measure lines, their names off the points `ways` (n, 2), on an axis `axis_in` wide."""
     from matplotlib.patheffects import withStroke

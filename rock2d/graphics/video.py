@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.graphics.canvas import Limits, View, exact_view, fitted_view, motion_limits
+from rock2d.graphics.canvas import Limits, Viewport, exact_view, fitted_view, motion_limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR, block_colours
 from rock2d.graphics.video_file import Progress, write_video
@@ -107,8 +107,8 @@ def panel_views(
     series: Sequence[Clip] | Sequence[Sequence[Clip]],
     options: VideoOptions = DEFAULT_OPTIONS,
     panels: int = 1,
-) -> list[tuple[int, int, View]]:
-    """Where a picture shows what: left and top pixel of each panel, and its `View` relative to that corner."""
+) -> list[tuple[int, int, Viewport]]:
+    """Where a picture shows what: left and top pixel of each panel, and its `Viewport` relative to that corner."""
     layout = Layout(options.size_px, panels)
     view = _common_view(cross_section, blocks, _with_labels(_scenes(series), blocks), layout, options.view)
     return [(left, layout.top, view) for left in layout.lefts]
@@ -151,7 +151,7 @@ def _common_view(
     scenes: Sequence[Sequence[Clip]],
     layout: Layout,
     limits: Limits | None,
-) -> View:
+) -> Viewport:
     if limits is not None:
         return exact_view(limits, layout.panel_width, layout.panel_height)
     clips = [c for scene in scenes for c in scene]

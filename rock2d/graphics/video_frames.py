@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rock2d.graphics.canvas import View, bgr, draw_text, fill, polyline, text_size
+from rock2d.graphics.canvas import Viewport, bgr, draw_text, fill, polyline, text_size
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import INK
 from rock2d.graphics.video_options import VideoOptions
@@ -60,7 +60,7 @@ class Frames:
                         self._difference(frame, clips[0], clip, t, left + self.layout.panel_width)
                 yield frame
 
-    def _sheet(self, view: View, clips: Sequence[Clip], panels: int, title: str) -> Array:
+    def _sheet(self, view: Viewport, clips: Sequence[Clip], panels: int, title: str) -> Array:
         """What stays the same over a scene: title, slow motion, scale bar, legend."""
         lay, unit = self.layout, self.layout.unit
         sheet = np.full((lay.height, lay.width, 3), bgr(PAPER), np.uint8)

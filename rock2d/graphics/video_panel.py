@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from rock2d.graphics.canvas import View, draw_text, fill, polyline, text_size
+from rock2d.graphics.canvas import Viewport, draw_text, fill, polyline, text_size
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import INK, SKY, mixed
 from rock2d.graphics.scenery import (
@@ -49,7 +49,7 @@ class Panel:
         blocks: Mapping[str, Block],
         clips: Sequence[Clip],
         ghosts: Sequence[Clip],
-        view: View,
+        view: Viewport,
         label: str,
         all_clips: Sequence[Clip],
     ) -> None:
@@ -95,7 +95,7 @@ class Panel:
                     colour = mixed(clip.colour, SKY, 0.6 * old)
                     polyline(image, self.view.pixels(piece), colour, (2 + 2 * (1 - old)) * self.unit)
 
-    def _blocks(self, image: Array, view: View, t_s: float) -> None:
+    def _blocks(self, image: Array, view: Viewport, t_s: float) -> None:
         for clip in self.ghosts:
             pose = clip.pose(t_s)
             if pose:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.graphics.canvas import View, bgr
+from rock2d.graphics.canvas import Viewport, bgr
 from rock2d.graphics.clips import Clip, clip_from_measured, clip_from_track
 from rock2d.graphics.palette import SKY
 from rock2d.graphics.scenery import ground_image, zone_tones
@@ -207,7 +207,7 @@ def test_ground_under_an_overhang_is_air_and_a_vertical_facing_has_its_own_tone(
     cross_section = CrossSection(
         [[0, 0], [1, 0], [1, 1], [0.6, 1.2], [2, 1.2]], ["floor", "wall", "roof", "top"]
     )  # the roof leans out over the floor
-    view = View(0.0, 2.0, 100.0, 200, 220)
+    view = Viewport(0.0, 2.0, 100.0, 200, 220)
     image = ground_image(cross_section, view, 20)
 
     def tone(x_m: float, y_m: float) -> list[int]:

@@ -18,7 +18,7 @@ from rock2d_tracking.synthetic.faults import HEAP_CORNERS, Faults, heap_m, shado
 
 Array = np.ndarray
 Pose = tuple[float, float, float]
-Box = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
+PixelBox = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
 Window = tuple[slice, slice]
 
 SMOOTH_CORNERS = 512  # of the polygon for a smooth profile
@@ -158,7 +158,7 @@ class Scene:
         return seen
 
 
-def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
+def coverage(outlines_px: Sequence[Array], box: PixelBox) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
     Exact: the outlines are split at the borders of the pixels; each piece gives its pixel the area to its right, and

@@ -236,10 +236,10 @@ def track(video, config, out, frames, quiet) -> None:
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Film EXPERIMENT synthetically, with its truth and a set-up file beside it: what a tracker is tested on."""
-    from rock2d_tracking.command import Shown, film
+    from rock2d_tracking.command import FilmFormat, film
 
-    shown = Shown(tuple(size), releases)
-    film(experiment, out, shown, faults=faults, seed=seed, progress=not quiet, report=click.echo)
+    film_format = FilmFormat(tuple(size), releases)
+    film(experiment, out, film_format, faults=faults, seed=seed, progress=not quiet, report=click.echo)
 
 
 @cli.command("import")

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 import shapely
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.synthetic.faults import MODERATE, SEVERE, Faults, impacts
+from rock2d_tracking.synthetic.faults import MODERATE, SEVERE, Faults, vertical_jumps
 from rock2d_tracking.synthetic.film import TRUTH_COLUMNS, FilmOptions, Shot, film_frames, write_film
 from rock2d_tracking.synthetic.scene import Look, coverage
 
@@ -219,10 +219,10 @@ def test_impacts_are_found_where_the_block_bounces():
     height = np.abs(0.12 * np.cos(np.pi * t / 0.2))  # bounces at 0.1 s and 0.3 s
     noisy = height + np.random.default_rng(0).normal(0.0, 3e-4, len(t))
     for y in (height, noisy):
-        rows, jumps = zip(*impacts(t, y, 3e-4), strict=True)
+        rows, jumps = zip(*vertical_jumps(t, y, 3e-4), strict=True)
         assert np.array(rows) == pytest.approx([100, 300], abs=2)
         assert np.array(jumps) == pytest.approx(2 * 0.12 * np.pi / 0.2, rel=0.1)
-    assert not list(impacts(t, 1 + t - 4.9 * t**2, 0.0))
+    assert not list(vertical_jumps(t, 1 + t - 4.9 * t**2, 0.0))
 
 
 def test_dust_rises_at_the_impact_and_fades():

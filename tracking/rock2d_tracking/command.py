@@ -29,8 +29,8 @@ FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
 
 
-class Shown(NamedTuple):
-    """What a synthetic film shows: size of its pictures (width, height) and number of releases, None for all."""
+class FilmFormat(NamedTuple):
+    """Format of a synthetic film: size of its pictures (width, height) and number of releases, None for all."""
 
     size_px: tuple[int, int]
     releases: int | None
@@ -87,7 +87,7 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
 def film(
     experiment_folder: Path,
     out: Path,
-    shown: Shown,
+    film_format: FilmFormat,
     *,
     faults: str,
     seed: int,
@@ -108,10 +108,10 @@ def film(
     experiment = read_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
-    numbers = experiment.trajectories["release"].unique()[: shown.releases].tolist()
-    camera = _whole_view(experiment, shown.size_px)
+    numbers = experiment.trajectories["release"].unique()[: film_format.releases].tolist()
+    camera = _whole_view(experiment, film_format.size_px)
     options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
-    shots = film_frames(experiment, camera, shown.size_px, options)
+    shots = film_frames(experiment, camera, film_format.size_px, options)
     with tqdm(unit="frame", disable=not progress) as bar:
 
         def counted():
@@ -119,7 +119,7 @@ def film(
                 bar.update()
                 yield shot
 
-        write_film(out, counted(), shown.size_px, FILM_PLAYED_FPS, options.faults.quality, truth=True)
+        write_film(out, counted(), film_format.size_px, FILM_PLAYED_FPS, options.faults.quality, truth=True)
     setup = out.with_suffix(".yaml")
     first = experiment.trajectories.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])

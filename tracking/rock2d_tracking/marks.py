@@ -11,9 +11,7 @@ RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, ove
 REFERENCE_UPDATE = 0.05  # share of each frame that the reference takes over
 SMALLEST_CORRELATION = 0.5  # with the reference; below it the marks are not recognised
 HIGHEST_HARMONIC = 40  # of the angle that is compared; finer ones are noise
-SMALLEST_MARK_CONTRAST = (
-    0.05  # standard deviation of the grey values, over the contrast; below it there are no marks
-)
+SMALLEST_MARK_CONTRAST = 0.05  # standard deviation of the grey values over the contrast; below it no marks
 
 
 class Marks:

@@ -18,9 +18,7 @@ from rock2d_tracking.sights import FollowedRelease, Sight
 Array = np.ndarray
 
 COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
-JUMP_SIGMAS = (
-    6.0  # largest distance of a frame from the parabola through its neighbours, in standard deviations
-)
+JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
 SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
 COMPARED_STEPS = 3  # steps on each side that a step is compared with
 SMALLEST_NOISE_PX = 0.01  # of the positions in a film without noise

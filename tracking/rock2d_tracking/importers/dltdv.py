@@ -22,12 +22,12 @@ from rock2d_tracking.delimited_text import cells, number, separator_of
 from rock2d_tracking.importers import Importer
 from rock2d_tracking.tracked_points import Points
 
-NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
+COLUMN_NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
 
 
 def looks_like(text: str) -> bool:
     """If the text begins with the name of a DLTdv point."""
-    return NAME.match(text.lstrip().lstrip('"')) is not None
+    return COLUMN_NAME.match(text.lstrip().lstrip('"')) is not None
 
 
 def read(path: Path, text: str) -> Points:
@@ -37,7 +37,7 @@ def read(path: Path, text: str) -> Points:
     header = cells(first, separator)
     tracks: dict[str, dict[str, int]] = {}
     for j, cell in enumerate(header):
-        match = NAME.fullmatch(cell)
+        match = COLUMN_NAME.fullmatch(cell)
         if not match:
             raise InputError(f"column {shown(cell)}: expected names as pt1_cam1_X, pt1_cam1_Y", path, top)
         if match[2] in "Zz":

@@ -28,7 +28,7 @@ from rock2d_tracking.tracked_points import Points
 
 TEXT_TITLE = "#kinovea"
 TIMECODE = re.compile(r"(-?)(\d+):(\d\d):(\d\d)[:.,](\d+)")
-COORDINATE = re.compile(r"(?:(.*?)(?:/0)?/)?([XY])")
+COORDINATE_NAME = re.compile(r"(?:(.*?)(?:/0)?/)?([XY])")
 
 
 def looks_like(text: str) -> bool:
@@ -56,7 +56,7 @@ def _read_csv(path: Path, text: str) -> Points:
     in_s = 1e-3 if "(ms)" in header[0] else 1.0
     tracks: dict[str, dict[str, int]] = {}
     for j, cell in enumerate(header[1:], 1):
-        match = COORDINATE.fullmatch(cell)
+        match = COORDINATE_NAME.fullmatch(cell)
         if not match:
             message = f"column {shown(cell)} is no coordinate: expected a track's NAME/X and NAME/Y"
             raise InputError(f"{message}; export the trajectories, not a diagram's data", path, top)

@@ -28,7 +28,7 @@ from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN_COLUMNS = ("t", "frame", "x", "y", "theta_rad")
+WRITTEN_COLUMNS = ("t", "frame", "x", "y", "theta_rad")
 
 
 def looks_like(text: str) -> bool:
@@ -79,7 +79,7 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
     texts = {}
     for release, rows in trajectories.groupby("release", sort=False):
         name = f"{rows['block'].iloc[0]}_release_{release}".replace(" ", "_")
-        lines = [name, "\t".join(OWN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
+        lines = [name, "\t".join(WRITTEN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
         texts[path.with_stem(f"{path.stem}_{release}") if several else path] = "\n".join(lines) + "\n"
     for target, text in texts.items():
         write_whole(target, text)

@@ -212,7 +212,7 @@ def shadow(
     return Shadow(middle, np.array([half, 0.45 * half]), darkness * np.exp(-height / 6.0))
 
 
-def impacts(t_s: Array, y_m: Array, noise_m: float) -> Iterator[tuple[int, float]]:
+def vertical_jumps(t_s: Array, y_m: Array, noise_m: float) -> Iterator[tuple[int, float]]:
     """Rows at which the vertical velocity jumps up, and the jumps in m/s; `noise_m` is that of the heights."""
     if len(t_s) < 3:
         return
@@ -274,7 +274,7 @@ def puffs(
 ) -> list[Puff]:
     """The puffs of dust that a moving block raises at its impacts; `dust` as in `Faults`."""
     block, t_s, poses_m, noise_m = motion
-    found = list(impacts(t_s, poses_m[:, 1], noise_m))
+    found = list(vertical_jumps(t_s, poses_m[:, 1], noise_m))
     hardest, raised = max((jump for _, jump in found), default=1.0), []
     for row, jump in found:
         x = poses_m[row, 0]

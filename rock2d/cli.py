@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import click
+from rock2d_tracking.importers import importer_names
+from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
 OUTPUT = click.Choice(["ends", "crossings", "impacts", "samples"])
@@ -226,7 +228,7 @@ def track(video, config, out, frames, quiet) -> None:
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Film to write (.avi).")
 @click.option("--size", nargs=2, type=click.IntRange(64, 8192), default=(1280, 800), show_default=True,
               help="Width and height in px.")  # fmt: skip
-@click.option("--faults", type=click.Choice(["clean", "moderate", "severe"]), default="clean", show_default=True,
+@click.option("--faults", type=click.Choice(FAULT_LEVEL_NAMES), default="clean", show_default=True,
               help="Noise, blur, dust, shadow, burial, lost frames, compression ...")  # fmt: skip
 @click.option("--releases", type=click.IntRange(1), help="Only the first ones.")
 @click.option(
@@ -235,16 +237,16 @@ def track(video, config, out, frames, quiet) -> None:
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
     """Film EXPERIMENT synthetically, with its truth and a set-up file beside it: what a tracker is tested on."""
-    from rock2d_tracking.command import film
+    from rock2d_tracking.command import FilmFormat, film
 
-    film(experiment, out, size_px=tuple(size), faults=faults, releases=releases, seed=seed, progress=not quiet,
-         report=click.echo)  # fmt: skip
+    film_format = FilmFormat(tuple(size), releases)
+    film(experiment, out, film_format, faults=faults, seed=seed, progress=not quiet, report=click.echo)
 
 
 @cli.command("import")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--kind", type=click.Choice(["tracker", "kinovea", "dltdv", "deeplabcut"]), required=True,
-              help="Program that wrote the files, one a film.")  # fmt: skip
+@click.option("--kind", type=click.Choice(importer_names()), required=True,
+              help="Program that wrote the files, one for each film.")  # fmt: skip
 @click.option("--config", type=click.Path(path_type=Path), required=True,
               help="setup.yaml; its scale and origin are in the files' unit of length.")  # fmt: skip
 @click.option("--y", type=click.Choice(["up", "down"]), required=True, help="Where the files' y grows.")
@@ -255,14 +257,14 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--min-confidence", type=float, help="Points below it were not seen (DeepLabCut).")
 @click.option("--gap-frames", type=click.IntRange(1), help="More lost frames than this separate releases.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
-def import_(
-    files, kind, config, y, block, marks, centroid, file_fps, min_confidence, gap_frames, out
-) -> None:
-    """Make an experiment of FILES that another program tracked (Tracker, Kinovea, DLTdv, DeepLabCut)."""
+def import_(files, kind, config, y, block, out, **options) -> None:
+    """Make an experiment of FILES that another program tracked."""
     from rock2d_tracking.command import import_files
+    from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
-    import_files(files, kind, config, out, y=y, block=block, marks=marks, centroid=centroid, file_fps=file_fps,
-                 min_confidence=min_confidence, gap_frames=gap_frames, report=click.echo)  # fmt: skip
+    import_files(
+        TrackedFiles(files, kind, y), config, out, ImportOptions(**options), block=block, report=click.echo
+    )
 
 
 @cli.command()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from rock2d.files.scenario import load_scenario
-from rock2d.graphics.plots import save_figure
+from rock2d.graphics.figure_style import save_figure
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.runs.run import simulate

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
-from rock2d.graphics.plots import blank_figure, finish, handle
+from rock2d.graphics.figure_style import blank_figure, finish, handle
 from rock2d.runs.indicators import wilson_interval
 from rock2d_figures.style import SMALL_PT
 

@@ -29,8 +29,8 @@ from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.graphics.figure_style import blank_figure, save_figure
 from rock2d.graphics.palette import block_colours
-from rock2d.graphics.plots import blank_figure, save_figure
 from rock2d.laws.contact import parameter_table
 from rock2d.runs.incident_states import starts
 from rock2d.scene.cross_section import CrossSection

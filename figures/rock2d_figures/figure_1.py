@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.graphics.plots import blank_figure, draw_cross_section, finish
+from rock2d.graphics.figure_style import blank_figure, finish
+from rock2d.graphics.trajectories import draw_cross_section
 from rock2d.reproduction.hypotheses import hypothesis_cross_section
 from rock2d.reproduction.results import Results
 from rock2d_figures.style import setup_view, with_short_lines

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.graphics.plots import blank_figure, draw_cross_section, finish, positions_of
+from rock2d.graphics.figure_style import blank_figure, finish
+from rock2d.graphics.trajectories import draw_cross_section, positions_of
 from rock2d.runs.run import RunResult
 from rock2d_figures.style import STYLES, TEXT_PT, setup_view, with_short_lines
 

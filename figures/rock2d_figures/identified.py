@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rock2d.graphics.plots import blank_figure, finish, handle
+from rock2d.graphics.figure_style import blank_figure, finish, handle
 from rock2d_figures.style import SMALL_PT, STYLES
 
 

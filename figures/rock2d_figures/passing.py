@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rock2d.graphics.plots import blank_figure, finish, handle
+from rock2d.graphics.figure_style import blank_figure, finish, handle
 from rock2d_figures.style import SMALL_PT, STYLES, spelled
 
 MARKER_SHIFT = {"experiment": -0.3, "deterministic": -0.1, "probabilistic": 0.1}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.graphics.drawing import View, fitted_view
+from rock2d.graphics.canvas import Viewport, fitted_view
 from rock2d.graphics.palette import BLOCK_COLOURS, MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.scene.cross_section import CrossSection
 
@@ -26,7 +26,7 @@ def spelled(name: str) -> str:
     return name.replace("_", " ")
 
 
-def setup_view(cross_section: CrossSection, width_px: int) -> tuple[View, float]:
+def setup_view(cross_section: CrossSection, width_px: int) -> tuple[Viewport, float]:
     """The part of a set-up that figures show, and its height over its width."""
     rise = cross_section.embankment
     assert rise is not None

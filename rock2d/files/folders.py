@@ -61,17 +61,28 @@ def make_folder(path: Path) -> None:
         raise InputError(f"cannot be written: {error.strerror}", path) from None
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a text file under another name and rename it: never half there; InputError where it cannot be."""
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Give a temporary sibling path with the same suffix; it becomes `path` only if the block ends without error.
+
+    After an error or an interrupt `path` is as it was.
+    """
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
-        partial.write_text(text, encoding="utf-8")
+        yield partial
         os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path) from None
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file under another name and rename it: never half there; InputError where it cannot be."""
+    try:
+        with atomic_file(path) as partial:
+            partial.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", path) from None
 
 
 def path_inside(folder: str | Path, relative: str) -> Path:

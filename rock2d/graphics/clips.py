@@ -1,4 +1,4 @@
-"""Clips: the motion of one block, simulated or measured, as video draws it."""
+"""Clips: the motion of one block, simulated or measured, for videos."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Clip:
         return x, y, theta
 
     def path(self, start_s: float, end_s: float) -> list[Array]:
-        """The way of the centroid between two times: pieces of (n, 2) m, cut where frames are lost."""
+        """The way of the centroid between two times: pieces of (n, 2) m, interrupted where frames are lost."""
         start, end = max(start_s, float(self.t_s[0])), min(end_s, float(self.t_s[-1]))
         if end <= start:
             return []

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.folders import atomic_file
 
 Array = np.ndarray
 Progress = Callable[[int, int], None]
 
-_CODECS = {".webm": ("VP90", "VP9"), ".mp4": ("mp4v", "MPEG-4")}
-_QUICK = ("VP80", "VP8")
+CODECS = {".webm": ("VP90", "VP9"), ".mp4": ("mp4v", "MPEG-4")}
+QUICK_CODEC = ("VP80", "VP8")
 
 
 def write_video(
@@ -38,36 +39,30 @@ def write_video(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in _CODECS:
+    if suffix not in CODECS:
         raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
-    code, codec = _QUICK if quick and suffix == ".webm" else _CODECS[suffix]
-    other = next(s for s in _CODECS if s != suffix)
+    code, codec = QUICK_CODEC if quick and suffix == ".webm" else CODECS[suffix]
+    other = next(s for s in CODECS if s != suffix)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # the container is chosen by the suffix, so the unfinished file keeps it
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{suffix}")
-    writer = None
-    try:
+    with atomic_file(path) as part:
         writer = opened(part, code, fps, size_px)
-        if not writer.isOpened():
-            raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
-        for done, frame in enumerate(frames, 1):
-            writer.write(frame)
-            if progress:
-                progress(done, count)
-        writer.release()
+        try:
+            if not writer.isOpened():
+                raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
+            for done, frame in enumerate(frames, 1):
+                writer.write(frame)
+                if progress:
+                    progress(done, count)
+        finally:
+            writer.release()
         if not part.exists() or part.stat().st_size == 0:
             raise InputError(f"{path}: nothing could be written")
-        os.replace(part, path)
-    finally:
-        if writer is not None:
-            writer.release()
-        part.unlink(missing_ok=True)
     return path
 
 
 def opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
-    """A writer, opened with stderr away: OpenCV prints a needless warning on the tag of VP9 in WebM, and on a
-    missing codec a page of them; `isOpened` tells all there is to tell."""
+    """A writer, opened without stderr: OpenCV warns about the tag of VP9 in WebM, which is right, and prints a page
+    about a missing codec, which `isOpened` reports as well."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:

@@ -81,9 +81,13 @@ def write_comparison(
     result: RunResult, simulated: Experiment, folder: Path, *, progress: bool = True
 ) -> dict[str, pd.DataFrame]:
     """Overlay and residual figures and a side-by-side video into `folder`; returns the residual tables."""
-    from rock2d.graphics import plots
+    from rock2d.graphics.clips import clip_from_measured, clip_from_track
+    from rock2d.graphics.figure_style import save_figure
+    from rock2d.graphics.overlays import overlay_figure
     from rock2d.graphics.progress import frame_bar
-    from rock2d.graphics.video import clip_from_measured, clip_from_track, side_by_side
+    from rock2d.graphics.residuals import residuals_figure
+    from rock2d.graphics.video import side_by_side
+    from rock2d.graphics.video_options import VideoOptions
 
     film = result.scenario.experiment
     assert film is not None and film.trajectories is not None and simulated.trajectories is not None
@@ -92,16 +96,17 @@ def write_comparison(
     noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
     summary = residual_summary(residuals, result.tracks, noise)
     title = f"{film.name}: measured against simulated"
-    overlay = plots.overlay_figure(result.cross_section, result.blocks, ran, result.tracks, title=title)
-    plots.save_figure(overlay, folder / "overlay.png")
-    plots.save_figure(plots.residuals_figure(residuals, title), folder / "residuals.png")
+    overlay = overlay_figure(result.cross_section, result.blocks, ran, result.tracks, title=title)
+    save_figure(overlay, folder / "overlay.png")
+    save_figure(residuals_figure(residuals, title), folder / "residuals.png")
     shown = _typical(residuals)
     track = next(t for t in result.tracks if t.release == shown)
     with frame_bar("side by side", progress) as show:
         side_by_side(
             folder / "side_by_side.webm", result.cross_section, result.blocks,
             [clip_from_measured(ran[ran["release"] == shown])], [clip_from_track(track)],
-            slow_motion=result.scenario.outputs.slow_motion, title=f"{film.name}, release {shown}", progress=show,
+            VideoOptions(slow_motion=result.scenario.outputs.slow_motion, titles=(f"{film.name}, release {shown}",)),
+            show,
         )  # fmt: skip
     return {"residuals": residuals, "residual_summary": summary}
 

@@ -242,7 +242,8 @@ def write_results(
     from rock2d import __version__
     from rock2d.files.experiment import Experiment, write_experiment_files
     from rock2d.files.folders import atomic_folder
-    from rock2d.graphics import plots
+    from rock2d.graphics.figure_style import save_figure
+    from rock2d.graphics.trajectories import trajectories_figure
     from rock2d.runs import indicators
 
     scenario, outputs = result.scenario, result.scenario.outputs
@@ -285,8 +286,8 @@ def write_results(
             "rock2d": __version__,
         }  # fmt: skip
         (folder / "run.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-        figure = plots.trajectories_figure(result.cross_section, result.blocks, result.tracks, title)
-        plots.save_figure(figure, folder / "trajectories.png")
+        figure = trajectories_figure(result.cross_section, result.blocks, result.tracks, title)
+        save_figure(figure, folder / "trajectories.png")
         if video:
             write_video(result, folder / "trajectories.webm", title, progress=progress)
     return tables
@@ -294,8 +295,10 @@ def write_results(
 
 def write_video(result: RunResult, path: Path, title: str, *, progress: bool = True, **options: Any) -> None:
     """Film of the first releases of each block, one scene a release number."""
+    from rock2d.graphics.clips import clip_from_track
     from rock2d.graphics.progress import frame_bar
-    from rock2d.graphics.video import clip_from_track, render_video
+    from rock2d.graphics.video import render_video
+    from rock2d.graphics.video_options import VideoOptions
 
     outputs = result.scenario.outputs
     of_block = [[t for t in result.tracks if t.block == name] for name in result.blocks]
@@ -304,6 +307,6 @@ def write_video(result: RunResult, path: Path, title: str, *, progress: bool = T
         for i in range(outputs.video_releases)
     ]
     with frame_bar("video", progress) as show:
-        options = {"slow_motion": outputs.slow_motion, **options}
+        own = VideoOptions(**{"slow_motion": outputs.slow_motion, "titles": (title,), **options})
         scenes = [scene for scene in scenes if scene]
-        render_video(path, result.cross_section, result.blocks, scenes, title=title, progress=show, **options)
+        render_video(path, result.cross_section, result.blocks, scenes, own, show)

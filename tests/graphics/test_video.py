@@ -8,10 +8,12 @@ import pandas as pd
 import pytest
 
 from rock2d.errors import InputError
+from rock2d.graphics.canvas import Viewport, bgr
 from rock2d.graphics.clips import Clip, clip_from_measured, clip_from_track
-from rock2d.graphics.drawing import View, bgr, ground_image, zone_tones
 from rock2d.graphics.palette import SKY
+from rock2d.graphics.scenery import ground_image, zone_tones
 from rock2d.graphics.video import panel_views, render_video, side_by_side
+from rock2d.graphics.video_options import VideoOptions
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -22,6 +24,7 @@ BLOCKS = {
     "cube": make_block("cube", "square", 0.02, side_m=0.1),
 }
 SIZE = (480, 320)
+SMALL = VideoOptions(size_px=SIZE)
 VIEW = (0.0, 1.0, -0.1, 0.5)
 BLUE = "#0040ff"
 
@@ -54,8 +57,9 @@ def test_video_lasts_as_long_as_the_slow_motion_says(tmp_path, slow_motion, suff
     path = tmp_path / f"a{suffix}"
     steps = []
     render_video(
-        path, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)], fps_video=20, slow_motion=slow_motion,
-        size_px=SIZE, hold_s=0.5, progress=lambda done, total: steps.append((done, total)),
+        path, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)],
+        VideoOptions(fps_video=20, slow_motion=slow_motion, size_px=SIZE, hold_s=0.5),
+        lambda done, total: steps.append((done, total)),
     )  # fmt: skip
     film = cv2.VideoCapture(str(path))
     frames = pictures(path)
@@ -69,12 +73,11 @@ def test_video_lasts_as_long_as_the_slow_motion_says(tmp_path, slow_motion, suff
 
 def test_scenes_are_shown_one_after_another_each_on_its_own_clock(tmp_path):
     scenes = [[clip("ball", (0.2, 0.8), 0.2)], [clip("cube", (0.2, 0.8), 0.2, colour=BLUE)]]
-    path = render_video(
-        tmp_path / "a.webm", FLOOR, BLOCKS, scenes, slow_motion=2, size_px=SIZE, hold_s=0, view=VIEW
-    )
+    options = VideoOptions(slow_motion=2, size_px=SIZE, hold_s=0, view=VIEW)
+    path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, scenes, options)
     frames = pictures(path)
     assert len(frames) == 22
-    left, top, view = panel_views(FLOOR, BLOCKS, scenes, SIZE, view=VIEW)[0]
+    left, top, view = panel_views(FLOOR, BLOCKS, scenes, options)[0]
     x, y = np.rint(view.pixels(np.array([0.2 + 0.04, 0.2 + 0.04]))[0]).astype(int) + np.array([left, top])
     assert len(like(frames[11][y - 2 : y + 3, x - 2 : x + 3], BLUE)) > 10  # the cube starts at the left again
     assert not len(like(frames[10][y - 2 : y + 3, x - 2 : x + 3], BLUE))
@@ -83,20 +86,11 @@ def test_scenes_are_shown_one_after_another_each_on_its_own_clock(tmp_path):
 @pytest.mark.parametrize("block", ["ball", "cube"])
 def test_block_is_drawn_where_it_is(tmp_path, block):
     motion = [clip(block, (0.2, 0.8), 0.25, theta_rad=0.4)]
-    path = render_video(
-        tmp_path / "a.webm",
-        FLOOR,
-        BLOCKS,
-        motion,
-        slow_motion=2,
-        size_px=SIZE,
-        hold_s=0,
-        view=VIEW,
-        trail=False,
-    )
+    options = VideoOptions(slow_motion=2, size_px=SIZE, hold_s=0, view=VIEW, trail=False)
+    path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, motion, options)
     frames = pictures(path).astype(int)
     empty = np.median(frames, axis=0)
-    left, top, view = panel_views(FLOOR, BLOCKS, motion, SIZE, view=VIEW)[0]
+    left, top, view = panel_views(FLOOR, BLOCKS, motion, options)[0]
     px_per_m = min(view.width_px / (VIEW[1] - VIEW[0]), view.height_px / (VIEW[3] - VIEW[2]))
     for k in (0, 3, 10):
         changed = np.abs(frames[k] - empty).sum(axis=2) > 90
@@ -113,11 +107,10 @@ def test_block_is_drawn_where_it_is(tmp_path, block):
 @pytest.mark.parametrize("theta_rad", [0.0, 1.1, 2.9, -1.3])
 def test_mark_turns_with_the_block_counter_clockwise(tmp_path, block, mark_rad, theta_rad):
     motion = [clip(block, (0.5, 0.5), 0.3, theta_rad, colour="#a00000")]
-    path = render_video(
-        tmp_path / "a.webm", FLOOR, BLOCKS, motion, slow_motion=0.5, size_px=SIZE, hold_s=0, view=VIEW
-    )
+    options = VideoOptions(slow_motion=0.5, size_px=SIZE, hold_s=0, view=VIEW)
+    path = render_video(tmp_path / "a.webm", FLOOR, BLOCKS, motion, options)
     frame = pictures(path)[0]
-    left, top, view = panel_views(FLOOR, BLOCKS, motion, SIZE, view=VIEW)[0]
+    left, top, view = panel_views(FLOOR, BLOCKS, motion, options)[0]
     centre = view.pixels(np.array([0.5, 0.3]))[0] + np.array([left, top])
     pale = like(frame, "#e7bfbf", 80)
     pale = pale[np.hypot(*(pale - centre).T) < 0.04 * view.px_per_m]
@@ -130,12 +123,10 @@ def test_mark_turns_with_the_block_counter_clockwise(tmp_path, block, mark_rad, 
 def test_side_by_side_shows_both_and_the_measured_ghost(tmp_path):
     measured = clip("cube", (0.3, 0.3), 0.3, colour="#202020")
     simulated = clip("cube", (0.7, 0.7), 0.3, colour=BLUE)
-    path = side_by_side(
-        tmp_path / "a.webm", FLOOR, BLOCKS, [measured], [simulated], slow_motion=0.5, size_px=(640, 320),
-        view=VIEW, hold_s=0,
-    )  # fmt: skip
+    options = VideoOptions(slow_motion=0.5, size_px=(640, 320), view=VIEW, hold_s=0)
+    path = side_by_side(tmp_path / "a.webm", FLOOR, BLOCKS, [measured], [simulated], options)
     frame = pictures(path)[0]
-    panels = panel_views(FLOOR, BLOCKS, [measured, simulated], (640, 320), panels=2, view=VIEW)
+    panels = panel_views(FLOOR, BLOCKS, [measured, simulated], options, panels=2)
 
     def seen(panel: int, x_m: float) -> np.ndarray:
         left, top, view = panels[panel]
@@ -159,7 +150,7 @@ def test_interrupted_video_leaves_the_folder_as_it_was(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render_video(old, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)], size_px=SIZE, progress=stop)
+        render_video(old, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)], SMALL, stop)
     assert [p.name for p in tmp_path.iterdir()] == ["a.webm"]
     assert old.read_bytes() == b"the film of yesterday"
 
@@ -167,13 +158,13 @@ def test_interrupted_video_leaves_the_folder_as_it_was(tmp_path):
 def test_what_cannot_be_shown_is_named(tmp_path):
     ball = clip("ball", (0.2, 0.8), 0.2)
     with pytest.raises(InputError, match=r"\.webm or \.mp4.*\.gif"):
-        render_video(tmp_path / "a.gif", FLOOR, BLOCKS, [ball], size_px=SIZE)
+        render_video(tmp_path / "a.gif", FLOOR, BLOCKS, [ball], SMALL)
     with pytest.raises(InputError, match="nothing to show"):
-        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [], size_px=SIZE)
+        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [], SMALL)
     with pytest.raises(InputError, match=r"block egg.*ball, cube"):
-        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [clip("egg", (0, 1), 0.2)], size_px=SIZE)
+        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [clip("egg", (0, 1), 0.2)], SMALL)
     with pytest.raises(ValueError, match="even"):
-        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [ball], size_px=(481, 320))
+        render_video(tmp_path / "a.webm", FLOOR, BLOCKS, [ball], VideoOptions(size_px=(481, 320)))
     assert not list(tmp_path.iterdir())
 
 
@@ -216,7 +207,7 @@ def test_ground_under_an_overhang_is_air_and_a_vertical_facing_has_its_own_tone(
     cross_section = CrossSection(
         [[0, 0], [1, 0], [1, 1], [0.6, 1.2], [2, 1.2]], ["floor", "wall", "roof", "top"]
     )  # the roof leans out over the floor
-    view = View(0.0, 2.0, 100.0, 200, 220)
+    view = Viewport(0.0, 2.0, 100.0, 200, 220)
     image = ground_image(cross_section, view, 20)
 
     def tone(x_m: float, y_m: float) -> list[int]:

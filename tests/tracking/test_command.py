@@ -9,7 +9,7 @@ from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.setup_writing import write_setup
 from rock2d_tracking.synthetic.faults import CLEAN
-from rock2d_tracking.synthetic.film import film_frames, write_film
+from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
@@ -30,7 +30,7 @@ def filmed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("film")
     experiment = falls(140)
     write_experiment(folder / "truth", experiment)
-    shots = film_frames(experiment, CAMERA, SIZE_PX, faults=CLEAN, seed=1, rest_frames=40)
+    shots = film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=1, faults=CLEAN, rest_frames=40))
     write_film(folder / "film.avi", shots, SIZE_PX, 25, 90)
     write_setup(folder / "setup.yaml", experiment, CAMERA, ["sphere", "cube", "slab"])
     return folder
@@ -44,7 +44,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
     found, truth = read_experiment(tmp_path / "out"), read_experiment(filmed / "truth")
     off = found.trajectories[["x_m", "y_m"]].to_numpy() - truth.trajectories[["x_m", "y_m"]].to_numpy()
     assert np.sqrt((off**2).mean()) < 0.1 * CAMERA.metres_per_pixel
-    for name in ("frames.csv", "flights.csv", "bounces.csv", "tracking.html", "overlay.webm"):
+    for name in ("frames.csv", "flights.csv", "measured_impacts.csv", "tracking.html", "overlay.webm"):
         assert (tmp_path / "out" / name).stat().st_size > 0
     page = (tmp_path / "out" / "tracking.html").read_text()
     assert page.count("<img") == 4 and "http" not in page.replace("http-equiv", "")
@@ -77,7 +77,7 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     [
         (lambda data: b"", "empty"),
         (lambda data: b"no video at all" * 100, "cannot be read"),
-        (lambda data: data[: len(data) // 2], "breaks off|cannot be read"),
+        (lambda data: data[: len(data) // 2], "ends early|cannot be read"),
     ],
 )
 def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said):

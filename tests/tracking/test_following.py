@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from rock2d_tracking.following import Path, follow
-from rock2d_tracking.recording import Record, film_of, record
+from rock2d_tracking.following import follow
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.sights import FollowedRelease
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
-from rock2d_tracking.synthetic.film import Shot, film_frames
+from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
+from rock2d_tracking.tracked_film import TrackedFilm, film_of, tracked_film
 from rock2d_tracking.velocities import flights_and_impacts
 
 from rock2d.files.experiment import Experiment
@@ -30,23 +31,23 @@ class Tracked:
     experiment: Experiment
     shots: list[Shot]
     pictures: list[list[int]]  # of each release: which pictures of the film its frames are
-    paths: list[Path]
-    record: Record
+    releases: list[FollowedRelease]
+    film: TrackedFilm
     setup: Setup
 
     def flights_and_impacts(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """The two tables."""
-        experiment = self.record.experiment
+        experiment = self.film.experiment
         return flights_and_impacts(film_of(experiment, self.setup), experiment)[:2]
 
     def misses(self, block: str) -> tuple[np.ndarray, np.ndarray]:
         """Distance in px and angle in rad by which each trusted frame of a block is off."""
         far, turn = [], []
-        for path, pictures in zip(self.paths, self.pictures, strict=True):
-            if path.block != block:
+        for release, pictures in zip(self.releases, self.pictures, strict=True):
+            if release.block != block:
                 continue
             off = []
-            for sight, picture in zip(path.sights, pictures, strict=True):
+            for sight, picture in zip(release.sights, pictures, strict=True):
                 truth = self.shots[picture].pose_px
                 if not sight.reason:
                     assert truth is not None, f"picture {picture} shows no block"
@@ -70,10 +71,14 @@ def tracked(tmp_path_factory):
 
     def make(faults: Faults) -> Tracked:
         if faults not in known:
-            shots = list(film_frames(experiment, CAMERA, SIZE_PX, faults=faults, seed=3, rest_frames=40))
-            paths = follow([s.image for s in shots], setup, SIZE_PX)
-            pictures = [[s.frame for s in p.sights] for p in paths]
-            known[faults] = Tracked(experiment, shots, pictures, paths, record(paths, setup, SIZE_PX), setup)
+            shots = list(
+                film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40))
+            )
+            releases = follow([s.image for s in shots], setup, SIZE_PX)
+            pictures = [[s.frame for s in r.sights] for r in releases]
+            known[faults] = Tracked(
+                experiment, shots, pictures, releases, tracked_film(releases, setup, SIZE_PX), setup
+            )
         return known[faults]
 
     return make
@@ -98,19 +103,19 @@ def test_a_spoiled_film_is_followed_and_no_frame_is_far_off(tracked, block):
 
 def test_releases_of_one_film_are_told_apart(tracked):
     found = tracked(CLEAN)
-    assert [path.block for path in found.paths] == ["sphere", "cube", "slab"]
+    assert [release.block for release in found.releases] == ["sphere", "cube", "slab"]
     assert [(p[0], p[-1]) for p in found.pictures] == [(40, 259), (300, 519), (560, 779)]
 
 
 def test_frames_that_the_film_dropped_are_counted(tracked):
     found = tracked(Faults(dropped=0.02))
     for release, pictures in zip(range(3), found.pictures, strict=True):
-        own = found.record.frames[found.record.frames["release"] == release]
+        own = found.film.frames[found.film.frames["release"] == release]
         true = np.array([found.shots[k].frame for k in pictures])
         late = np.diff(true - own["frame"].to_numpy())
         # a frame that is dropped at an impact or on the first or last frames shows nothing
         assert np.abs(late).sum() <= 2
-    assert any("missing in the film" in remark for remark in found.record.remarks)
+    assert any("missing in the film" in remark for remark in found.film.remarks)
 
 
 def _velocity_errors(found: Tracked) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +156,7 @@ def test_impacts_are_the_breaks_between_flights(tracked):
 
 def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
     calm, noisy = tracked(CLEAN), tracked(Faults(noise_grey=3.0, shot_noise=0.05))
-    a, b = calm.record.experiment, noisy.record.experiment
+    a, b = calm.film.experiment, noisy.film.experiment
     assert 0 < a.position_noise_m < b.position_noise_m < 0.05 * CAMERA.metres_per_pixel
     far, _ = noisy.misses("cube")
     assert np.sqrt((far**2).mean() / 2) * CAMERA.metres_per_pixel == pytest.approx(
@@ -161,7 +166,7 @@ def test_the_experiment_states_the_noise_that_its_flights_show(tracked):
 
 def test_what_never_moves_is_no_release(tracked):
     found = tracked(CLEAN)
-    still = [Path("cube", [s] * 30) for s in found.paths[1].seen[:1]]
-    again = record([*copy.deepcopy(found.paths), *still], found.setup, SIZE_PX)
+    still = [FollowedRelease("cube", [s] * 30) for s in found.releases[1].seen[:1]]
+    again = tracked_film([*copy.deepcopy(found.releases), *still], found.setup, SIZE_PX)
     assert again.experiment.trajectories["release"].nunique() == 3
     assert any("never moved" in remark for remark in again.remarks)

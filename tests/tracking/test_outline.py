@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from rock2d_tracking.outline import cover, fit_pose, outline_of
+from rock2d_tracking.outline import Patch, cover, fit_pose, outline_of
 
 from rock2d.scene.blocks import Block, make_block
 
@@ -74,10 +74,8 @@ def test_a_noisy_picture_gives_the_pose_within_its_stated_errors(shape):
         pose = np.array([*rng.uniform(39, 41, 2), rng.uniform(-3, 3)])
         image = behind - 90.0 * picture(block, pose) + rng.normal(0.0, 2.0, behind.shape)
         start = np.array([*(pose + rng.uniform(-1, 1, 3) * [3.0, 3.0, 0.3]), 80.0, 1.0])
-        found, se, seen, misfit = fit_pose(
-            image.astype(np.float32), behind, np.ones(behind.shape, np.uint8), outline.edges,
-            outline.semi_axes_px, start, 2.0, 25,
-        )  # fmt: skip
+        patch = Patch(image.astype(np.float32), behind, np.ones(behind.shape, np.uint8), 2.0)
+        found, se, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
         assert seen > 0.95 and misfit < 0.05
         off.append(found[:3] - pose)
         error.append(se)
@@ -99,8 +97,8 @@ def test_half_a_block_that_soil_hides_is_still_found_where_it_is():
     counts = np.ones(behind.shape, np.uint8)
     start = np.array([41.5, 38.5, 0.3, 70.0, 1.0])
     for mask in (counts, np.where(np.arange(SIZE)[:, None] < 44, 1, 0) * counts):  # unknown, surveyed
-        found, _, seen, _ = fit_pose(image, behind, mask.astype(np.uint8), outline.edges, outline.semi_axes_px,
-                                     start, 2.0, 25)  # fmt: skip
+        patch = Patch(image, behind, mask.astype(np.uint8), 2.0)
+        found, _, seen, _ = fit_pose(patch, outline.edges, outline.semi_axes_px, start, 25)
         np.testing.assert_allclose(found[:2], pose[:2], atol=0.1)
         assert found[2] == pytest.approx(pose[2], abs=0.01)
         assert 0.5 < seen < 0.75

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 import shapely
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.synthetic.faults import MODERATE, SEVERE, Faults, impacts
-from rock2d_tracking.synthetic.film import TRUTH_COLUMNS, Shot, film_frames, write_film
+from rock2d_tracking.synthetic.faults import MODERATE, SEVERE, Faults, vertical_jumps
+from rock2d_tracking.synthetic.film import TRUTH_COLUMNS, FilmOptions, Shot, film_frames, write_film
 from rock2d_tracking.synthetic.scene import Look, coverage
 
 from rock2d.errors import InputError
@@ -56,8 +56,9 @@ def filmed(
     """Shots of one release, a pose a frame, without rest frames."""
     table = pd.DataFrame(np.array(poses, float), columns=["x_m", "y_m", "theta_rad"])
     table = table.assign(release=0, block=block, t_s=np.arange(len(table)) / 1000.0)
-    options = {"pixel_map": MAP, "size_px": SIZE, "look": EVEN, "seed": 1, "rest_frames": 0} | how
-    return list(film_frames(trajectories(table, cross_section, blocks), **options))
+    pixel_map, size_px = how.pop("pixel_map", MAP), how.pop("size_px", SIZE)
+    options = FilmOptions(**{"look": EVEN, "seed": 1, "rest_frames": 0} | how)
+    return list(film_frames(trajectories(table, cross_section, blocks), pixel_map, size_px, options))
 
 
 def two_releases() -> Experiment:
@@ -153,7 +154,7 @@ def test_picture_and_truth_respect_a_tilted_distorting_lens():
 
 
 def test_rest_frames_are_empty_and_frames_are_numbered_through():
-    shots = list(film_frames(two_releases(), MAP, SIZE, seed=1, rest_frames=4))
+    shots = list(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1, rest_frames=4)))
     assert [shot.frame for shot in shots] == [n for n in range(88) if n not in (4 + 3, 4 + 5)]
     assert [shot.release for shot in shots] == [3] * 42 + [7] * 44
     rest = [shot for shot in shots if shot.pose_px is None]
@@ -172,7 +173,7 @@ def test_out_of_the_picture_there_is_no_pose():
 @pytest.mark.parametrize("faults", [MODERATE, SEVERE])
 def test_the_same_seed_makes_the_same_film(faults):
     one, same, other = (
-        list(film_frames(two_releases(), MAP, SIZE, faults=faults, seed=s)) for s in (5, 5, 6)
+        list(film_frames(two_releases(), MAP, SIZE, FilmOptions(faults=faults, seed=s))) for s in (5, 5, 6)
     )
     assert [shot.frame for shot in one] == [shot.frame for shot in same]
     assert all(np.array_equal(a.image, b.image) for a, b in zip(one, same, strict=True))
@@ -180,10 +181,10 @@ def test_the_same_seed_makes_the_same_film(faults):
 
 
 def test_dropped_frames_keep_their_numbers():
-    whole = {shot.frame: shot for shot in film_frames(two_releases(), MAP, SIZE, seed=1)}
-    left = list(film_frames(two_releases(), MAP, SIZE, seed=1, faults=Faults(dropped=0.3)))
+    whole = {shot.frame: shot for shot in film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1))}
+    left = list(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1, faults=Faults(dropped=0.3))))
     assert 0.5 < len(left) / len(whole) < 0.85
-    others = film_frames(two_releases(), MAP, SIZE, seed=2, faults=Faults(dropped=0.3))
+    others = film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=2, faults=Faults(dropped=0.3)))
     assert [shot.frame for shot in others] != [shot.frame for shot in left]
     for shot in left:
         same = whole[shot.frame]
@@ -218,10 +219,10 @@ def test_impacts_are_found_where_the_block_bounces():
     height = np.abs(0.12 * np.cos(np.pi * t / 0.2))  # bounces at 0.1 s and 0.3 s
     noisy = height + np.random.default_rng(0).normal(0.0, 3e-4, len(t))
     for y in (height, noisy):
-        rows, jumps = zip(*impacts(t, y, 3e-4), strict=True)
+        rows, jumps = zip(*vertical_jumps(t, y, 3e-4), strict=True)
         assert np.array(rows) == pytest.approx([100, 300], abs=2)
         assert np.array(jumps) == pytest.approx(2 * 0.12 * np.pi / 0.2, rel=0.1)
-    assert not list(impacts(t, 1 + t - 4.9 * t**2, 0.0))
+    assert not list(vertical_jumps(t, 1 + t - 4.9 * t**2, 0.0))
 
 
 def test_dust_rises_at_the_impact_and_fades():
@@ -271,7 +272,7 @@ def test_flicker_swings_at_100_hz_and_contrast_falls():
 
 @pytest.mark.parametrize("quality", [None, 90])
 def test_film_and_truth_are_read_back(tmp_path, quality):
-    shots = list(film_frames(two_releases(), MAP, SIZE, seed=1))
+    shots = list(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1)))
     path = write_film(tmp_path / "new" / "film.avi", shots, SIZE, 25, quality, truth=True)
     video, images = cv2.VideoCapture(str(path)), []
     while (read := video.read())[0]:
@@ -287,7 +288,7 @@ def test_film_and_truth_are_read_back(tmp_path, quality):
 
 
 def test_quality_costs_room_and_compression_sets_it(tmp_path):
-    shots = list(film_frames(two_releases(), MAP, SIZE, seed=1, faults=Faults(noise_grey=3)))
+    shots = list(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1, faults=Faults(noise_grey=3))))
     sizes = [write_film(tmp_path / f"{q}.avi", shots, SIZE, 25, q).stat().st_size for q in (90, 20)]
     assert sizes[1] < 0.7 * sizes[0]
     assert (Faults().quality, Faults(compression=0.3).quality, Faults(compression=1).quality) == (None, 70, 1)
@@ -295,12 +296,12 @@ def test_quality_costs_room_and_compression_sets_it(tmp_path):
 
 def test_a_film_is_whole_or_not_there(tmp_path, monkeypatch):
     def broken():
-        yield from itertools.islice(film_frames(two_releases(), MAP, SIZE, seed=1), 3)
+        yield from itertools.islice(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1)), 3)
         raise RuntimeError
 
     with pytest.raises(RuntimeError):
         write_film(tmp_path / "film.avi", broken(), SIZE, 25, truth=True)
-    shots = list(itertools.islice(film_frames(two_releases(), MAP, SIZE, seed=1), 3))
+    shots = list(itertools.islice(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1)), 3))
     with pytest.raises(InputError, match="expected a film as"):
         write_film(tmp_path / "film.mp4", shots, SIZE, 25)
     with pytest.raises(InputError, match="even width"):
@@ -316,11 +317,11 @@ def test_a_film_is_whole_or_not_there(tmp_path, monkeypatch):
 def test_what_cannot_be_filmed_is_refused():
     experiment = two_releases()
     with pytest.raises(InputError, match="no release 4"):
-        film_frames(experiment, MAP, SIZE, seed=1, releases=[3, 4])
+        film_frames(experiment, MAP, SIZE, FilmOptions(seed=1, releases=[3, 4]))
     with pytest.raises(InputError, match="two rows within a frame at 500"):
-        film_frames(replace(experiment, fps=500.0), MAP, SIZE, seed=1)
+        film_frames(replace(experiment, fps=500.0), MAP, SIZE, FilmOptions(seed=1))
     hits = replace(experiment, trajectories=None, impacts=pd.DataFrame())
     with pytest.raises(InputError, match="only trajectories"):
-        film_frames(hits, MAP, SIZE, seed=1)
+        film_frames(hits, MAP, SIZE, FilmOptions(seed=1))
     with pytest.raises(InputError, match="fault dust: expected 0 to 1, found"):
         Faults(dust=1.5)

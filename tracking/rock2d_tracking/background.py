@@ -1,4 +1,4 @@
-"""What the camera sees without a block: learned from the first frames, kept up to date where no block is."""
+"""The background: what the camera sees without a block, learned from the first frames and updated where no block is."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 Array = np.ndarray
 
-RATE = 0.02  # share of a frame that the background takes over
-EVERY = 4  # frames of which it takes one, with as much more
-STRANGE, LEAST_STRANGE = 5.0, 6.0  # noise, and grey levels, by which a pixel differs
-SLOW = 0.05  # of the usual share is learned of what differs
-SPAN = 25  # pictures that it starts from
+LEARNING_RATE = 0.02  # share of a frame that the background takes over
+LEARNING_INTERVAL = 4  # frames, of which one is used, with a larger share
+CHANGED_SIGMAS, CHANGED_GREY = 5.0, 6.0  # in noise and in grey levels; a pixel that differs more has changed
+CHANGED_LEARNING_SHARE = 0.05  # share of the learning rate for changed pixels
+BACKGROUND_SAMPLES = 25  # frames whose median it starts from
 
 
 class Background:
@@ -25,8 +25,8 @@ class Background:
     """
 
     def __init__(self, frames: Sequence[Array]) -> None:
-        """Median of the frames (height, width) uint8; what moves through them leaves no trace."""
-        chosen = np.linspace(0, len(frames) - 1, min(len(frames), SPAN)).round().astype(int)
+        """Median of the frames (height, width) uint8; moving objects do not appear in it."""
+        chosen = np.linspace(0, len(frames) - 1, min(len(frames), BACKGROUND_SAMPLES)).round().astype(int)
         stack = np.stack([frames[i] for i in np.unique(chosen)])
         self.grey = np.median(stack, axis=0).astype(np.float32)
         if len(stack) > 2:
@@ -52,17 +52,19 @@ class Background:
         import cv2
 
         self._count += 1
-        if self._count % EVERY:
+        if self._count % LEARNING_INTERVAL:
             return
         alike = cv2.compare(
-            cv2.absdiff(frame, self._byte()), max(STRANGE * self.noise, LEAST_STRANGE), cv2.CMP_LT
+            cv2.absdiff(frame, self._byte()), max(CHANGED_SIGMAS * self.noise, CHANGED_GREY), cv2.CMP_LT
         )
         other = cv2.bitwise_not(alike)
         if block is not None:
             u0, u1, v0, v1 = block
             alike[v0:v1, u0:u1] = other[v0:v1, u0:u1] = 0
-        cv2.accumulateWeighted(frame, self.grey, EVERY * RATE, alike)
-        cv2.accumulateWeighted(frame, self.grey, SLOW * EVERY * RATE, other)
+        cv2.accumulateWeighted(frame, self.grey, LEARNING_INTERVAL * LEARNING_RATE, alike)
+        cv2.accumulateWeighted(
+            frame, self.grey, CHANGED_LEARNING_SHARE * LEARNING_INTERVAL * LEARNING_RATE, other
+        )
         self._bytes = None
 
     def _byte(self) -> Array:

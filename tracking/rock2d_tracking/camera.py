@@ -12,7 +12,7 @@ import numpy as np
 
 Array = np.ndarray
 
-ROUNDS = 20  # of the fixed point that takes distortion away
+UNDISTORTION_ROUNDS = 20  # of the fixed-point iteration that removes distortion
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,6 @@ class PixelMap:
         if self.k == 0.0:
             return np.asarray(seen)
         flat = d
-        for _ in range(ROUNDS):
+        for _ in range(UNDISTORTION_ROUNDS):
             flat = d / (1.0 + self.k * (flat**2).sum(axis=-1, keepdims=True) / self.half_px**2)
         return np.asarray(flat + self.centre_px)

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.folders import path_inside
 
-UNEVEN = 0.02  # spread of the scale over the board beyond which the camera did not look squarely at it
+LARGEST_SCALE_SPREAD = 0.02  # over the board; with a larger one the camera looked at a slant
 
 
 def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_m: float) -> float:
@@ -35,7 +35,7 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
     sides = np.concatenate([along.ravel(), across.ravel()])
     halves = [along[:, : corners[0] // 2], along[:, corners[0] // 2 :], across[: corners[1] // 2], across]
     uneven = float(np.ptp([np.mean(h) for h in halves]) / np.mean(sides))
-    if uneven > UNEVEN:
+    if uneven > LARGEST_SCALE_SPREAD:
         raise InputError(
             f"the camera looks at the board at a slant: its squares differ by {100 * uneven:.1f} %", path
         )

@@ -11,7 +11,7 @@ from rock2d.errors import InputError
 
 Array = np.ndarray
 
-MISSING = 0.01  # share of the promised frames that may be missing: containers count loosely
+UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 
 class FilmFile:
@@ -24,7 +24,7 @@ class FilmFile:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open it; raises `InputError` if it is not there, no video, or of a codec that is missing."""
+        """Open it; raises `InputError` if it does not exist, is no video, or needs a codec that is missing."""
         import cv2
 
         self.path = Path(path)
@@ -35,7 +35,7 @@ class FilmFile:
         self._capture = cv2.VideoCapture(str(self.path))
         if not self._capture.isOpened():
             raise InputError(
-                "cannot be read: no video, damaged, or of a codec that this OpenCV lacks "
+                "cannot be read: it is no video, is damaged, or needs a codec that this OpenCV lacks "
                 "(convert it to Motion-JPEG AVI or H.264 MP4)",
                 self.path,
             )
@@ -64,9 +64,9 @@ class FilmFile:
             self._capture.release()
         if count == 0:
             raise InputError("this video holds no frame that can be read", self.path)
-        if last is None and count < (1.0 - MISSING) * self.promised - 1:
+        if last is None and count < (1.0 - UNREADABLE_SHARE) * self.promised - 1:
             raise InputError(
-                f"the video breaks off: {count} of the {self.promised} frames that it promises can be read; "
-                f"--frames {count} takes what is there",
+                f"the video ends early: {count} of the {self.promised} frames that it states can be read; "
+                f"write --frames {count} to track these",
                 self.path,
             )

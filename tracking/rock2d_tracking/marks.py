@@ -6,19 +6,19 @@ import numpy as np
 
 Array = np.ndarray
 
-SPOKES = 256  # samples around
-RINGS = np.linspace(0.2, 0.85, 12)  # radii, of the block's, at which the marks are sampled
-KEPT = 0.05  # share of a new picture that the reference takes over
-LEAST = 0.5  # correlation below which the marks were not recognised
-HIGHEST = 40  # harmonics of the angle that are compared: finer ones are noise
-PLAIN = 0.05  # spread of the grey values, over the contrast, below which there are no marks
+RING_SAMPLES = 256  # samples on a ring
+RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, over that of the block
+REFERENCE_UPDATE = 0.05  # share of each frame that the reference takes over
+SMALLEST_CORRELATION = 0.5  # with the reference; below it the marks are not recognised
+HIGHEST_HARMONIC = 40  # of the angle that is compared; finer ones are noise
+SMALLEST_MARK_CONTRAST = 0.05  # standard deviation of the grey values over the contrast; below it no marks
 
 
 class Marks:
     """Marks of one block during one release."""
 
     def __init__(self) -> None:
-        self._reference: Array | None = None  # harmonics (rings, HIGHEST) of the picture at angle 0
+        self._reference: Array | None = None  # harmonics (rings, HIGHEST_HARMONIC) of the picture at angle 0
 
     def angle(self, frame: Array, counts: Array, centre_px: tuple[float, float], radius_px: float, near_rad: float,
               contrast: float) -> tuple[float, float] | None:  # fmt: skip
@@ -34,39 +34,41 @@ class Marks:
         shown = hidden > 0.5
         mean = (rings * shown).sum(axis=1, keepdims=True) / np.maximum(shown.sum(axis=1, keepdims=True), 1)
         rings = (rings - mean) * shown
-        if float(np.std(rings)) < PLAIN * contrast:
+        if float(np.std(rings)) < SMALLEST_MARK_CONTRAST * contrast:
             return None
-        waves = np.fft.rfft(rings, axis=1)[:, 1 : HIGHEST + 1]
-        order = np.arange(1, HIGHEST + 1)
+        waves = np.fft.rfft(rings, axis=1)[:, 1 : HIGHEST_HARMONIC + 1]
+        order = np.arange(1, HIGHEST_HARMONIC + 1)
         if self._reference is None:
             self._reference = waves * np.exp(1j * order * near_rad)
             return near_rad, 1.0
         together = (waves * np.conj(self._reference)).sum(axis=0)
         size = np.sqrt((np.abs(waves) ** 2).sum() * (np.abs(self._reference) ** 2).sum())
         # correlation as a function of the turn, on a fine grid, then the top of a parabola
-        fine = np.zeros(8 * SPOKES // 2 + 1, complex)
-        fine[1 : HIGHEST + 1] = together
-        match = np.fft.irfft(fine, 8 * SPOKES) * 8 * SPOKES / 2 / max(size, 1e-12)
-        turns = np.arange(8 * SPOKES) * 2 * np.pi / (8 * SPOKES)
+        fine = np.zeros(8 * RING_SAMPLES // 2 + 1, complex)
+        fine[1 : HIGHEST_HARMONIC + 1] = together
+        match = np.fft.irfft(fine, 8 * RING_SAMPLES) * 8 * RING_SAMPLES / 2 / max(size, 1e-12)
+        turns = np.arange(8 * RING_SAMPLES) * 2 * np.pi / (8 * RING_SAMPLES)
         away = np.abs((turns - near_rad + np.pi) % (2 * np.pi) - np.pi)
         best = int(np.argmax(match - 0.02 * away))
         left, top, right = match[best - 1], match[best], match[(best + 1) % len(match)]
         bend = left - 2 * top + right
         shift = 0.5 * (left - right) / bend if bend < 0 else 0.0
-        if top < LEAST:
+        if top < SMALLEST_CORRELATION:
             return None
         turn = turns[best] + shift * (turns[1] - turns[0])
         angle = near_rad + (turn - near_rad + np.pi) % (2 * np.pi) - np.pi
         if shown.all():
-            self._reference = (1 - KEPT) * self._reference + KEPT * waves * np.exp(1j * order * angle)
+            self._reference = (1 - REFERENCE_UPDATE) * self._reference + REFERENCE_UPDATE * waves * np.exp(
+                1j * order * angle
+            )
         return float(angle), float(top)
 
     def _rings(self, frame: Array, centre_px: tuple[float, float], radius_px: float) -> Array | None:
-        """(rings, SPOKES) grey values, None where the block leaves the picture."""
+        """(rings, RING_SAMPLES) grey values, None where the block leaves the picture."""
         import cv2
 
-        spoke = np.arange(SPOKES) * 2 * np.pi / SPOKES
-        r = radius_px * RINGS[:, None]
+        spoke = np.arange(RING_SAMPLES) * 2 * np.pi / RING_SAMPLES
+        r = radius_px * RING_RADII[:, None]
         u = (centre_px[0] + r * np.cos(spoke)).astype(np.float32)
         v = (centre_px[1] + r * np.sin(spoke)).astype(np.float32)
         if u.min() < 0 or v.min() < 0 or u.max() > frame.shape[1] - 1 or v.max() > frame.shape[0] - 1:

@@ -1,15 +1,16 @@
-"""A block's outline in pixels, and what a camera makes of its edge.
+"""The outline of a block in pixels and its edge as a camera sees it.
 
-The grey value of a pixel is B + (F - B) C: background B, block F, and C the share of the pixel that the block covers
-once the optics have blurred it. Of a half-plane at a distance d beyond its edge C is Φ(-d / s), s the blur; of a convex
-polygon the product over its edges, which at right angles is exact; of an ellipse Φ(-d / s) of the distance to first
-order, of a circle of the true one.
+The grey value of a pixel is B + (F - B) C, with the background B, the block F and the share C of the pixel that the
+blurred block covers. For a half-plane C = Φ(-d / s), where d is the distance beyond its edge and s the blur. For a
+convex polygon C is the product over its edges, which is exact at right angles. For an ellipse C = Φ(-d / s) with the
+distance to first order, for a circle with the true distance.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,13 +19,29 @@ from rock2d.scene.blocks import Block
 
 Array = np.ndarray
 
-X, Y, THETA, GREY, BLUR = range(5)
-FAR = 4.0  # blurs beyond which an edge is sharp
-FLOOR_BLUR = 0.3  # px: a pixel is a square
-TUKEY = 4.685  # standard deviations beyond which a misfit does not count
-ROUGH = 0.06  # standard deviation of the block's and the soil's own grey, over the contrast
-COARSE = 3  # rounds in which three times as much counts
-ENOUGH = 2e-3  # px of a step
+FIT_U, FIT_V, FIT_ANGLE, FIT_GREY, FIT_BLUR = range(5)  # parameters of `fit_pose`
+SHARP_EDGE_BLURS = 4.0  # distance from an edge, in blurs, beyond which a pixel is all block or all background
+SMALLEST_BLUR_PX = 0.3  # a pixel is a square and blurs by itself
+TUKEY_SIGMAS = 4.685  # misfit in standard deviations beyond which a pixel has no weight (Tukey's biweight)
+GREY_ROUGHNESS = 0.06  # standard deviation of the grey of block and soil, over the contrast
+COARSE_ROUNDS = 3  # first rounds, in which misfits three times as large still have weight
+CONVERGED_STEP_PX = 2e-3  # the fit ends at a smaller step
+
+
+class Patch(NamedTuple):
+    """A piece of a frame around a block.
+
+    Attributes
+    ----------
+    image, background : (h, w) float32 grey values, with the block and without
+    visible : (h, w) uint8, 0 where soil may hide the block
+    noise : 1 sigma of a pixel in grey levels
+    """
+
+    image: Array
+    background: Array
+    visible: Array
+    noise: float
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,20 @@ class Outline:
     edges: Array
     semi_axes_px: Array
     symmetry_rad: float
+
+    @property
+    def area_px2(self) -> float:
+        """Area in px²."""
+        if len(self.edges) == 0:
+            return float(np.pi * self.semi_axes_px.prod())
+        normals, h = self.edges[:, :2], self.edges[:, 2]
+        turn = np.arctan2(normals[:, 1], normals[:, 0])
+        ahead, behind = np.roll(turn, -1) - turn, turn - np.roll(turn, 1)
+        ahead, behind = ahead % (2 * np.pi), behind % (2 * np.pi)
+        sides = (np.roll(h, -1) - h * np.cos(ahead)) / np.sin(ahead) + (
+            np.roll(h, 1) - h * np.cos(behind)
+        ) / np.sin(behind)
+        return float(0.5 * (sides * h).sum())
 
     @property
     def reach_px(self) -> float:
@@ -109,9 +140,9 @@ def cover(qx, qy, edges, semi_a, semi_b, s, slope):
             root = math.sqrt(max(f, 1e-12))
             d, gx, gy = 2.0 * (root - 1.0) * root / length, gx / length, gy / length
         z = d / s
-        if z > FAR:
+        if z > SHARP_EDGE_BLURS:
             return 0.0
-        if z < -FAR:
+        if z < -SHARP_EDGE_BLURS:
             return 1.0
         b = _bell(z) / s
         slope[0], slope[1], slope[2] = -b * gx, -b * gy, b * z
@@ -119,10 +150,10 @@ def cover(qx, qy, edges, semi_a, semi_b, s, slope):
     c = 1.0
     for k in range(n):
         z = (edges[k, 0] * qx + edges[k, 1] * qy - edges[k, 2]) / s
-        if z > FAR:
+        if z > SHARP_EDGE_BLURS:
             slope[0] = slope[1] = slope[2] = 0.0
             return 0.0
-        if z < -FAR:
+        if z < -SHARP_EDGE_BLURS:
             continue
         own, b = _phi(-z), _bell(z) / s
         slope[0] = slope[0] * own - c * b * edges[k, 0]
@@ -132,83 +163,106 @@ def cover(qx, qy, edges, semi_a, semi_b, s, slope):
     return c
 
 
-@njit
-def fit_pose(image, background, counts, edges, semi_axes, start, noise, rounds):
-    """Fit x, y, theta, grey and blur of an outline to a piece of an image by robust Gauss-Newton steps.
+class FitSums(NamedTuple):
+    """Sums over the pixels of a patch: of the outline's edge, seen and whole; of squared residuals and weights in the
+    band of the edge; of the difference between block and background, and of the covered shares."""
 
-    image, background : (h, w) float32 grey values
-    counts : (h, w) uint8, 0 where nothing may be concluded (soil may hide the block)
-    start : (5,) x, y, theta (px, rad) in the piece, grey, blur (px); noise : 1 sigma of a pixel
-    Returns (5,) the fit, (3,) standard errors of x, y, theta, share of the outline that is seen as fitted, and root
-    mean square of what is left in the band of the edge, over the contrast.
+    seen: float
+    whole: float
+    squares: float
+    band: float
+    difference: float
+    covered: float
+
+
+@njit
+def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
+    """Fill `curve` (5, 5; lower half) and `grad` (5,) of a Gauss-Newton step at `p`; returns `FitSums`.
+
+    tukey : residual in grey levels beyond which a pixel has no weight
+    """
+    image, background, visible, _ = patch
+    curve[:], grad[:] = 0.0, 0.0
+    seen = whole = squares = band = difference = covered = 0.0
+    turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
+    c, s = math.cos(p[FIT_ANGLE]), math.sin(p[FIT_ANGLE])
+    slope, j = np.zeros(3), np.zeros(5)
+    height, width = image.shape
+    for v in range(height):
+        for u in range(width):
+            rx, ry = u - p[FIT_U], v - p[FIT_V]
+            qx, qy = c * rx + s * ry, -s * rx + c * ry
+            share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[FIT_BLUR], slope)
+            if share == 0.0:
+                continue
+            step = p[FIT_GREY] - background[v, u]
+            edge = share * (1.0 - share)
+            whole += edge
+            if visible[v, u] == 0:
+                continue
+            r = image[v, u] - background[v, u] - step * share
+            weight = 0.0
+            if abs(r) < tukey:
+                weight = (1.0 - (r / tukey) ** 2) ** 2
+            seen += edge * weight
+            squares += edge * weight * r * r
+            band += edge * weight
+            difference += abs(step) * share
+            covered += share
+            if weight == 0.0:
+                continue
+            # derivatives by the pose: the axes of the body move and turn
+            j[FIT_U] = -step * (c * slope[0] - s * slope[1])
+            j[FIT_V] = -step * (s * slope[0] + c * slope[1])
+            j[FIT_ANGLE] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
+            j[FIT_GREY], j[FIT_BLUR] = share, step * slope[2]
+            for a in range(5):
+                grad[a] += weight * j[a] * r
+                for b in range(a + 1):
+                    curve[a, b] += weight * j[a] * j[b]
+    return FitSums(seen, whole, squares, band, difference, covered)
+
+
+@njit
+def fit_pose(patch, edges, semi_axes, start, rounds):
+    """Fit position, angle, grey and blur of an outline to a patch of a frame by robust Gauss-Newton steps.
+
+    patch : `Patch`
+    edges, semi_axes : of an `Outline`
+    start : (5,) u, v in px and angle in rad in the patch, grey, blur in px, in the order FIT_U to FIT_BLUR
+    rounds : largest number of steps
+    Returns (5,) the fit, (3,) standard errors of u, v, angle, share of the outline that is seen as fitted, and root
+    mean square of the residuals in the band of the edge, over the contrast.
     """
     p = start.copy()
-    height, width = image.shape
     curve, grad = np.zeros((5, 5)), np.zeros(5)
-    slope = np.zeros(3)
-    seen, whole, left, band, contrast = 0.0, 0.0, 0.0, 0.0, 1.0
+    sums, contrast = FitSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
     turns = edges.shape[0] > 0 or semi_axes[0] != semi_axes[1]
     reach = max(semi_axes[0], 1.0) if edges.shape[0] == 0 else max(np.max(edges[:, 2]), 1.0)
-    j = np.zeros(5)
     for it in range(rounds):
-        curve[:], grad[:] = 0.0, 0.0
-        seen = whole = left = band = 0.0
-        c, s = math.cos(p[THETA]), math.sin(p[THETA])
-        difference, n_inside = 0.0, 0.0
-        # misfits of more than this are something else; at first, when the start is off, they are the signal
-        scale = max(noise, ROUGH * contrast) if it > 0 else 1e9
-        tukey = TUKEY * scale * (3.0 if it < COARSE else 1.0)
-        for v in range(height):
-            for u in range(width):
-                rx, ry = u - p[X], v - p[Y]
-                qx, qy = c * rx + s * ry, -s * rx + c * ry
-                share = cover(qx, qy, edges, semi_axes[0], semi_axes[1], p[BLUR], slope)
-                if share == 0.0:
-                    continue
-                step = p[GREY] - background[v, u]
-                edge = share * (1.0 - share)
-                whole += edge
-                if counts[v, u] == 0:
-                    continue
-                r = image[v, u] - background[v, u] - step * share
-                weight = 0.0
-                if abs(r) < tukey:
-                    weight = (1.0 - (r / tukey) ** 2) ** 2
-                seen += edge * weight
-                left += edge * weight * r * r
-                band += edge * weight
-                difference += abs(step) * share
-                n_inside += share
-                if weight == 0.0:
-                    continue
-                # by the pose: the body's axes move and turn
-                j[X] = -step * (c * slope[0] - s * slope[1])
-                j[Y] = -step * (s * slope[0] + c * slope[1])
-                j[THETA] = step * (slope[0] * qy - slope[1] * qx) if turns else 0.0
-                j[GREY], j[BLUR] = share, step * slope[2]
-                for a in range(5):
-                    grad[a] += weight * j[a] * r
-                    for b in range(a + 1):
-                        curve[a, b] += weight * j[a] * j[b]
-        contrast = max(difference / max(n_inside, 1e-9), 1e-9)
+        # larger misfits are no part of the block; in the first rounds, far from the solution, they are the signal
+        scale = max(patch.noise, GREY_ROUGHNESS * contrast) if it > 0 else 1e9
+        tukey = TUKEY_SIGMAS * scale * (3.0 if it < COARSE_ROUNDS else 1.0)
+        sums = _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad)
+        contrast = max(sums.difference / max(sums.covered, 1e-9), 1e-9)
         for a in range(5):
             for b in range(a):
                 curve[b, a] = curve[a, b]
             curve[a, a] = curve[a, a] * (1.0 + 1e-6) + 1e-9
         if not turns:
-            curve[THETA, THETA] = 1.0
+            curve[FIT_ANGLE, FIT_ANGLE] = 1.0
         step_p = np.linalg.solve(curve, grad)
-        length = max(abs(step_p[X]), abs(step_p[Y]), abs(step_p[THETA]) * reach)
+        length = max(abs(step_p[FIT_U]), abs(step_p[FIT_V]), abs(step_p[FIT_ANGLE]) * reach)
         short = min(1.0, 0.5 * reach / max(length, 1e-9))
         for a in range(5):
             p[a] += short * step_p[a]
-        p[BLUR] = min(max(p[BLUR], FLOOR_BLUR), 0.5 * reach)
-        if length < ENOUGH and it > COARSE:
+        p[FIT_BLUR] = min(max(p[FIT_BLUR], SMALLEST_BLUR_PX), 0.5 * reach)
+        if length < CONVERGED_STEP_PX and it > COARSE_ROUNDS:
             break
     inverse = np.linalg.inv(curve)
-    residual = math.sqrt(left / max(band, 1e-9))
-    sigma = max(noise, residual)
+    residual = math.sqrt(sums.squares / max(sums.band, 1e-9))
+    sigma = max(patch.noise, residual)
     error = np.empty(3)
     for a in range(3):
         error[a] = sigma * math.sqrt(max(inverse[a, a], 0.0))
-    return p, error, seen / max(whole, 1e-9), residual / contrast
+    return p, error, sums.seen / max(sums.whole, 1e-9), residual / contrast

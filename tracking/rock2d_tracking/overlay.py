@@ -1,42 +1,41 @@
-"""The film with the tracked outlines drawn in, to be looked at."""
+"""The film with the tracked outlines drawn into it."""
 
 from __future__ import annotations
 
-import os
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 
 from rock2d.graphics.video_file import opened
-from rock2d_tracking.following import Path
 from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.sights import FollowedRelease
 
 Array = np.ndarray
 
-WIDTH_PX = 560
+OVERLAY_WIDTH_PX = 560
 SEEN_BGR, LOST_BGR, TRAIL_BGR = (60, 200, 60), (40, 40, 230), (230, 160, 0)
-MOST = 500  # pictures: of a longer film every second, third ...
-FPS = 25.0
-TRAIL = 300  # frames of the way behind a block that are drawn
-POINTS = 48
+OVERLAY_FRAMES = 500  # about the most pictures; of a longer film every second, third ... is drawn
+OVERLAY_FPS = 25.0
+TRAIL_FRAMES = 300  # length of the trail behind a block
+OUTLINE_POINTS = 48
 
 
 class Overlay:
-    """Writes a WebM as frames come; there only if `finish` was called."""
+    """Writes a WebM frame by frame, until `close`."""
 
-    def __init__(self, path: FilePath, setup: Setup, size_px: tuple[int, int], promised: int) -> None:
-        self._path, self._part = path, path.with_name(f".{path.stem}.{os.getpid()}.part.webm")
-        self._scale = min(1.0, WIDTH_PX / size_px[0])
+    def __init__(self, path: Path, setup: Setup, size_px: tuple[int, int], promised: int) -> None:
+        self._path = path
+        self._scale = min(1.0, OVERLAY_WIDTH_PX / size_px[0])
         self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
-        self._stride = max(1, -(-promised // MOST))
-        self._writer = opened(self._part, "VP80", FPS, self._size)
+        self._stride = max(1, -(-promised // OVERLAY_FRAMES))
+        self._writer = opened(path, "VP80", OVERLAY_FPS, self._size)
         up = setup.pixel_map(size_px).up
         self._shapes = {
-            name: block.outline(POINTS) / setup.metres_per_pixel * [1.0, up]
+            name: block.outline(OUTLINE_POINTS) / setup.metres_per_pixel * [1.0, up]
             for name, block in setup.blocks.items()
         }
 
-    def draw(self, number: int, frame: Array, path: Path | None) -> None:
+    def draw(self, number: int, frame: Array, release: FollowedRelease | None) -> None:
         """Draw one frame and what is followed in it."""
         import cv2
 
@@ -45,16 +44,16 @@ class Overlay:
         picture = cv2.cvtColor(
             cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR
         )
-        if path is not None:
-            seen = path.last_seen(TRAIL)
+        if release is not None:
+            seen = release.last_seen(TRAIL_FRAMES)
             trail = np.array([s.pose[:2] for s in seen])
             self._line(picture, trail, TRAIL_BGR, False)
-            last = path.sights[-1]
+            last = release.sights[-1]
             shown = last if not last.reason else seen[-1]
             c, s = np.cos(shown.pose[2]), np.sin(shown.pose[2])
-            corners = self._shapes[path.block] @ np.array([[c, s], [-s, c]]) + shown.pose[:2]
+            corners = self._shapes[release.block] @ np.array([[c, s], [-s, c]]) + shown.pose[:2]
             self._line(picture, corners, LOST_BGR if last.reason else SEEN_BGR, True)
-            text = f"{path.block} {last.reason or f'{100 * last.confidence:.0f} %'}"
+            text = f"{release.block} {last.reason or f'{100 * last.confidence:.0f} %'}"
             cv2.putText(
                 picture, text, (10, 44), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1, cv2.LINE_AA
             )
@@ -77,13 +76,8 @@ class Overlay:
             fine = np.round((points + 0.5) * self._scale * 16 - 8).astype(np.int32)
             cv2.polylines(picture, [fine], closed, colour, 1, cv2.LINE_AA, shift=4)
 
-    def finish(self) -> None:
-        """Close the video and put it in its place."""
+    def close(self) -> None:
+        """Close the video. A file without content is removed: this OpenCV cannot write the format."""
         self._writer.release()
-        if self._part.exists() and self._part.stat().st_size:
-            os.replace(self._part, self._path)
-
-    def drop(self) -> None:
-        """Close the video and take it away."""
-        self._writer.release()
-        self._part.unlink(missing_ok=True)
+        if self._path.exists() and not self._path.stat().st_size:
+            self._path.unlink()

@@ -85,7 +85,7 @@ class DetectionKeys(Checked):
 
 
 class SetupKeys(Checked):
-    """`setup.yaml`. SI units but for pixels."""
+    """`setup.yaml`. SI units, and px in the image."""
 
     name: Name
     gravity_m_s2: float = Field(ge=0, le=1000)

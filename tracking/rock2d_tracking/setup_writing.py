@@ -1,4 +1,4 @@
-"""A set-up file written for a film whose camera is known."""
+"""Writing the set-up file of a film whose camera is known."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rock2d_tracking.camera import PixelMap
 
 
 def write_setup(path: Path, experiment: Experiment, camera: PixelMap, releases: Sequence[str]) -> None:
-    """Write what `tracking.setup.Setup` reads; `releases`: the block of each."""
+    """Write what `setup_file.Setup` reads; `releases`: the block of each."""
     import io
 
     from ruamel.yaml import YAML

@@ -19,13 +19,13 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-DEEP = 0.1  # of the block's size: penetration from which the block hides itself
-LOW = 0.25  # of the block's size: rebound below which a flight tells little
-STATE = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+DEEP_PENETRATION_SIZES = 0.1  # of the block's size: penetration from which the block hides itself
+LOW_REBOUND_SIZES = 0.25  # of the block's size: rebound below which a flight tells little
+STATE_COLUMNS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 
 
 def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFrame, pd.DataFrame, FilmData]:
-    """Tables of flights and impacts of a `film` (see `record.film_of`).
+    """Tables of flights and impacts of a `film` (see `tracked_film.film_of`).
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
     (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise). Impacts: release, block, t_s,
@@ -51,7 +51,7 @@ def _flights(experiment: Experiment, data: FilmData, middle: Array, misfit: Arra
         "begin_s": film.t_s[flights.first], "end_s": film.t_s[flights.last - 1],
         "frames": flights.last - flights.first, "t_s": data.basis.middle,
     })  # fmt: skip
-    for k, name in enumerate(STATE):
+    for k, name in enumerate(STATE_COLUMNS):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
     return table
@@ -84,14 +84,15 @@ def _impacts(
     ):
         error = _errors(data, which, dt, misfit)
         for k in range(3, 6):
-            name = STATE[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
+            name = STATE_COLUMNS[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
             table[name], table[f"{name}_se"] = state[:, k], error[:, k]
     deep, high = _depths(experiment, data)
     size = np.array([b.size_m for b in experiment.blocks.values()])[impacts.block]
     table["penetration_m"], table["rebound_m"] = deep, high
-    flags = np.where(deep > DEEP * size, "deep", "")
+    flags = np.where(deep > DEEP_PENETRATION_SIZES * size, "deep", "")
     table["flag"] = [
-        f"{a} low".strip() if low else str(a) for a, low in zip(flags, high < LOW * size, strict=True)
+        f"{a} low".strip() if low else str(a)
+        for a, low in zip(flags, high < LOW_REBOUND_SIZES * size, strict=True)
     ]
     return table
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.graphics import drawing
+from rock2d.graphics.canvas import fitted_view, motion_limits
+from rock2d.graphics.figure_style import blank_figure
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
-from rock2d.graphics.plots import blank_figure, draw_cross_section
+from rock2d.graphics.trajectories import draw_cross_section
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -59,12 +60,12 @@ def section_figure(
 
     ways = np.vstack([*flights, misses.place_m])
     radius = max(b.radius_m for b in blocks.values())
-    limits = drawing.motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
+    limits = motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
     wide_in, axis_in = 6.6, 6.0
     high_in = float(np.clip(axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 2.0, 4.6))
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
-    view = drawing.fitted_view(limits, 1400, round(1400 * high_in / axis_in))
+    view = fitted_view(limits, 1400, round(1400 * high_in / axis_in))
     said = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
     names = [said.get(zone, zone) for zone in cross_section.zones]
     labelled = CrossSection(cross_section.points_m, names, cross_section.measure_lines)

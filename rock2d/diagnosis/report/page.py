@@ -287,6 +287,7 @@ def _video(
     folder: Path,
 ) -> dict[str, str]:
     from rock2d.graphics.video import compare_video
+    from rock2d.graphics.video_options import VideoOptions
 
     scenes, titles = tables.scenes_of(result, film, poses, mends)
     shown_s = sum(float(np.ptp(scene[0][0].t_s)) for scene in scenes)
@@ -300,8 +301,10 @@ def _video(
     try:
         compare_video(
             path, cross_section, result.experiment.blocks, scenes, [labels[m] for m in ("measured", *poses)],
-            fps_video=VIDEO_FPS, slow_motion=float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace),
-            size_px=VIDEO_SIZE, view=view, titles=titles, hold_s=0.8, quick=True,
+            VideoOptions(
+                fps_video=VIDEO_FPS, slow_motion=float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace),
+                size_px=VIDEO_SIZE, view=view, titles=titles, hold_s=0.8, quick=True,
+            ),
         )  # fmt: skip
     except InputError as error:  # an OpenCV without the codec
         return {"video_missing": error.message}

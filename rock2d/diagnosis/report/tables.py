@@ -16,8 +16,8 @@ from rock2d.diagnosis.gap import squares
 from rock2d.diagnosis.replay import Releases, Signs, follow
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
 from rock2d.diagnosis.residual_regression import CLIP
+from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
-from rock2d.graphics.drawing import Limits
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORS
 from rock2d.kinematics.states import drift

@@ -16,10 +16,12 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
-HEADINGS = ("scorer", "individuals", "bodyparts", "coords")
-READ = {"x": "u", "y": "v", "likelihood": "confidence"}
+HEADING_LINES = ("scorer", "individuals", "bodyparts", "coords")
+COORDINATE_KEYS = {"x": "u", "y": "v", "likelihood": "confidence"}
 
 
 def looks_like(text: str) -> bool:
@@ -35,7 +37,7 @@ def read(path: Path, text: str) -> Points:
     lines = [(k, line) for k, line in enumerate(text.split("\n"), 1) if line.strip()]
     separator = separator_of(lines[0][1])
     table = [(line, cells(content, separator)) for line, content in lines]
-    headings = {row[0].lower(): (line, row) for line, row in table[:4] if row[0].lower() in HEADINGS}
+    headings = {row[0].lower(): (line, row) for line, row in table[:4] if row[0].lower() in HEADING_LINES}
     for name in ("bodyparts", "coords"):
         if name not in headings:
             raise InputError(
@@ -50,8 +52,8 @@ def read(path: Path, text: str) -> Points:
         if coord == "z":
             raise InputError("these are points in space; choose the CSV of one camera's video", path, top)
         owner = [headings[name][1][j] for name in ("individuals", "bodyparts") if name in headings]
-        if coord in READ:
-            tracks.setdefault("/".join(owner), {})[READ[coord]] = j
+        if coord in COORDINATE_KEYS:
+            tracks.setdefault("/".join(owner), {})[COORDINATE_KEYS[coord]] = j
     for track, of in tracks.items():
         if "u" not in of or "v" not in of:
             raise InputError(f"point {shown(track)} has no column {'x' if 'u' not in of else 'y'}", path, top)
@@ -68,3 +70,6 @@ def read(path: Path, text: str) -> Points:
             values = {key: number(row[j], path, line, f"{track} {coords[j]}") for key, j in of.items()}
             rows.append({"track": track, "line": line, "frame": frame, **values})
     return Points.seen(path, top, rows)
+
+
+IMPORTER = Importer("DeepLabCut", looks_like, read)

@@ -18,14 +18,16 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
-NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
+COLUMN_NAME = re.compile(r"(pt\d+(?:_cam\d+)?)_([XYZ])", re.IGNORECASE)
 
 
 def looks_like(text: str) -> bool:
     """If the text begins with the name of a DLTdv point."""
-    return NAME.match(text.lstrip().lstrip('"')) is not None
+    return COLUMN_NAME.match(text.lstrip().lstrip('"')) is not None
 
 
 def read(path: Path, text: str) -> Points:
@@ -35,7 +37,7 @@ def read(path: Path, text: str) -> Points:
     header = cells(first, separator)
     tracks: dict[str, dict[str, int]] = {}
     for j, cell in enumerate(header):
-        match = NAME.fullmatch(cell)
+        match = COLUMN_NAME.fullmatch(cell)
         if not match:
             raise InputError(f"column {shown(cell)}: expected names as pt1_cam1_X, pt1_cam1_Y", path, top)
         if match[2] in "Zz":
@@ -76,3 +78,6 @@ def _sparse(
         for (frame, column), (line, u) in values.items()
         if column == of["X"] and (frame, of["Y"]) in values
     ]
+
+
+IMPORTER = Importer("DLTdv", looks_like, read)

@@ -22,11 +22,13 @@ from typing import Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import Points, cells, number, separator_of
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import Points
 
 TEXT_TITLE = "#kinovea"
 TIMECODE = re.compile(r"(-?)(\d+):(\d\d):(\d\d)[:.,](\d+)")
-COORDINATE = re.compile(r"(?:(.*?)(?:/0)?/)?([XY])")
+COORDINATE_NAME = re.compile(r"(?:(.*?)(?:/0)?/)?([XY])")
 
 
 def looks_like(text: str) -> bool:
@@ -54,7 +56,7 @@ def _read_csv(path: Path, text: str) -> Points:
     in_s = 1e-3 if "(ms)" in header[0] else 1.0
     tracks: dict[str, dict[str, int]] = {}
     for j, cell in enumerate(header[1:], 1):
-        match = COORDINATE.fullmatch(cell)
+        match = COORDINATE_NAME.fullmatch(cell)
         if not match:
             message = f"column {shown(cell)} is no coordinate: expected a track's NAME/X and NAME/Y"
             raise InputError(f"{message}; export the trajectories, not a diagram's data", path, top)
@@ -108,3 +110,6 @@ def _time(cell: str, path: Path, line: int) -> float:
     sign, hours, minutes, seconds, fraction = match.groups()
     time_s = 3600 * int(hours) + 60 * int(minutes) + int(seconds) + int(fraction) / 10 ** len(fraction)
     return -time_s if sign else time_s
+
+
+IMPORTER = Importer("Kinovea", looks_like, read)

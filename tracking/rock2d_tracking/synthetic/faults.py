@@ -1,9 +1,10 @@
-"""What spoils a film: sensor, lens, shutter, dust, shadow, soil, light, codec; each a size, 0 for none."""
+"""Faults of a film: sensor, lens, shutter, dust, shadow, soil, light, codec. Each has a size; 0 is none."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,28 +12,27 @@ from rock2d.errors import InputError
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 Array = np.ndarray
 
 LAMP_HZ = 100.0  # a lamp on 50 Hz mains lights up twice a period
-HEAP_GAP = 0.2  # radii
+HEAP_GAP_RADII = 0.2  # gap below a block at which no soil is heaped up
 HEAP_CORNERS = 83
-FOOT = 0.4  # radii above the block's lowest point: what touches higher up leans on a wall
-SHIFT_PX = 128  # the noise pattern is laid at random within this many pixels
+FOOT_HEIGHT_RADII = 0.4  # above the lowest point of the block; a contact higher up is a wall
+NOISE_SHIFT_PX = 128  # largest random shift of the noise pattern
 DUST_GREY = 185.0
-GRAINS = 90  # of dust in a puff
-JUMP_S = 0.006  # vertical velocity is compared this long before and after
-LEAST_JUMP = 0.15  # of a release's hardest impact: what jumps less raises no dust
-SUB_POSE_PX, SUB_POSES = (
-    0.5,
-    32,
-)  # at most from one to the next while the shutter is open, and at most in number
-THIN = 0.004  # opacity below which dust is not drawn
+PUFF_GRAINS = 90
+JUMP_INTERVAL_S = 0.006  # before and after which the vertical velocity is compared
+SMALLEST_JUMP_SHARE = 0.15  # of the velocity change of a release's hardest impact; smaller ones raise no dust
+EXPOSURE_STEP_PX = 0.5  # largest distance between two poses while the shutter is open
+EXPOSURE_POSES = 32  # largest number of poses while the shutter is open
+THINNEST_DUST = 0.004  # opacity below which dust is not drawn
 
 
 @dataclass(frozen=True)
 class Faults:
-    """Sizes of what spoils a film; 0 is off. Raises InputError if one is out of its range.
+    """Sizes of the faults of a film; 0 is off. Raises InputError if one is out of its range.
 
     Attributes
     ----------
@@ -83,6 +83,7 @@ SEVERE = Faults(
     noise_grey=5.0, shot_noise=0.12, defocus_px=1.6, shutter=0.8, dust=0.75, shadow=0.6, low_contrast=0.55,
     burial_radii=0.5, dropped=0.05, flicker=0.08, compression=0.5,
 )  # fmt: skip
+FAULT_LEVELS = dict(zip(FAULT_LEVEL_NAMES, (CLEAN, MODERATE, SEVERE), strict=True))
 
 
 class Sensor:
@@ -94,7 +95,7 @@ class Sensor:
         self._noisy = faults.noise_grey > 0 or faults.shot_noise > 0
         width, height = size_px
         # one pattern, laid elsewhere in each frame: fresh normal numbers would take longer than all the rest
-        shape = (height + SHIFT_PX, width + SHIFT_PX) if self._noisy else (0, 0)
+        shape = (height + NOISE_SHIFT_PX, width + NOISE_SHIFT_PX) if self._noisy else (0, 0)
         self._pattern = rng.standard_normal(shape, np.float32)
 
     def expose(self, light: Array, t_s: float) -> Array:
@@ -106,7 +107,7 @@ class Sensor:
         if not self._noisy:
             return np.asarray(cv2.convertScaleAbs(light))
         height, width = light.shape
-        row, column = self._rng.integers(0, SHIFT_PX, 2, endpoint=True)
+        row, column = self._rng.integers(0, NOISE_SHIFT_PX, 2, endpoint=True)
         sigma: Array = np.sqrt(
             light * np.float32(self.faults.shot_noise) + np.float32(self.faults.noise_grey**2)
         )
@@ -121,17 +122,30 @@ def extended(rows: Array) -> Array:
     return np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
 
 
-def while_open(
-    t_s: Array, poses_m: Array, at_s: float, open_s: float, block: Block, pixel_map: PixelMap
-) -> Array:
+class BlockMotion(NamedTuple):
+    """The motion of a block in a release.
+
+    Attributes
+    ----------
+    t_s, poses_m : (n,) times and (n, 3) poses x, y in m and theta in rad; between them it moves on straight lines
+    noise_m : 1 sigma of the positions
+    """
+
+    block: Block
+    t_s: Array
+    poses_m: Array
+    noise_m: float
+
+
+def while_open(motion: BlockMotion, at_s: float, open_s: float, pixel_map: PixelMap) -> Array:
     """(n, 3) poses between samples, evenly over `open_s` about `at_s`, so close that they make one smear."""
 
     def poses(at: Array) -> Array:
-        return np.stack([np.interp(at, t_s, column) for column in poses_m.T], axis=1)
+        return np.stack([np.interp(at, motion.t_s, column) for column in motion.poses_m.T], axis=1)
 
     dx, dy, turn = np.ptp(poses(at_s + np.array([-0.5, 0.5]) * open_s), axis=0)
-    travel_px = (np.hypot(dx, dy) + block.radius_m * turn) / pixel_map.metres_per_pixel
-    count = int(np.clip(np.ceil(travel_px / SUB_POSE_PX), 1, SUB_POSES))
+    travel_px = (np.hypot(dx, dy) + motion.block.radius_m * turn) / pixel_map.metres_per_pixel
+    count = int(np.clip(np.ceil(travel_px / EXPOSURE_STEP_PX), 1, EXPOSURE_POSES))
     return poses(at_s + open_s * ((np.arange(count) + 0.5) / count - 0.5))
 
 
@@ -144,16 +158,16 @@ def surface_m(cross_section: CrossSection, x_m: Array) -> Array:
 def heap_m(cross_section: CrossSection, block: Block, pose_m: Array, height_radii: float) -> Array | None:
     """(`HEAP_CORNERS`, 2) outline of the soil heaped in front of a block at `pose_m` (x, y, theta), in m.
 
-    Full height where the block touches the ground; None where it is `HEAP_GAP` radii or more above it, or no heap.
+    Full height where the block touches the ground; None `HEAP_GAP_RADII` radii or more above it, or without a heap.
     """
     x, y, theta = pose_m
     radius = 0.5 * block.size_m
     c, s = np.cos(theta), np.sin(theta)
     rim = block.outline() @ np.array([[c, s], [-s, c]])
     rim = np.concatenate([rim + share * (np.roll(rim, -1, axis=0) - rim) for share in (0.0, 0.25, 0.5, 0.75)])
-    foot = rim[rim[:, 1] < rim[:, 1].min() + FOOT * radius]
+    foot = rim[rim[:, 1] < rim[:, 1].min() + FOOT_HEIGHT_RADII * radius]
     gap = (y + foot[:, 1] - surface_m(cross_section, x + foot[:, 0])).min()
-    near = min(1.0 - gap / (HEAP_GAP * radius), 1.0)
+    near = min(1.0 - gap / (HEAP_GAP_RADII * radius), 1.0)
     if near <= 0.0 or height_radii == 0.0:
         return None
     along = np.linspace(-2.0, 2.0, HEAP_CORNERS - 2)  # in radii
@@ -198,18 +212,18 @@ def shadow(
     return Shadow(middle, np.array([half, 0.45 * half]), darkness * np.exp(-height / 6.0))
 
 
-def impacts(t_s: Array, y_m: Array, noise_m: float) -> Iterator[tuple[int, float]]:
+def vertical_jumps(t_s: Array, y_m: Array, noise_m: float) -> Iterator[tuple[int, float]]:
     """Rows at which the vertical velocity jumps up, and the jumps in m/s; `noise_m` is that of the heights."""
     if len(t_s) < 3:
         return
     step = float(np.median(np.diff(t_s)))
-    w = max(2, round(JUMP_S / step))
+    w = max(2, round(JUMP_INTERVAL_S / step))
     if len(t_s) <= 2 * w:
         return
     before = (y_m[w:-w] - y_m[: -2 * w]) / (t_s[w:-w] - t_s[: -2 * w])
     after = (y_m[2 * w :] - y_m[w:-w]) / (t_s[2 * w :] - t_s[w:-w])
     jump = after - before
-    least = max(4.0 * np.sqrt(6.0) * noise_m / (w * step), LEAST_JUMP * jump.max(), 0.0)
+    least = max(4.0 * np.sqrt(6.0) * noise_m / (w * step), SMALLEST_JUMP_SHARE * jump.max(), 0.0)
     for i in np.flatnonzero(jump > least).tolist():
         if jump[i] == jump[max(0, i - 2 * w) : i + 2 * w + 1].max():
             yield i + w, float(jump[i])
@@ -233,7 +247,7 @@ class Puff:
         if age <= 0.0:
             return
         opacity = self.opacity * (1.0 - np.exp(-age / 0.006)) * np.exp(-age / 0.15)
-        if opacity < THIN:
+        if opacity < THINNEST_DUST:
             return
         sigma = self.radius_px * (0.15 + 0.7 * (1.0 - np.exp(-age / 0.08)))
         grains = self.from_px + self.velocity_px_s * 0.05 * (1.0 - np.exp(-age / 0.05))
@@ -252,18 +266,22 @@ class Puff:
 
 
 def puffs(
-    t_s: Array, poses_m: Array, noise_m: float, block: Block, cross_section: CrossSection, pixel_map: PixelMap,
-    dust: float, rng: np.random.Generator,
-) -> list[Puff]:  # fmt: skip
-    """The puffs of a release whose block is at `poses_m` (n, 3) at `t_s` (n,); `dust` as in `Faults`."""
-    found = list(impacts(t_s, poses_m[:, 1], noise_m))
+    motion: BlockMotion,
+    cross_section: CrossSection,
+    pixel_map: PixelMap,
+    dust: float,
+    rng: np.random.Generator,
+) -> list[Puff]:
+    """The puffs of dust that a moving block raises at its impacts; `dust` as in `Faults`."""
+    block, t_s, poses_m, noise_m = motion
+    found = list(vertical_jumps(t_s, poses_m[:, 1], noise_m))
     hardest, raised = max((jump for _, jump in found), default=1.0), []
     for row, jump in found:
         x = poses_m[row, 0]
         speed = (x - poses_m[max(0, row - 4), 0]) / max(t_s[row] - t_s[max(0, row - 4)], 1e-9)
-        spread = rng.standard_normal((GRAINS, 2)) * (0.35, 0.3) * jump
+        spread = rng.standard_normal((PUFF_GRAINS, 2)) * (0.35, 0.3) * jump
         velocity = np.column_stack([0.25 * speed + spread[:, 0], np.abs(spread[:, 1])])
-        start = np.column_stack([x + rng.normal(0.0, 0.3 * block.size_m, GRAINS), np.zeros(GRAINS)])
+        start = np.column_stack([x + rng.normal(0.0, 0.3 * block.size_m, PUFF_GRAINS), np.zeros(PUFF_GRAINS)])
         start[:, 1] = surface_m(cross_section, start[:, 0])
         at = pixel_map.to_pixel(start)
         moved = pixel_map.to_pixel(start + velocity * 1e-3)

@@ -6,8 +6,8 @@ The scene is drawn anti-aliased: a pixel is as much of the block as the silhouet
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,9 +16,19 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
+from rock2d.files.folders import atomic_file
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.synthetic.faults import CLEAN, Faults, Puff, Sensor, extended, puffs, while_open
-from rock2d_tracking.synthetic.scene import PLAIN, Look, Pose, Scene
+from rock2d_tracking.synthetic.faults import (
+    CLEAN,
+    BlockMotion,
+    Faults,
+    Puff,
+    Sensor,
+    extended,
+    puffs,
+    while_open,
+)
+from rock2d_tracking.synthetic.scene import PLAIN_LOOK, Look, Pose, Scene
 
 if TYPE_CHECKING:
     import cv2
@@ -52,26 +62,31 @@ class Shot:
     pose_m: Pose | None
 
 
+@dataclass(frozen=True)
+class FilmOptions:
+    """How an experiment is filmed.
+
+    Attributes
+    ----------
+    seed : of soil, noise, dust and dropped frames; the same seed makes the same film
+    faults, look : what spoils the film; light and paint
+    releases : which releases, in this order; all of them if None
+    rest_frames : empty frames before each release
+    """
+
+    seed: int
+    faults: Faults = CLEAN
+    look: Look = PLAIN_LOOK
+    releases: Sequence[int] | None = None
+    rest_frames: int = 5
+
+
 def film_frames(
-    experiment: Experiment,
-    pixel_map: PixelMap,
-    size_px: tuple[int, int],
-    *,
-    faults: Faults = CLEAN,
-    look: Look = PLAIN,
-    seed: int,
-    releases: Sequence[int] | None = None,
-    rest_frames: int = 5,
+    experiment: Experiment, pixel_map: PixelMap, size_px: tuple[int, int], options: FilmOptions
 ) -> Iterator[Shot]:
-    """Film an experiment, one release after the other, each after `rest_frames` empty frames.
+    """Film an experiment with images of `size_px` (width, height), one release after the other.
 
     A trajectory's row is a frame, `experiment.fps` of them a second; where rows are missing or NaN, frames are.
-
-    Parameters
-    ----------
-    size_px : width and height of the image
-    seed : of soil, noise, dust and dropped frames; the same seed makes the same film
-    releases : which, in this order; all of them if None
 
     Raises InputError if the experiment has no trajectories or no such release, or a release's rows come faster
     than the camera's frames.
@@ -80,21 +95,25 @@ def film_frames(
     if table is None:
         raise InputError(f"experiment {experiment.name}: only trajectories can be filmed, it has impacts")
     known = table["release"].unique().tolist()
-    unknown = [release for release in releases or [] if release not in known]
+    unknown = [release for release in options.releases or [] if release not in known]
     if unknown:
         raise InputError(f"experiment {experiment.name}: there is no release {unknown[0]}")
     for release, rows in table.groupby("release"):
         if (np.diff(np.rint(rows["t_s"] * experiment.fps)) < 1).any():
             raise InputError(f"release {release}: two rows within a frame at {experiment.fps:g} frames/s")
-    scene = Scene(experiment, pixel_map, size_px, look, faults, np.random.default_rng([seed, 0]))
+    faults, seed = options.faults, options.seed
+    scene = Scene(experiment, pixel_map, size_px, options.look, faults, np.random.default_rng([seed, 0]))
     sensor = Sensor(faults, size_px, np.random.default_rng([seed, 1]))
-    return _filmed(experiment, scene, sensor, seed, known if releases is None else releases, rest_frames)
+    return _filmed(
+        experiment, scene, sensor, known if options.releases is None else options.releases, options
+    )
 
 
 def _filmed(
-    experiment: Experiment, scene: Scene, sensor: Sensor, seed: int, releases: Sequence[int], rest_frames: int
+    experiment: Experiment, scene: Scene, sensor: Sensor, releases: Sequence[int], options: FilmOptions
 ) -> Iterator[Shot]:
     table, fps, faults, pixel_map = experiment.trajectories, experiment.fps, scene.faults, scene.pixel_map
+    seed, rest_frames = options.seed, options.rest_frames
     assert table is not None
     first = 0
     for release in releases:
@@ -110,13 +129,13 @@ def _filmed(
             yield Shot(image, first + i, release, block.name, float(before_s[i]), None, None)
         turning = poses[measured]
         turning[:, 2] = np.unwrap(turning[:, 2])
-        motion = extended(t[measured]), extended(turning)
+        motion = BlockMotion(block, extended(t[measured]), extended(turning), experiment.position_noise_m)
         clouds: list[Puff] = []
         if faults.dust:
-            rng, noise_m = np.random.default_rng([seed, 3, release]), experiment.position_noise_m
-            clouds = puffs(*motion, noise_m, block, experiment.cross_section, pixel_map, faults.dust, rng)
+            rng = np.random.default_rng([seed, 3, release])
+            clouds = puffs(motion, experiment.cross_section, pixel_map, faults.dust, rng)
         for i in np.flatnonzero(kept[rest_frames:] & measured).tolist():
-            exposed = while_open(*motion, t[i], faults.shutter / fps, block, pixel_map)
+            exposed = while_open(motion, t[i], faults.shutter / fps, pixel_map)
             light, there = scene.light(block, exposed)
             for puff in clouds:
                 puff.draw(light, t[i])
@@ -154,35 +173,31 @@ def write_film(
     if width % 2 or height % 2:
         raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part.avi")
-    part_truth, codec = part.with_suffix(".csv"), "FFV1" if quality is None else "Motion JPEG"
-    writer = None
-    try:
-        writer = _writer(part, fps_video, size_px, quality)
-        if not writer.isOpened():
-            raise InputError(f"{path}: this OpenCV cannot write {codec} video")
-        with part_truth.open("w", encoding="utf-8", newline="") as file:
+    with ExitStack() as stack:  # closes the files before they get their names
+        part = stack.enter_context(atomic_file(path))
+        table = None
+        if truth:
+            part_truth = stack.enter_context(atomic_file(path.with_suffix(".csv")))
+            file = stack.enter_context(part_truth.open("w", encoding="utf-8", newline=""))
             table = csv.writer(file, lineterminator="\n")
             table.writerow(TRUTH_COLUMNS)
-            for shot in shots:
-                if shot.image.shape != (height, width):
-                    found = " x ".join(map(str, shot.image.shape[::-1]))
-                    raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
-                # OpenCV's Motion JPEG garbles grey pictures
-                writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+        writer = _writer(part, fps_video, size_px, quality)
+        stack.callback(writer.release)
+        if not writer.isOpened():
+            codec = "FFV1" if quality is None else "Motion JPEG"
+            raise InputError(f"{path}: this OpenCV cannot write {codec} video")
+        for shot in shots:
+            if shot.image.shape != (height, width):
+                found = " x ".join(map(str, shot.image.shape[::-1]))
+                raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
+            # OpenCV's Motion JPEG garbles grey pictures
+            writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+            if table is not None:
                 pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
                 table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
         writer.release()
         if not part.exists() or part.stat().st_size == 0:
             raise InputError(f"{path}: nothing could be written")
-        if truth:
-            os.replace(part_truth, path.with_suffix(".csv"))
-        os.replace(part, path)
-    finally:
-        if writer is not None:
-            writer.release()
-        part.unlink(missing_ok=True)
-        part_truth.unlink(missing_ok=True)
     return path
 
 

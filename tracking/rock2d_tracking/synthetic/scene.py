@@ -18,15 +18,15 @@ from rock2d_tracking.synthetic.faults import HEAP_CORNERS, Faults, heap_m, shado
 
 Array = np.ndarray
 Pose = tuple[float, float, float]
-Box = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
+PixelBox = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
 Window = tuple[slice, slice]
 
-RIM = 512  # corners by which a smooth profile is drawn
-FINE = 3  # parts of a pixel's side
-LEAST_COVER = 0.01  # of a pixel, for a block to be in the picture
-EDGE_PX = 3.0  # from one corner of the soil's surface to the next
-DOTS = ((0.42, 0.42, 0.17), (-0.45, 0.36, 0.11), (-0.12, -0.5, 0.14))  # x, y, radius of marks, in radii
-LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]])
+SMOOTH_CORNERS = 512  # of the polygon for a smooth profile
+SUPERSAMPLING = 3  # parts of the side of a pixel
+SMALLEST_COVER = 0.01  # of a pixel; a block that covers less of every pixel is out of the picture
+SURFACE_STEP_PX = 3.0  # distance of the corners of the drawn surface
+MARK_DOTS = ((0.42, 0.42, 0.17), (-0.45, 0.36, 0.11), (-0.12, -0.5, 0.14))  # x, y, radius of marks, in radii
+MARK_LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]])
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Look:
     marked: tuple[str, ...] = ("circle",)
 
 
-PLAIN = Look()
+PLAIN_LOOK = Look()
 
 
 class Scene:
@@ -100,7 +100,7 @@ class Scene:
         light, pose = self.still.copy(), poses_m[len(poses_m) // 2]
         shade = shadow(self.cross_section, block, pose, self.pixel_map, self.faults.shadow)
         at, cover = self._cover(silhouettes)
-        if cover.max(initial=0.0) < LEAST_COVER:
+        if cover.max(initial=0.0) < SMALLEST_COVER:
             return light, False
         dark = self._window(shade.corners_px)
         light[dark] -= self._ground[dark] * self._soil[dark] * shade.taken(dark)
@@ -128,11 +128,13 @@ class Scene:
         beyond = np.array(self.size_px) + reach
         low = np.clip(np.floor(points.min(axis=0) + 0.5) - reach, -reach, beyond - 1).astype(int)
         high = np.clip(np.ceil(points.max(axis=0) + 0.5) + reach, low + 1, beyond).astype(int)
-        (left, top), (right, bottom) = (FINE * low).tolist(), (FINE * high).tolist()
-        fine = coverage([FINE * (outline + 0.5) - 0.5 for outline in outlines_px], (left, top, right, bottom))
+        (left, top), (right, bottom) = (SUPERSAMPLING * low).tolist(), (SUPERSAMPLING * high).tolist()
+        fine = coverage(
+            [SUPERSAMPLING * (outline + 0.5) - 0.5 for outline in outlines_px], (left, top, right, bottom)
+        )
         (left, top), (right, bottom) = (np.clip(corner, 0, self.size_px) for corner in (low, high))
         inside = np.s_[top - low[1] : bottom - low[1], left - low[0] : right - low[0]]
-        return np.s_[top:bottom, left:right], self._through_lens(fine, FINE)[inside]
+        return np.s_[top:bottom, left:right], self._through_lens(fine, SUPERSAMPLING)[inside]
 
     def _window(self, points_px: Array) -> Window:
         """The part of the image around points."""
@@ -141,7 +143,7 @@ class Scene:
         return np.s_[top:bottom, left:right]
 
     def _through_lens(self, light: Array, fine: int = 1) -> Array:
-        """Light on pixels as the lens spreads it; `light` is on pixels that are so many times finer."""
+        """Light on pixels as the lens spreads it; `light` is on pixels that are `fine` times finer."""
         import cv2
 
         seen: Array = light.astype(np.float32)
@@ -156,11 +158,11 @@ class Scene:
         return seen
 
 
-def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
+def coverage(outlines_px: Sequence[Array], box: PixelBox) -> Array:
     """Share of each pixel of `box` that closed outlines (n, 2) cover, (height, width); where they overlap, the sum.
 
-    Exact: the outlines are cut at the pixels' borders, and each piece gives its pixel the area to its right and all
-    pixels beyond its height. All outlines must run the same way around.
+    Exact: the outlines are split at the borders of the pixels; each piece gives its pixel the area to its right, and
+    all pixels beyond its height. All outlines must run in the same sense.
     """
     left, top, right, bottom = box
     width, height = right - left, bottom - top
@@ -170,7 +172,7 @@ def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     start = np.concatenate(list(outlines_px)) - corner
     end = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines_px]) - corner
     for axis in (0, 1):
-        start, end = _cut(start, end, axis)
+        start, end = _split_at_pixels(start, end, axis)
     x, y = (0.5 * (start + end)).T
     inside = (y > 0) & (y < height)
     x, row, rise = np.clip(x[inside], 0, width), y[inside].astype(int), (end - start)[inside, 1]
@@ -181,8 +183,8 @@ def coverage(outlines_px: Sequence[Array], box: Box) -> Array:
     return np.abs(np.cumsum(area.reshape(height, width + 2), axis=1)[:, :width])
 
 
-def _cut(start: Array, end: Array, axis: int) -> tuple[Array, Array]:
-    """Edges cut wherever their coordinate `axis` is a whole number."""
+def _split_at_pixels(start: Array, end: Array, axis: int) -> tuple[Array, Array]:
+    """Edges, split wherever their coordinate `axis` is a whole number."""
     a, b = start[:, axis], end[:, axis]
     first = np.floor(np.minimum(a, b)).astype(int) + 1
     count = np.maximum(np.ceil(np.maximum(a, b)).astype(int) - first, 0)
@@ -195,7 +197,7 @@ def _cut(start: Array, end: Array, axis: int) -> tuple[Array, Array]:
     return np.insert(points, total - count, start, axis=0), np.insert(points, total, end, axis=0)
 
 
-def _ellipse(a: float, b: float, corners: int = RIM) -> Array:
+def _ellipse(a: float, b: float, corners: int = SMOOTH_CORNERS) -> Array:
     """(corners, 2) polygon of an ellipse's area."""
     angle = np.linspace(0.0, 2 * np.pi, corners, endpoint=False)
     out = np.sqrt(2 * np.pi / corners / np.sin(2 * np.pi / corners))
@@ -218,7 +220,11 @@ def _outlines_m(block: Block, look: Look) -> list[Array]:
         silhouette = np.array(shapely.segmentize(profile, block.radius_m / 16).exterior.coords[:-1])
     if block.shape not in look.marked:
         return [silhouette]
-    return [silhouette, inner * LINE, *[inner * (_ellipse(r, r, 32) + np.array([x, y])) for x, y, r in DOTS]]
+    return [
+        silhouette,
+        inner * MARK_LINE,
+        *[inner * (_ellipse(r, r, 32) + np.array([x, y])) for x, y, r in MARK_DOTS],
+    ]
 
 
 def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[int, int]) -> list[Array]:
@@ -233,7 +239,7 @@ def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[
     right = max(high[0], points[:, 0].max()) + 1.0
     ends = [[right, points[-1, 1]], [right, deep], [left, deep], [left, points[0, 1]]]
     soil = shapely.make_valid(shapely.Polygon([*points, *ends])).intersection(shapely.box(*low, *high))
-    parts = shapely.get_parts(shapely.segmentize(soil, EDGE_PX * pixel_map.metres_per_pixel))
+    parts = shapely.get_parts(shapely.segmentize(soil, SURFACE_STEP_PX * pixel_map.metres_per_pixel))
     outlines = [part.exterior.coords[:-1] for part in parts if part.area > 0.0]
     return [pixel_map.to_pixel(np.array(outline)) for outline in outlines]
 

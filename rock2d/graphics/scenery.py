@@ -1,121 +1,40 @@
-"""Drawing a cross-section and blocks on a pixel canvas (OpenCV; BGR, anti-aliased, sub-pixel).
-
-A `View` maps metres to pixels; pixel centres lie at whole numbers, row 0 is at the top.
-"""
+"""What canvases show: the cross-section with its zones and measure lines, their names, blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from rock2d.graphics.palette import (
-    DEEP_GROUND,
-    INK,
-    LEADER_INK,
-    LINE_INK,
-    NAME_INK,
-    SKY,
-    ZONE_TONES,
-    mixed,
-    rgb,
-)
+from rock2d.graphics.canvas import (
+    PIXEL_FRACTION_BITS,
+    Viewport,
+    bgr,
+    draw_text,
+    fill,
+    fixed_point,
+    in_image,
+    polyline,
+    text_size,
+)  # fmt: skip
+from rock2d.graphics.palette import DEEP_GROUND, INK, LEADER_INK, LINE_INK, NAME_INK, SKY, ZONE_TONES, mixed
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
-Limits = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in m
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
-
-_SHIFT = 6  # fractional bits of cv2's fixed-point coordinates: 1/64 px
-
-
-@dataclass(frozen=True)
-class View:
-    """A rectangle of `width_px` x `height_px` whose top left corner shows (left_m, top_m), equal aspect."""
-
-    left_m: float
-    top_m: float
-    px_per_m: float
-    width_px: int
-    height_px: int
-
-    def pixels(self, points_m: Array) -> Array:
-        """Pixel coordinates (n, 2) of points (n, 2) in m."""
-        points = np.asarray(points_m, float).reshape(-1, 2)
-        return np.column_stack([points[:, 0] - self.left_m, self.top_m - points[:, 1]]) * self.px_per_m - 0.5
-
-    @property
-    def limits_m(self) -> Limits:
-        """x_min, x_max, y_min, y_max."""
-        right = self.left_m + self.width_px / self.px_per_m
-        return self.left_m, right, self.top_m - self.height_px / self.px_per_m, self.top_m
-
-    def around(self, x_m: float, y_m: float, px_per_m: float, side_px: int) -> View:
-        """A square view of `side_px` centred on (x_m, y_m)."""
-        half = 0.5 * side_px / px_per_m
-        return View(x_m - half, y_m + half, px_per_m, side_px, side_px)
-
-
-def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m: float) -> Limits:
-    """The part of the cross-section worth seeing: motion, measure lines and the ground's near corners.
-
-    Far ends of long facets are left out, so a small motion on a wide floor stays large.
-    """
-    x, y = np.asarray(x_m, float), np.asarray(y_m, float)
-    seen = np.isfinite(x) & np.isfinite(y)
-    points = [np.column_stack([x[seen], y[seen]]), *cross_section.measure_lines.values()]
-    points = [p for p in points if len(p)]
-    if not points:
-        points = [cross_section.points_m]
-    low = np.min([p.min(axis=0) for p in points], axis=0) - radius_m
-    high = np.max([p.max(axis=0) for p in points], axis=0) + radius_m
-    low, high = np.minimum(low, high - 5 * radius_m), np.maximum(high, low + 5 * radius_m)
-    reach = 0.5 * float((high - low).max())
-    ground = cross_section.points_m
-    near = ((ground >= low - reach) & (ground <= high + reach)).all(axis=1)
-    here = cross_section.height_m(np.linspace(low[0], high[0], 9))
-    heights = np.concatenate([ground[near, 1], here[np.isfinite(here)]])
-    if near.any():
-        low[0], high[0] = min(low[0], ground[near, 0].min()), max(high[0], ground[near, 0].max())
-    if len(heights):
-        low[1], high[1] = min(low[1], heights.min()), max(high[1], heights.max())
-    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
-
-
-def fitted_view(limits: Limits, width_px: int, height_px: int) -> View:
-    """The view that holds `limits` at equal aspect, with room for zone names below the ground."""
-    wide, high = limits[1] - limits[0], limits[3] - limits[2]
-    px_per_m = min(0.92 * width_px / max(wide, 1e-9), 0.78 * height_px / max(high, 1e-9))
-    shown_m = height_px / px_per_m
-    below = max(0.16 * shown_m, 0.45 * (shown_m - high))
-    left = 0.5 * (limits[0] + limits[1]) - 0.5 * width_px / px_per_m
-    return View(left, limits[2] - below + shown_m, px_per_m, width_px, height_px)
-
-
-def exact_view(limits: Limits, width_px: int, height_px: int) -> View:
-    """The view centred on `limits` that just holds them, equal aspect. ValueError if they are empty."""
-    wide, high = limits[1] - limits[0], limits[3] - limits[2]
-    if not (wide > 0 and high > 0 and np.isfinite([*limits]).all()):
-        raise ValueError(f"view must be x_min < x_max, y_min < y_max in m, got {limits}")
-    px_per_m = min(width_px / wide, height_px / high)
-    x, y = 0.5 * (limits[0] + limits[1]), 0.5 * (limits[2] + limits[3])
-    return View(x - 0.5 * width_px / px_per_m, y + 0.5 * height_px / px_per_m, px_per_m, width_px, height_px)
 
 
 def zone_tones(cross_section: CrossSection) -> dict[str, str]:
-    """A muted tone a zone."""
+    """A muted tone for each zone."""
     return {z: ZONE_TONES[i % len(ZONE_TONES)] for i, z in enumerate(cross_section.zone_names)}
 
 
 def ground_image(
-    cross_section: CrossSection, view: View, depth_px: float, *, surface_px: float = 2.0
+    cross_section: CrossSection, view: Viewport, depth_px: float, *, surface_px: float = 2.0
 ) -> Array:
     """The cross-section as a BGR image (height_px, width_px, 3): sky, ground tinted by the zone of the
     nearest facet down to about `depth_px`, surface line.
@@ -129,7 +48,9 @@ def ground_image(
     canvas = (high + 2 * pad, wide + 2 * pad)
     ids = np.full(canvas, len(cross_section.zone_names), np.int32)
     for i, zone in enumerate(cross_section.zone_ids):
-        cv2.polylines(ids, [_fixed(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, _SHIFT)
+        cv2.polylines(
+            ids, [fixed_point(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, PIXEL_FRACTION_BITS
+        )
     empty = (ids == len(cross_section.zone_names)).astype(np.uint8)
     if empty.all():
         near, depth = np.zeros(canvas, np.int32), np.full(canvas, 1e9, np.float32)
@@ -143,7 +64,7 @@ def ground_image(
 
     floor = np.array([[surface[-1, 0], canvas[0] + pad], [surface[0, 0], canvas[0] + pad]])
     inside = np.zeros(canvas, np.uint8)
-    cv2.fillPoly(inside, [_fixed(np.vstack([surface, floor]))], 1, cv2.LINE_8, _SHIFT)
+    cv2.fillPoly(inside, [fixed_point(np.vstack([surface, floor]))], 1, cv2.LINE_8, PIXEL_FRACTION_BITS)
     solid = inside[seen].astype(bool)
 
     tones = np.array([bgr(t) for t in zone_tones(cross_section).values()], np.float32)
@@ -156,7 +77,7 @@ def ground_image(
     return image
 
 
-def draw_measure_lines(image: Array, cross_section: CrossSection, view: View, thick_px: float) -> None:
+def draw_measure_lines(image: Array, cross_section: CrossSection, view: Viewport, thick_px: float) -> None:
     """Dashed measure lines."""
     for line in cross_section.measure_lines.values():
         a, b = view.pixels(line)
@@ -168,7 +89,7 @@ def draw_measure_lines(image: Array, cross_section: CrossSection, view: View, th
 
 
 @dataclass(frozen=True)
-class Name:
+class PlacedName:
     """A name in its place: the box its text fills and, where it lies apart from what it names, a leader."""
 
     text: str
@@ -178,11 +99,11 @@ class Name:
 
 
 def placed_names(
-    cross_section: CrossSection, view: View, size_px: int, avoid_px: Array | None = None
-) -> list[Name]:
+    cross_section: CrossSection, view: Viewport, size_px: int, avoid_px: Array | None = None
+) -> list[PlacedName]:
     """Places for the names of zones (under the ground) and of measure lines (beside their ends, off the
     points `avoid_px` where possible). A zone's name that finds no room in the view is left out."""
-    names: list[Name] = []
+    names: list[PlacedName] = []
     taken: list[Box] = []
     gap = 0.4 * size_px
     surface = view.pixels(cross_section.points_m)
@@ -201,17 +122,17 @@ def placed_names(
         taken.append(box)
         apart = y - at[1] > 1.5 * size_px
         leader = np.array([[at[0], at[1] + 0.4 * gap], [at[0], y - 0.1 * gap]]) if apart else None
-        names.append(Name(text, box, NAME_INK, leader))
+        names.append(PlacedName(text, box, NAME_INK, leader))
     busy = np.empty((0, 2)) if avoid_px is None else avoid_px
     for name, line in cross_section.measure_lines.items():
         text = name.replace("_", " ")
         box = _line_label(view.pixels(line), surface, text_size(text, size_px), gap, taken, bounds, busy)
         taken.append(box)
-        names.append(Name(text, box, LINE_INK))
+        names.append(PlacedName(text, box, LINE_INK))
     return names
 
 
-def draw_names(image: Array, names: Sequence[Name], size_px: int) -> None:
+def draw_names(image: Array, names: Sequence[PlacedName], size_px: int) -> None:
     """Names on a canvas; those of measure lines, which lie in the air, with a halo."""
     for name in names:
         if name.leader_px is not None:
@@ -221,7 +142,7 @@ def draw_names(image: Array, names: Sequence[Name], size_px: int) -> None:
 
 
 def draw_block(
-    image: Array, view: View, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
+    image: Array, view: Viewport, block: Block, pose: Sequence[float], colour: str, style: str = "solid"
 ) -> None:
     """Draw `block` at `pose` (x_m, y_m, theta_rad): "solid" with an orientation mark (a pale half and a dot
     on a smooth profile, a pale corner on a polygon), "ghost" (translucent) or "hollow" (outline)."""
@@ -232,7 +153,7 @@ def draw_block(
         return view.pixels(body @ turn + (x, y))
 
     edge = placed(block.outline(64))
-    if not _in_image(edge, image):
+    if not in_image(edge, image):
         return
     size = block.size_m * view.px_per_m
     line_px = float(np.clip(size / 28, 1.0, 3.0))
@@ -267,85 +188,12 @@ def draw_block(
     polyline(image, edge, mixed(colour, "#000000", 0.45), line_px, closed=True)
 
 
-# --- primitives ---------------------------------------------------------------------------------------
-
-
-def bgr(colour: str) -> tuple[int, int, int]:
-    """ "#rrggbb" in OpenCV's order."""
-    return rgb(colour)[::-1]
-
-
-def fill(image: Array, points_px: Array, colour: str) -> None:
-    """Filled polygon, (n, 2) pixel coordinates."""
-    cv2.fillPoly(image, [_fixed(points_px)], bgr(colour), cv2.LINE_AA, _SHIFT)
-
-
-def polyline(image: Array, points_px: Array, colour: str, thick_px: float, *, closed: bool = False) -> None:
-    """Line through (n, 2) pixel coordinates."""
-    thick = max(1, round(thick_px))
-    cv2.polylines(image, [_fixed(points_px)], closed, bgr(colour), thick, cv2.LINE_AA, _SHIFT)
-
-
-def text_size(text: str, size_px: int, bold: bool = False) -> tuple[float, float]:
-    """Width and height of a line of text, px."""
-    return float(_font(size_px, bold).getlength(text)), 1.2 * size_px
-
-
-def draw_text(
-    image: Array,
-    at: Sequence[float],
-    text: str,
-    size_px: int,
-    colour: str = INK,
-    *,
-    bold: bool = False,
-    halo: str | None = None,
-) -> None:
-    """A line of text whose top left corner is `at`."""
-    from PIL import Image, ImageDraw
-
-    width, height = text_size(text, size_px, bold)
-    left, top = round(at[0]), round(at[1])
-    x0, y0 = max(left - 3, 0), max(top - 3, 0)
-    part = image[y0 : top + int(height) + 4, x0 : left + int(width) + 4]
-    if part.size == 0:
-        return
-    picture = Image.fromarray(
-        np.ascontiguousarray(part)
-    )  # PIL's "RGB" holds our BGR: order is kept throughout
-    style: dict[str, Any] = {"stroke_width": 2, "stroke_fill": bgr(halo)} if halo else {}
-    ImageDraw.Draw(picture).text(
-        (left - x0, top - y0 + 0.5 * height), text, bgr(colour), _font(size_px, bold), anchor="lm", **style
-    )
-    part[:] = np.asarray(picture)
-
-
-@lru_cache(maxsize=32)
-def _font(size_px: int, bold: bool) -> Any:
-    import matplotlib
-    from PIL import ImageFont
-
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"  # comes with matplotlib: no system font needed
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size_px)
-
-
-def _fixed(points_px: Array) -> Array:
-    limit = 2.0**23  # keeps coordinates far outside the canvas within cv2's integers
-    return np.rint(np.clip(points_px, -limit, limit) * 2**_SHIFT).astype(np.int32)
-
-
-def _in_image(points_px: Array, image: Array) -> bool:
-    high, wide = image.shape[:2]
-    low, top = points_px.min(axis=0), points_px.max(axis=0)
-    return bool(low[0] < wide and low[1] < high and top[0] > 0 and top[1] > 0)
-
-
 def _overlap(a: Box, b: Box, gap: float = 0.0) -> bool:
     return a[0] < b[2] + gap and b[0] < a[2] + gap and a[1] < b[3] + gap and b[1] < a[3] + gap
 
 
-def _visible_runs(cross_section: CrossSection, surface: Array, view: View) -> list[tuple[str, Array]]:
-    """Zone name and anchor (middle of what is seen, px) of each stretch of facets of one zone."""
+def _visible_runs(cross_section: CrossSection, surface: Array, view: Viewport) -> list[tuple[str, Array]]:
+    """Zone name and anchor (middle of what is seen, px) of each run of facets of one zone."""
     runs: list[tuple[str, list[Array]]] = []
     for i, zone in enumerate(cross_section.zones):
         a, b = surface[i], surface[i + 1]

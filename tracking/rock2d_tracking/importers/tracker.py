@@ -20,12 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
-from rock2d_tracking.importers.importing import OFF_FRAME, Points, cells, number, separator_of
+from rock2d.files.folders import write_whole
+from rock2d_tracking.delimited_text import cells, number, separator_of
+from rock2d_tracking.importers import Importer
+from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points
 
 if TYPE_CHECKING:
     import pandas as pd
 
-OWN_COLUMNS = ("t", "frame", "x", "y", "theta_rad")
+WRITTEN_COLUMNS = ("t", "frame", "x", "y", "theta_rad")
 
 
 def looks_like(text: str) -> bool:
@@ -76,10 +79,10 @@ def write_tracker(path: str | Path, trajectories: pd.DataFrame, fps: float) -> l
     texts = {}
     for release, rows in trajectories.groupby("release", sort=False):
         name = f"{rows['block'].iloc[0]}_release_{release}".replace(" ", "_")
-        lines = [name, "\t".join(OWN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
+        lines = [name, "\t".join(WRITTEN_COLUMNS), *_frame_lines(rows, fps, f"release {release}")]
         texts[path.with_stem(f"{path.stem}_{release}") if several else path] = "\n".join(lines) + "\n"
     for target, text in texts.items():
-        target.write_text(text, encoding="utf-8")
+        write_whole(target, text)
     return list(texts)
 
 
@@ -87,7 +90,7 @@ def _frame_lines(rows: pd.DataFrame, fps: float, release: str) -> list[str]:
     by_frame: dict[int, list[str]] = {}
     for t_s, *measured in rows[["t_s", "x_m", "y_m", "theta_rad"]].itertuples(index=False):
         frame = round(t_s * fps)
-        if abs(t_s * fps - frame) > OFF_FRAME or frame in by_frame:
+        if abs(t_s * fps - frame) > FRAME_TIME_TOLERANCE or frame in by_frame:
             raise InputError(f"{release}: t_s {t_s:g} is not that of a frame of its own at {fps:g} per s")
         values = ["" if value != value else repr(float(value)) for value in measured]
         by_frame[frame] = [repr(float(t_s)), str(frame), *values]
@@ -125,3 +128,6 @@ def _columns(header: list[str], title: list[str], path: Path) -> dict[str, dict[
         read = {"frame": "frame", "u": u, "v": v, "theta_rad": "theta_rad"}
         found[name] = common | {key: of[column] for key, column in read.items() if column in of}
     return found
+
+
+IMPORTER = Importer("Tracker", looks_like, read)

@@ -1,0 +1,65 @@
+"""The common look of figures: sizes, lines, frames, legends, and writing them whole.
+
+Figures live outside any global state of matplotlib. Names that come from files go through `plain_text`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from rock2d.errors import InputError
+from rock2d.files.folders import atomic_file
+
+LINESTYLES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.2)), (0, (6, 1.4, 1.5, 1.4)))
+TEXT_PT, SMALL_PT = 9.0, 7.5
+
+
+def plain_text(text: str) -> str:
+    """Text that matplotlib shows as it is: a `$` is no mathematics."""
+    return text.replace("$", r"\$")
+
+
+def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
+    """Write `figure` (format by suffix) beside `path` and rename it when whole.
+
+    Raises InputError if the suffix is not a picture format.
+    """
+    path = Path(path)
+    kind = path.suffix.lower().lstrip(".")
+    known = figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise InputError(f"{path}: expected a figure as {', '.join(sorted(known))}, found {path.suffix!r}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(path) as part:
+        figure.savefig(part, dpi=dpi, format=kind)
+    return path
+
+
+def blank_figure(wide_in: float, high_in: float) -> Figure:
+    """An empty figure of this size in inches, outside any global state."""
+    figure = Figure(figsize=(wide_in, high_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def finish(figure: Figure, title: str = "") -> None:
+    """The common look: title (plain text), sizes of the labels, no frame at the top and on the right."""
+    if title:
+        figure.suptitle(plain_text(title), fontsize=TEXT_PT + 2, fontweight="bold")
+    for axis in figure.axes:
+        axis.tick_params(labelsize=SMALL_PT, length=3)
+        axis.xaxis.label.set_fontsize(TEXT_PT)
+        axis.yaxis.label.set_fontsize(TEXT_PT)
+        for side in ("top", "right"):
+            axis.spines[side].set_visible(False)
+
+
+def handle(label: str, **style: Any) -> Any:
+    """An entry of a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)

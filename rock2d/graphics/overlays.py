@@ -1,0 +1,185 @@
+"""Figures that lay measured releases and their simulation over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from rock2d.errors import InputError
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle, plain_text
+from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
+from rock2d.graphics.trajectories import positions_of
+from rock2d.records.track import Track
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+
+def overlay_figure(
+    cross_section: CrossSection,
+    blocks: Mapping[str, Block],
+    measured: pd.DataFrame,
+    simulated: Sequence[Track],
+    *,
+    releases: Sequence[int] | None = None,
+    title: str = "",
+) -> Figure:
+    """Measured (dots) against simulated (lines), a column for each release: the way with the outline of the block at
+    the start and the end, then height and orientation against time.
+
+    `measured` has columns release, block, t_s, x_m, y_m, theta_rad, on the clock of the tracks. Without `releases`
+    (numbers, at most six are shown) those with the least, the median, the 90 % and the largest rms
+    distance are shown. Raises InputError if nothing measured has a track.
+    """
+    pairs = _pairs(measured, simulated)
+    shown, notes = _chosen(pairs, releases)
+    columns = len(shown)
+    points = [(p[0][["x_m", "y_m"]].to_numpy(float), positions_of(p[1], p[0]["t_s"].max())) for p in shown]
+    unit, factor = ("mm", 1e3) if max(np.ptp(a, axis=0).max() for a, _ in points) < 1.0 else ("m", 1.0)
+    frames = []
+    for both, (_, track) in zip(points, shown, strict=True):
+        every, radius = np.vstack(both), blocks[track.block].radius_m
+        floor = min(every[:, 1].min(), *_heights_at(cross_section, every))
+        frames.append((every[:, 0].min() - 1.3 * radius, every[:, 0].max() + 1.3 * radius,
+                       floor - 0.9 * radius, every[:, 1].max() + 1.4 * radius))  # fmt: skip
+    wide = max(f[1] - f[0] for f in frames)
+    high = max(max(f[3] - f[2] for f in frames), 0.45 * wide)
+    wide = max(wide, high / 1.6)
+    top_in = 1.95 * high / wide
+    figure = blank_figure(max(4.6, 2.45 * columns), top_in + 2 * 1.6 + (2.0 if title else 1.7))
+    axes = figure.subplots(3, columns, squeeze=False, height_ratios=(top_in, 1.6, 1.6))
+    for column, ((rows, track), (dots, way), frame, note) in enumerate(
+        zip(shown, points, frames, notes, strict=True)
+    ):
+        top, height, angle = axes[:, column]
+        ground = cross_section.points_m * factor
+        deep = ground[:, 1].min() - 10 * high * factor
+        top.fill_between(ground[:, 0], ground[:, 1], deep, color="#e6dfd0", lw=0)
+        top.plot(*ground.T, color=INK, lw=1.2)
+        top.plot(*(way * factor).T, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
+        top.plot(*(dots * factor).T, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
+        _draw_outlines(top, blocks[track.block], rows, track, factor)
+        top.set_aspect("equal")
+        left = 0.5 * (frame[0] + frame[1] - wide)
+        top.set_xlim(left * factor, (left + wide) * factor)
+        top.set_ylim(frame[2] * factor, (frame[2] + high) * factor)
+        top.set_title(plain_text(note), fontsize=SMALL_PT + 0.5)
+        top.set_xlabel(f"x ({unit})", labelpad=1)
+        _draw_histories(height, angle, rows, track, factor)
+        for axis, label in ((top, f"y ({unit})"), (height, f"y ({unit})"), (angle, "orientation (rad)")):
+            if column == 0:
+                axis.set_ylabel(label)
+    _draw_legend(figure, columns)
+    finish(figure, title)
+    return figure
+
+
+def _draw_outlines(axis: Any, block: Block, rows: pd.DataFrame, track: Track, factor: float) -> None:
+    """The block at the measured start and end, and where the simulation ends."""
+    first, last = (rows[["x_m", "y_m", "theta_rad"]].iloc[i].to_numpy(float) for i in (0, -1))
+    final = track.states(np.array([rows["t_s"].iloc[-1]]))[0, :3]
+    _outline(axis, block, first, factor, MEASURED_COLOUR, "-", 0.10)
+    _outline(axis, block, final, factor, SIMULATED_COLOUR, "-", 0.25)
+    _outline(axis, block, last, factor, MEASURED_COLOUR, (0, (3, 1.5)), 0.0)
+
+
+def _draw_histories(height: Any, angle: Any, rows: pd.DataFrame, track: Track, factor: float) -> None:
+    """Height and orientation against time, measured and simulated."""
+    t = rows["t_s"].to_numpy(float)
+    fine = np.linspace(t[0], t[-1], 1200)
+    states = track.states(fine)
+    for axis, values, line in (
+        (height, rows["y_m"] * factor, states[:, 1] * factor),
+        (angle, rows["theta_rad"], states[:, 2]),
+    ):
+        axis.plot(fine, line, color=SIMULATED_COLOUR, lw=1.3, zorder=3)
+        axis.plot(t, values, ".", color=MEASURED_COLOUR, ms=2.4, mew=0, zorder=4)
+        axis.grid(color="#e4e4e4", lw=0.6)
+        axis.set_xlim(t[0], t[-1])
+    height.tick_params(labelbottom=False)
+    angle.set_xlabel("time (s)")
+
+
+def _draw_legend(figure: Figure, columns: int) -> None:
+    handles = [
+        handle("measured", marker=".", ls="none", color=MEASURED_COLOUR, ms=7),
+        handle("simulated", color=SIMULATED_COLOUR, lw=1.5),
+        handle("start", color=MEASURED_COLOUR, marker="s", mfc="#e8e8e8", ms=7, ls="none"),
+        handle("measured end", color=MEASURED_COLOUR, ls=(0, (3, 1.5)), lw=1.1),
+        handle("simulated end", color=SIMULATED_COLOUR, marker="s", ms=7, ls="none",
+                mfc=mixed(SIMULATED_COLOUR, "#ffffff", 0.7)),
+    ]  # fmt: skip
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=5 if columns > 2 else 3,
+        frameon=False,
+        fontsize=SMALL_PT + 0.5,
+    )
+
+
+def _pairs(measured: pd.DataFrame, simulated: Sequence[Track]) -> list[tuple[pd.DataFrame, Track]]:
+    tracks = {(t.block, t.release): t for t in simulated}
+    rows = measured.dropna(subset=["t_s", "x_m", "y_m", "theta_rad"])
+    pairs = []
+    for key, own in rows.groupby(["block", "release"], sort=False):
+        block, release = cast(tuple[str, int], key)
+        track = tracks.get((block, int(release)))
+        if track is not None and len(own) > 1:
+            pairs.append((own.sort_values("t_s"), track))
+    if not pairs:
+        raise InputError("no measured release has a simulated track: nothing to lay over each other")
+    return pairs
+
+
+def _chosen(
+    pairs: list[tuple[pd.DataFrame, Track]], releases: Sequence[int] | None
+) -> tuple[list[tuple[pd.DataFrame, Track]], list[str]]:
+    """The pairs shown and a note for each."""
+    rms = np.empty(len(pairs))
+    for i, (rows, track) in enumerate(pairs):
+        apart = track.states(rows["t_s"].to_numpy(float))[:, :2] - rows[["x_m", "y_m"]].to_numpy(float)
+        rms[i] = np.sqrt((apart**2).sum(axis=1).mean())
+    order = np.argsort(rms, kind="stable")
+    if releases is not None:
+        picks = {i: "" for r in releases for i, p in enumerate(pairs) if p[1].release == r}
+        if not picks:
+            raise InputError(
+                f"none of the releases {', '.join(map(str, releases))} is measured and simulated"
+            )
+    else:
+        ranks = {0.0: "closest", 1.0: "farthest", 0.5: "median", 0.9: "90th percentile"}
+        picks = {}
+        for rank, word in ranks.items():
+            picks.setdefault(int(order[round(rank * (len(pairs) - 1))]), word)
+        picks = {i: picks[i] for i in sorted(picks, key=lambda i: rms[i])}
+    several = len({p[1].block for p in pairs}) > 1
+    notes = []
+    for i, word in list(picks.items())[:6]:
+        track = pairs[i][1]
+        name = f"{track.block} {track.release}" if several else f"release {track.release}"
+        size = f"{1e3 * rms[i]:.1f} mm" if rms[i] < 1 else f"{rms[i]:.2f} m"
+        notes.append(f"{name}{f', {word}' if word else ''}\nrms distance {size}")
+    return [pairs[i] for i in list(picks)[:6]], notes
+
+
+def _outline(
+    axis: Any, block: Block, pose: Array, factor: float, colour: str, style: Any, alpha: float
+) -> None:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    edge = (block.outline(64) @ np.array([[c, s], [-s, c]]) + pose[:2]) * factor
+    closed = np.vstack([edge, edge[:1]])
+    if alpha:
+        axis.fill(*edge.T, color=colour, alpha=alpha, lw=0, zorder=1.5)
+    axis.plot(*closed.T, color=colour, ls=style, lw=1.1, zorder=2)
+
+
+def _heights_at(cross_section: CrossSection, points: Array) -> Array:
+    heights = cross_section.height_m(points[:, 0])
+    heights = heights[np.isfinite(heights)]
+    return heights if len(heights) else points[:, 1]

@@ -1,0 +1,119 @@
+"""Figures of trajectories on the cross-section."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rock2d.errors import InputError
+from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
+from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle, plain_text
+from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SKY, block_colours
+from rock2d.graphics.scenery import ground_image, placed_names
+from rock2d.records.track import T, Track
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+STOP_MARKERS = {"rest": ("o", "came to rest"), "exit": (">", "left the section"), "time": ("s", "time limit")}
+
+
+def trajectories_figure(
+    cross_section: CrossSection, blocks: Mapping[str, Block], tracks: Sequence[Track], title: str = ""
+) -> Figure:
+    """The cross-section with zones and measure lines, and the way of every release; a panel a block.
+
+    Raises InputError if there are no tracks.
+    """
+    names = [n for n in blocks if any(t.block == n for t in tracks)]
+    if not names:
+        raise InputError("a figure of trajectories needs at least one track of a known block")
+    ways = {n: [positions_of(t) for t in tracks if t.block == n] for n in names}
+    every = np.vstack([w for ws in ways.values() for w in ws])
+    radius = max(blocks[n].radius_m for n in names)
+    limits = motion_limits(cross_section, every[:, 0], every[:, 1], radius)
+
+    wide_in, axis_in, page_in = 7.5, 6.85, 9.6
+    high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
+    high_in = float(np.clip(high_in, 1.6, min(4.2, page_in / len(names))))
+    figure = blank_figure(wide_in, len(names) * (high_in + 0.32) + 0.65 + (0.3 if title else 0.0))
+    axes = figure.subplots(len(names), 1, squeeze=False, sharex=True)[:, 0]
+    view = fitted_view(limits, 1500, round(1500 * high_in / axis_in))
+    colours = block_colours(blocks)
+    stops: set[str] = set()
+    for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
+        draw_cross_section(axis, cross_section, view, np.vstack(ways[name]), axis_in)
+        own = [t for t in tracks if t.block == name]
+        alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
+        for track, way in zip(own, ways[name], strict=True):
+            axis.plot(way[:, 0], way[:, 1], color=colours[name], lw=0.9, alpha=alpha, zorder=3)
+            stops.add(track.stop)
+            axis.plot(
+                *way[-1], marker=STOP_MARKERS[track.stop][0], ms=4, mfc=colours[name], mec="white", mew=0.5,
+                ls="none", zorder=4, clip_on=False,
+            )  # fmt: skip
+        plural = "release" if len(own) == 1 else "releases"
+        axis.set_title(
+            f"{plain_text(name.replace('_', ' '))}, {len(own)} {plural}", loc="left", fontsize=TEXT_PT
+        )
+        axis.set_ylabel(f"y ({length_unit(limits)[0]})")
+        if i == len(names) - 1:
+            axis.set_xlabel(f"x ({length_unit(limits)[0]})")
+    handles = [
+        handle(STOP_MARKERS[s][1], marker=STOP_MARKERS[s][0], ls="none", ms=4.5, mfc="#777777", mec="white")
+        for s in STOP_MARKERS
+        if s in stops
+    ]
+    figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=SMALL_PT)
+    finish(figure, title)
+    return figure
+
+
+def draw_cross_section(
+    axis: Any, cross_section: CrossSection, view: Viewport, ways: Array, axis_in: float
+) -> None:
+    """The ground with zones and measure lines, their names off the points `ways` (n, 2), on an axis `axis_in` wide."""
+    from matplotlib.patheffects import withStroke
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    limits, (_, factor) = view.limits_m, length_unit(view.limits_m)
+    image = ground_image(cross_section, view, 42, surface_px=0)[..., ::-1]
+    axis.imshow(image, extent=limits, aspect="equal", zorder=0)
+    axis.plot(*cross_section.points_m.T, color=INK, lw=1.3, zorder=2, solid_joinstyle="round")
+    for line in cross_section.measure_lines.values():
+        axis.plot(*line.T, color=LINE_INK, lw=1.1, ls=(0, (3, 2)), zorder=2.5)
+    axis.set(xlim=limits[:2], ylim=limits[2:], aspect="equal")
+    for side, count in ((axis.xaxis, 9), (axis.yaxis, 5)):
+        side.set_major_locator(MaxNLocator(count, steps=[1, 2, 5, 10]))
+        side.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 6) + 0.0:g}"))
+
+    size_px = round(SMALL_PT / 72 * view.width_px / axis_in)
+    for name in placed_names(cross_section, view, size_px, view.pixels(ways)):
+        left, top, _, bottom = name.box
+        x = view.left_m + (left + 0.5) / view.px_per_m
+        y = view.top_m - (0.5 * (top + bottom) + 0.5) / view.px_per_m
+        if name.leader_px is not None:
+            leader = (name.leader_px + 0.5) / view.px_per_m
+            axis.plot(
+                view.left_m + leader[:, 0], view.top_m - leader[:, 1], color=LEADER_INK, lw=0.6, zorder=2
+            )
+        text = axis.text(x, y, plain_text(name.text), size=SMALL_PT, color=name.colour, va="center", zorder=5)
+        text.set_in_layout(False)
+        if name.colour == LINE_INK:
+            text.set_path_effects([withStroke(linewidth=2.5, foreground=SKY)])
+
+
+def positions_of(track: Track, until_s: float | None = None) -> Array:
+    """Positions (n, 2) along a track, fine enough for print."""
+    end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, T]))
+    t = np.union1d(np.linspace(track.knots[0, T], end, 600), track.knots[track.knots[:, T] <= end, T])
+    return track.states(t)[:, :2]
+
+
+def length_unit(limits: Limits) -> tuple[str, float]:
+    """Unit of lengths for a figure that shows `limits`, and units per metre."""
+    return ("cm", 1e2) if limits[1] - limits[0] < 2.0 else ("m", 1.0)

@@ -1,0 +1,150 @@
+"""The pictures of a video: panels side by side, with title, clock, scale bar and legend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rock2d.graphics.canvas import Viewport, bgr, draw_text, fill, polyline, text_size
+from rock2d.graphics.clips import Clip
+from rock2d.graphics.palette import INK
+from rock2d.graphics.video_options import VideoOptions
+from rock2d.graphics.video_panel import Layout, Panel
+
+Array = np.ndarray
+
+PAPER = "#ffffff"
+
+
+class Frames:
+    """The pictures of a video, in order."""
+
+    def __init__(self, layout: Layout, options: VideoOptions) -> None:
+        fps_video, slow_motion, hold_s = options.fps_video, options.slow_motion, options.hold_s
+        if not (fps_video > 0 and slow_motion > 0 and hold_s >= 0):
+            raise ValueError("fps_video and slow_motion must be positive, hold_s not negative")
+        self.layout, self.step_s = layout, 1.0 / (fps_video * slow_motion)
+        self.hold, self.fresh_s = round(hold_s * fps_video), 0.9 / slow_motion
+        self.slow_motion, self.titles, self.trail = slow_motion, list(options.titles), options.trail
+        self.scenes: list[tuple[list[Panel], Sequence[Clip], Array, str]] = []
+
+    def add(self, panels: list[Panel], clips: Sequence[Clip]) -> None:
+        """One more scene: its panels and all its clips."""
+        start, end = min(c.t_s[0] for c in clips), max(c.t_s[-1] for c in clips)
+        count = int(np.floor((end - start) / self.step_s + 1e-6)) + 1
+        times = np.concatenate([start + self.step_s * np.arange(count), np.full(self.hold, end)])
+        title = self.titles[min(len(self.scenes), len(self.titles) - 1)] if self.titles else ""
+        self.scenes.append((panels, clips, times, title))
+
+    def __len__(self) -> int:
+        return sum(len(times) for *_, times, _ in self.scenes)
+
+    def __iter__(self) -> Iterator[Array]:
+        for panels, clips, times, title in self.scenes:
+            sheet = self._sheet(panels[0].view, clips, len(panels), title)
+            for panel in panels:
+                panel.prepare(self.layout)
+            milliseconds = times[-1] - times[0] < 2.0
+            for t in times:
+                frame = sheet.copy()
+                for left, panel in zip(self.layout.lefts, panels, strict=True):
+                    high, wide = self.layout.panel_height, self.layout.panel_width
+                    frame[self.layout.top : self.layout.top + high, left : left + wide] = panel.draw(
+                        t, self.fresh_s, self.trail
+                    )
+                clock = f"{1e3 * t:.0f} ms" if milliseconds else f"{t:.2f} s"
+                self._right(frame, clock, 24, 8, bold=True)
+                if len(panels) > 1 and len(clips) == len(panels):
+                    for left, clip in zip(self.layout.lefts[1:], clips[1:], strict=True):
+                        self._difference(frame, clips[0], clip, t, left + self.layout.panel_width)
+                yield frame
+
+    def _sheet(self, view: Viewport, clips: Sequence[Clip], panels: int, title: str) -> Array:
+        """What stays the same over a scene: title, slow motion, scale bar, legend."""
+        lay, unit = self.layout, self.layout.unit
+        sheet = np.full((lay.height, lay.width, 3), bgr(PAPER), np.uint8)
+        side = 16 * unit
+        factor = self.slow_motion
+        pace = (
+            "real time"
+            if factor == 1
+            else f"{factor:g}× slow motion"
+            if factor > 1
+            else f"{1 / factor:g}× faster"
+        )
+        clock_width = text_size("00000 ms", max(10, round(24 * unit)), True)[0]
+        pace_width, tall = text_size(pace, lay.text)
+        at = lay.width - side - clock_width - 24 * unit - pace_width
+        draw_text(sheet, (at, 0.5 * (lay.top - tall)), pace, lay.text, "#6a6a6a")
+        size = round(24 * unit)
+        title = _shortened(title, size, at - 2 * side)
+        draw_text(sheet, (side, 0.5 * (lay.top - 1.2 * size)), title, size, bold=True)
+
+        middle = lay.height - 0.5 * lay.foot
+        bar_m = _round_length(0.16 * lay.panel_width / view.px_per_m)
+        bar = bar_m * view.px_per_m
+        ends = np.array([[side, middle], [side + bar, middle]])
+        polyline(sheet, ends, INK, 3 * unit)
+        for x in ends[:, 0]:
+            polyline(sheet, np.array([[x, middle - 6 * unit], [x, middle + 6 * unit]]), INK, 3 * unit)
+        text = _length_text(bar_m)
+        draw_text(sheet, (side + bar + 10 * unit, middle - 0.6 * lay.text), text, lay.text)
+        x = side + bar + 10 * unit + text_size(text, lay.text)[0] + 40 * unit
+        # two panels leave room for a legend, more do not: their labels must do
+        limit = {1: lay.width - side, 2: lay.lefts[-1] + 0.28 * lay.panel_width}.get(panels, 0.0)
+        for label, colour in dict.fromkeys((c.label, c.colour) for c in clips):
+            wide = text_size(label, lay.text)[0] + 26 * unit
+            if x + wide > limit:
+                break
+            chip = np.array([[0, -7], [16, -7], [16, 7], [0, 7]]) * unit + (x, middle)
+            fill(sheet, chip, colour)
+            draw_text(sheet, (x + 24 * unit, middle - 0.6 * lay.text), label, lay.text)
+            x += wide + 26 * unit
+        return sheet
+
+    def _right(
+        self,
+        frame: Array,
+        text: str,
+        size: float,
+        top: float,
+        *,
+        right: float | None = None,
+        bold: bool = False,
+    ) -> None:
+        lay = self.layout
+        size_px = max(10, round(size * lay.unit))
+        wide, tall = text_size(text, size_px, bold)
+        y = 0.5 * (lay.top - tall) if top < lay.top else top
+        x = (lay.width if right is None else right) - 16 * lay.unit - wide
+        draw_text(frame, (x, y), text, size_px, bold=bold)
+
+    def _difference(self, frame: Array, first: Clip, other: Clip, t_s: float, right: float) -> None:
+        a, b = first.pose(t_s), other.pose(t_s)
+        if a is None or b is None:
+            return
+        turn = np.rad2deg((b[2] - a[2] + np.pi) % (2 * np.pi) - np.pi)
+        away = float(np.hypot(b[0] - a[0], b[1] - a[1]))
+        apart = f"{1e3 * away:.1f} mm" if away < 1 else f"{away:.2f} m"
+        lay = self.layout
+        y = lay.height - 0.5 * lay.foot - 0.6 * lay.text
+        self._right(frame, f"difference: {apart}, {abs(turn):.0f}°", lay.text / lay.unit, y, right=right)
+
+
+def _shortened(text: str, size_px: int, width_px: float) -> str:
+    while text and text_size(text, size_px, True)[0] > width_px:
+        text = text.rstrip("…")[:-1].rstrip() + "…" if len(text) > 1 else ""
+    return text
+
+
+def _round_length(length_m: float) -> float:
+    """The largest of 1, 2, 5 x 10^n not above a length."""
+    power = 10.0 ** np.floor(np.log10(length_m))
+    return float(max(f * power for f in (1, 2, 5) if f * power <= length_m * (1 + 1e-9)))
+
+
+def _length_text(length_m: float) -> str:
+    if length_m < 0.01:
+        return f"{1e3 * length_m:g} mm"
+    return f"{1e2 * length_m:g} cm" if length_m < 1 else f"{length_m:g} m"

@@ -1,0 +1,162 @@
+"""A panel of a video: one view of the cross-section in which blocks move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from rock2d.graphics.canvas import Viewport, draw_text, fill, polyline, text_size
+from rock2d.graphics.clips import Clip
+from rock2d.graphics.palette import INK, SKY, mixed
+from rock2d.graphics.scenery import (
+    Box,
+    draw_block,
+    draw_measure_lines,
+    draw_names,
+    ground_image,
+    placed_names,
+)
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+
+class Layout:
+    """Header, panels and footer of a frame, px."""
+
+    def __init__(self, size_px: tuple[int, int], panels: int) -> None:
+        self.width, self.height = (int(s) for s in size_px)
+        if self.width < 320 or self.height < 240 or self.width % 2 or self.height % 2:
+            raise ValueError(f"size_px must be even and at least 320 x 240, got {size_px}")
+        self.unit = min(self.width / 1280, self.height / 720)
+        self.top, self.foot = round(56 * self.unit), round(52 * self.unit)
+        self.gutter = round(8 * self.unit) if panels > 1 else 0
+        self.panel_width = (self.width - (panels - 1) * self.gutter) // panels
+        self.panel_height = self.height - self.top - self.foot
+        self.lefts = [i * (self.panel_width + self.gutter) for i in range(panels)]
+        self.text, self.small = max(10, round(19 * self.unit)), max(9, round(16 * self.unit))
+
+
+class Panel:
+    """One view of a scene, kept between frames: the ground and the trails grow pale on `background`."""
+
+    def __init__(
+        self,
+        cross_section: CrossSection,
+        blocks: Mapping[str, Block],
+        clips: Sequence[Clip],
+        ghosts: Sequence[Clip],
+        view: Viewport,
+        label: str,
+        all_clips: Sequence[Clip],
+    ) -> None:
+        self.cross_section, self.blocks, self.clips, self.ghosts = cross_section, blocks, clips, ghosts
+        self.all_clips = all_clips  # names keep off the ways of the other panel too: the same place in both
+        self.view, self.label, self.drawn_s = view, label, -np.inf
+
+    def prepare(self, layout: Layout) -> None:
+        """Draw what stays the same: ground, measure lines, names, label; find the place of the magnifier."""
+        view, unit = self.view, layout.unit
+        self.unit = unit
+        self.background = ground_image(self.cross_section, view, 34 * unit, surface_px=2.2 * unit)
+        draw_measure_lines(self.background, self.cross_section, view, 2 * unit)
+        ways = [view.pixels(p) for c in self.all_clips for p in c.path(-np.inf, np.inf)]
+        busy = np.vstack(ways) if ways else None
+        names = placed_names(self.cross_section, view, layout.small, busy)
+        draw_names(self.background, names, layout.small)
+        if self.label:
+            _chip(self.background, self.label, self.clips[0].colour, layout)
+        self.inset = self._inset([n.box for n in names], layout)
+
+    def draw(self, t_s: float, fresh_s: float, trail: bool) -> Array:
+        """The panel at a time; the last `fresh_s` of the way is drawn strong."""
+        if trail:
+            for clip in self.clips:
+                for piece in clip.path(self.drawn_s, t_s):
+                    pale = mixed(clip.colour, SKY, 0.6)
+                    polyline(self.background, self.view.pixels(piece), pale, 2 * self.unit)
+            self.drawn_s = t_s
+        image = self.background.copy()
+        if trail:
+            self._fresh_trail(image, t_s, fresh_s)
+        self._blocks(image, self.view, t_s)
+        if self.inset:
+            self._draw_inset(image, t_s)
+        return image
+
+    def _fresh_trail(self, image: Array, t_s: float, fresh_s: float) -> None:
+        ages = np.linspace(1.0, 0.0, 9)
+        for clip in self.clips:
+            for old, new in pairwise(ages):
+                for piece in clip.path(t_s - old * fresh_s, t_s - new * fresh_s):
+                    colour = mixed(clip.colour, SKY, 0.6 * old)
+                    polyline(image, self.view.pixels(piece), colour, (2 + 2 * (1 - old)) * self.unit)
+
+    def _blocks(self, image: Array, view: Viewport, t_s: float) -> None:
+        for clip in self.ghosts:
+            pose = clip.pose(t_s)
+            if pose:
+                draw_block(image, view, self.blocks[clip.block], pose, clip.colour, "ghost")
+        for clip in self.clips:
+            pose = clip.pose(t_s)
+            if pose:
+                # a film that has ended says nothing about later: hollow
+                ended = np.isfinite(clip.max_gap_s) and t_s > clip.t_s[-1] + 1e-9
+                style = "hollow" if ended else "solid"
+                draw_block(image, view, self.blocks[clip.block], pose, clip.colour, style)
+
+    def _inset(self, names: Sequence[Box], layout: Layout) -> tuple[int, int, int, float] | None:
+        """Corner (left, top), side and px a metre of a magnifier, for blocks too small to see them turn."""
+        clip = self.clips[0]
+        size_px = self.blocks[clip.block].size_m * self.view.px_per_m
+        if size_px > 26 * layout.unit:
+            return None
+        side = round(0.36 * min(self.view.height_px, self.view.width_px))
+        margin = round(12 * layout.unit)
+        right, low = self.view.width_px - side - margin, self.view.height_px - side - margin
+        busy = np.zeros((self.view.height_px, self.view.width_px), np.uint8)
+        polyline(busy, self.view.pixels(self.cross_section.points_m), "#404040", 12)
+        for c in self.clips:
+            for piece in c.path(-np.inf, np.inf):
+                polyline(busy, self.view.pixels(piece), "#ffffff", 24)
+        for line in self.cross_section.measure_lines.values():
+            polyline(busy, self.view.pixels(line), "#ffffff", 24)
+        for x0, y0, x1, y1 in names:
+            busy[int(y0) : int(y1), int(x0) : int(x1)] = 255
+        top = margin + (round(44 * layout.unit) if self.label else 0)
+        corners = [(right, top), (margin, top), (margin, low), (right, low)]
+        cost = [float(busy[y : y + side, x : x + side].sum()) for x, y in corners]
+        x, y = corners[int(np.argmin(cost))]
+        return x, y, side, 0.24 * side / self.blocks[clip.block].size_m
+
+    def _draw_inset(self, image: Array, t_s: float) -> None:
+        assert self.inset is not None
+        left, top, side, px_per_m = self.inset
+        pose = self.clips[0].pose(t_s)
+        if pose is None:
+            return
+        near = self.view.around(pose[0], pose[1], px_per_m, side)
+        part = ground_image(self.cross_section, near, 20 * self.unit, surface_px=2 * self.unit)
+        self._blocks(part, near, t_s)
+        text = f"{px_per_m / self.view.px_per_m:.0f}× closer"
+        size = max(9, round(14 * self.unit))
+        draw_text(part, (8 * self.unit, 5 * self.unit), text, size, INK, halo=SKY)
+        image[top : top + side, left : left + side] = part
+        edge = np.array([[0, 0], [side, 0], [side, side], [0, side]], float)
+        polyline(image, edge + np.array([left, top]), "#8a8a8a", 1.5 * self.unit, closed=True)
+        half = 0.5 * side / px_per_m * self.view.px_per_m
+        centre = self.view.pixels(np.array(pose[:2]))[0]
+        polyline(image, centre + (edge / side * 2 - 1) * half, "#8a8a8a", 1, closed=True)
+
+
+def _chip(image: Array, label: str, colour: str, layout: Layout) -> None:
+    wide, tall = text_size(label, layout.text, True)
+    pad = 8 * layout.unit
+    left, top = 12 * layout.unit, 10 * layout.unit
+    box = np.array([[0, 0], [wide + 2 * pad, 0], [wide + 2 * pad, tall + pad], [0, tall + pad]])
+    box = box + np.array([left, top])
+    fill(image, box, colour)
+    draw_text(image, (left + pad, top + 0.5 * pad), label, layout.text, "#ffffff", bold=True)

@@ -1,0 +1,27 @@
+"""Measured against simulated: which releases are shown, and how far apart they are."""
+
+from __future__ import annotations
+
+import pandas as pd
+import pytest
+
+from rock2d.errors import InputError
+from rock2d.graphics.overlays import overlay_figure
+from tests.graphics.flights import BLOCKS, FLOOR, flight, rows_of
+
+
+def test_overlay_takes_the_closest_and_the_farthest_release():
+    tracks = [flight("ball", i) for i in range(21)]
+    measured = pd.concat([rows_of(t, dx_m=1e-3 * t.release) for t in tracks])
+    figure = overlay_figure(FLOOR, BLOCKS, measured, tracks)
+    titles = [a.get_title().split("\n") for a in figure.axes[:4]]
+    assert [t[0] for t in titles] == [
+        "release 0, closest", "release 10, median", "release 18, 90th percentile", "release 20, farthest"
+    ]  # fmt: skip
+    assert [t[1] for t in titles] == [f"rms distance {d:.1f} mm" for d in (0, 10, 18, 20)]
+    chosen = overlay_figure(FLOOR, BLOCKS, measured, tracks, releases=[4, 7])
+    assert [a.get_title().split("\n")[0] for a in chosen.axes[:2]] == ["release 4", "release 7"]
+    with pytest.raises(InputError, match="99"):
+        overlay_figure(FLOOR, BLOCKS, measured, tracks, releases=[99])
+    with pytest.raises(InputError, match="no measured release"):
+        overlay_figure(FLOOR, BLOCKS, measured.assign(release=500), tracks)

@@ -79,7 +79,7 @@ def _calibrate(known: Known, work: Work, effort: Effort, seed: int, candidates: 
 
 def known_setup(scenario: Any) -> Known:
     """Blocks, embankment and gravity of the scenario. Raises KeyError if a block of the paper is missing."""
-    ground = scenario.cross_section()
+    ground = scenario.make_cross_section()
     rise = ground.embankment
     blocks = scenario.make_blocks()
     crest = ground.points_m[rise.crest : rise.crest_end + 1, 0]

@@ -54,7 +54,7 @@ def scenario_of(name):
 
 def ensemble_of(scenario, block_name):
     """The ensemble of one block, and what its runs share."""
-    cross_section = scenario.cross_section()
+    cross_section = scenario.make_cross_section()
     table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
     shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
     return Ensemble([scenario.make_blocks()[block_name]], [cross_section], [table]), shared

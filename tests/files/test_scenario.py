@@ -167,7 +167,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/set-up/drops/t.csv")
     scenario = load_scenario(file, data_root=tmp_path / "data")
     assert scenario.gravity_m_s2 == 9.7 and scenario.releases == 2
-    assert scenario.cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
+    assert scenario.make_cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
     assert scenario.experiment.trajectories["release"].nunique() == 2
     monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
     assert load_scenario(file).gravity_m_s2 == 9.7
@@ -206,7 +206,7 @@ def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
 def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
     scenario = load_scenario(path)
     assert scenario.name == path.stem and scenario.about and scenario.assumed
-    zones = set(scenario.cross_section().zone_names)
+    zones = set(scenario.make_cross_section().zone_names)
     assert len(zones) == 1 or {"ditch", "uphill_face", "crest"} <= zones
     assert scenario.contact_parameters()
     for block in scenario.make_blocks():
@@ -230,7 +230,7 @@ def test_the_paper_setup_has_the_paper_s_values():
             row = scenario.rebound_parameters(block)[zone]
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
-    points = scenario.cross_section().points_m
+    points = scenario.make_cross_section().points_m
     assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
         0.055
     )
@@ -239,7 +239,7 @@ def test_the_paper_setup_has_the_paper_s_values():
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert scenario.cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    assert scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
 
 
 def test_every_key_of_the_json_schema_is_described():

@@ -142,7 +142,7 @@ def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path, model, values
     path.write_text(scenario_text(KNOWN, values, 3, {"cube": 6.0}, 2, model), encoding="utf-8")
     scenario = load_scenario(path)
     ground = cross_section(values, 3, KNOWN.height_m, KNOWN.crest_m)
-    assert scenario.cross_section().points_m == pytest.approx(ground.points_m)
+    assert scenario.make_cross_section().points_m == pytest.approx(ground.points_m)
     if model == "deterministic":
         law = scenario.contact_parameters()["default"]
         assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(values["restitution"][3] ** 2)

@@ -14,7 +14,8 @@ from rock2d.reproduction import published, summary
 from rock2d.reproduction.hypotheses import ARRIVALS, SETUP
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.reproduction.scenario_file import scenario_text
-from rock2d.runs.run import RunResult, simulate
+from rock2d.runs.results import RunResult
+from rock2d.runs.run import run
 from rock2d_figures import figure_1, figure_2, figure_3, identified, passing, table_2, table_3, table_4
 from rock2d_figures.style import spelled
 
@@ -73,7 +74,7 @@ def _run(results: Results, model: str, folder: Path, progress: bool) -> RunResul
     alpha = {block: float(own[best]) for block, own in results.reduction_deg.items()}
     text = scenario_text(results.known, results.values(model), best, alpha, results.seed, model)
     path.write_text(text, encoding="utf-8")
-    return simulate(load_scenario(path), engine=ENGINES[model], releases=SHOWN, progress=progress)
+    return run(load_scenario(path), engine=ENGINES[model], releases=SHOWN, progress=progress)
 
 
 def _report(results: Results, tables: dict[str, pd.DataFrame]) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from rock2d.blind.scoring import BINS, LEVELS
 from rock2d.graphics.plots import blank_figure, finish, handle
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 from rock2d_figures.style import SMALL_PT
 
 ONE, SEVERAL, OUTSIDE, NOTHING = "one effect", "two effects, one named", "outside the catalogue", "nothing"

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.graphics.plots import blank_figure, draw_cross_section, finish, positions_of
-from rock2d.runs.run import RunResult
+from rock2d.runs.results import RunResult
 from rock2d_figures.style import STYLES, TEXT_PT, setup_view, with_short_lines
 
 WIDE_IN = 3.45  # of a panel

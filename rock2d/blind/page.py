@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.blind.scoring import BINS, CLEAR, LEVELS, confusion
 from rock2d.files.folders import write_whole
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ import pytest
 from rock2d.engines.point_mass import STOPS, run_point_mass
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.incident_states import starts
+from rock2d.runs.incident_states import incident_states
 from rock2d.scene.cross_section import CrossSection
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -25,7 +25,7 @@ def ensemble(name, block_name, n, cross_section=None, **more):
     """Arguments of an ensemble of one block of a scenario, and its result."""
     scenario = load_scenario(FOLDER / f"{name}.yaml")
     block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.make_cross_section()
-    states = np.array([s.state for s in starts(scenario, 3, n) if s.block == block_name])
+    states = np.array([s.state for s in incident_states(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
     law = scenario.rebound_parameters(block_name)
     options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s, **more}

@@ -239,7 +239,9 @@ def test_the_paper_setup_has_the_paper_s_values():
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    assert (
+        scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    )
 
 
 def test_every_key_of_the_json_schema_is_described():

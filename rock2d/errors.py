@@ -1,4 +1,4 @@
-"""The one error that a user's input can cause, and its codes.
+"""The one error that a user's input can cause, with its codes, and the warning about old files.
 
 Programs look at `code` and at the fields of an `InputError`, people read its message. Codes are stable, messages are
 not.
@@ -87,3 +87,28 @@ class InputError(Exception):
         super().__init__(f"{place} {message}" if place else message)
         self.message, self.file, self.line, self.column = message, file, line, column
         self.code, self.fields = code, fields
+
+
+class OldKeyWarning(FutureWarning):
+    """A file uses the former name of a key. It is read all the same.
+
+    Attributes
+    ----------
+    file, line : where the key stands; None for data that come from no file
+    old, key : the former name and the name
+    """
+
+    def __init__(self, message: str, file: str | Path | None, line: int | None, old: str, key: str) -> None:
+        super().__init__(message)
+        self.file, self.line, self.old, self.key = file, line, old, key
+
+
+class ParameterError(ValueError):
+    """A parameter for which a law makes no sense. `key` is its name."""
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(message)
+        self.key, self.message = key, message
+
+    def __reduce__(self) -> tuple[type[ParameterError], tuple[str, str]]:
+        return type(self), (self.key, self.message)

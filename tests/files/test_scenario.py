@@ -179,7 +179,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     ):
         assert "inside" in refusal(write(FILMED.replace("set-up/drops", escape), other))
     (tmp_path / "root").mkdir()
-    (tmp_path / "root" / "setup").symlink_to(tmp_path / "data" / "setup")
+    (tmp_path / "root" / "set-up").symlink_to(tmp_path / "data" / "set-up")
     assert "leads out" in refusal(file, data_root=tmp_path / "root")
 
 

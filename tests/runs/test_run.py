@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rock2d.files.experiment import read_experiment
+from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.incident_states import fit_first_flight, incident_states
 from rock2d.runs.run import run
@@ -58,7 +58,7 @@ def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
     scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
     result = run(scenario, engine=engine, releases=2, workers=1, progress=False)
     result.write(tmp_path / "out")
-    back = read_experiment(tmp_path / "out")
+    back = load_experiment(tmp_path / "out")
     table = result.to_pandas("trajectories")
     assert back.trajectories is not None
     assert np.allclose(back.trajectories["x_m"], table["x_m"], rtol=0, atol=1e-12)

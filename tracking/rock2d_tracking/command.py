@@ -78,12 +78,12 @@ def film(
     """Film an experiment synthetically: `out` (AVI), its truth beside it (CSV), and a set-up file to track it with."""
     from tqdm import tqdm
 
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
     from rock2d_tracking.setup_writing import write_setup
     from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, SEVERE
     from rock2d_tracking.synthetic.film import film_frames, write_film
 
-    experiment = read_experiment(experiment_folder)
+    experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("has impacts only; trajectories can be filmed", experiment_folder)
     numbers = experiment.trajectories["release"].unique()[:releases].tolist()
@@ -150,10 +150,10 @@ Report, ) -> None:  # fmt: skip
 
 def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> None:
     """Write the trajectories of an experiment for Tracker (Open Source Physics)."""
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
     from rock2d_tracking.importers.tracker_text import write_tracker
 
-    experiment = read_experiment(experiment_folder)
+    experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("has impacts only; Tracker takes trajectories", experiment_folder)
     for path in write_tracker(out, experiment.trajectories, experiment.fps):

@@ -11,7 +11,7 @@ Ten lines simulate one release and draw it:
 ...     zones=["slope", "ditch", "facing", "crest"],
 ... )
 >>> soil = rock2d.ContactParameters(k_l_N_m=1.0e4, k_ul_N_m=6.0e4, friction_angle_deg=30)
->>> result = rock2d.simulate(cube, ground, soil, states=[-0.05, 0.15, 0.3, 1.0, -1.0, 20.0], engine="batch")
+>>> result = rock2d.simulate(cube, ground, soil, states=[-0.05, 0.15, 0.3, 1.0, -1.0, 20.0])
 >>> figure = result.plot()
 >>> result.to_pandas("impacts")["zone"].iloc[0]
 'ditch'

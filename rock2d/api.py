@@ -77,8 +77,7 @@ class DiagnosisResult:
                 }
             )
         table = pd.DataFrame(rows)
-        numbers = [column for column in table if column != "effect"]
-        table[numbers] = table[numbers].astype(float)
+        table = table.astype({column: float for column in table.columns if column != "effect"})
         return table.sort_values("probability", ascending=False, kind="stable", ignore_index=True)
 
     def write(self, folder: str | Path, *, progress: bool = False) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ class ChoiceOf(click.Choice):
         super().__init__(())
         self._names = names
 
-    @property  # type: ignore[override]
+    @property
     def choices(self) -> tuple[str, ...]:
         return tuple(self._names())
 
@@ -288,10 +289,26 @@ def schema() -> None:
     click.echo(json.dumps(scenario_json_schema(), indent=2, ensure_ascii=False))
 
 
+def _print_warnings_in_one_line() -> None:
+    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
+    from rock2d.errors import OldKeyWarning
+
+    show = warnings.showwarning
+
+    def print_warning(message, category, *arguments, **options) -> None:
+        if issubclass(category, OldKeyWarning):
+            click.echo(f"warning: {message}", err=True)
+        else:
+            show(message, category, *arguments, **options)
+
+    warnings.showwarning = print_warning
+
+
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, an interrupt 130."""
     from rock2d.errors import InputError
 
+    _print_warnings_in_one_line()
     try:
         cli(standalone_mode=False)
     except InputError as error:

@@ -91,7 +91,8 @@ class _BlockModel(Checked):
         try:
             block = self.make("it")
         except BlockError as error:
-            raise mistake(error.reason, *[error.key] * bool(error.key), code="bad_block") from None
+            path = () if error.key is None else (error.key,)
+            raise mistake(error.reason, *path, code="bad_block") from None
         except (ValueError, ArithmeticError) as error:
             raise mistake(f"impossible sizes: {error}", code="bad_block") from None
         largest = block.mass_kg * block.radius_m**2

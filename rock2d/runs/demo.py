@@ -31,7 +31,8 @@ def run_demo(out: Path, progress: bool = True) -> None:
     for engine, releases in (("pymunk", PYMUNK_RELEASES), ("point_mass", scenario.releases)):
         result = run(scenario, engine=engine, releases=releases, progress=progress)
         tables = result.write(out / engine, progress=progress)
-        passing.append(tables["passing"].assign(block=lambda t, e=engine: t["block"] + f" ({e})"))
+        table = tables["passing"]
+        passing.append(table.assign(block=table["block"] + f" ({engine})"))
         if engine == "pymunk":
             result.write_video(
                 out / engine / "trajectories.webm",

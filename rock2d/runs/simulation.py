@@ -165,9 +165,8 @@ def simulate(
     >>> import rock2d
     >>> ball = rock2d.make_block("ball", "circle", mass_kg=0.022, diameter_m=0.025)
     >>> floor = rock2d.CrossSection([[-1, 0], [2, 0]], ["floor"])
-    >>> result = rock2d.simulate(
-    ...     ball, floor, rock2d.ContactParameters(), [[0, 0.2, 0, 0.5, 0, 0], [0, 0.3, 0, 0.5, 0, 0]], engine="batch"
-    ... )
+    >>> states = [[0, 0.2, 0, 0.5, 0, 0], [0, 0.3, 0, 0.5, 0, 0]]
+    >>> result = rock2d.simulate(ball, floor, rock2d.ContactParameters(), states)
     >>> result.to_pandas("stops")["stop"].tolist()
     ['rest', 'rest']
     """

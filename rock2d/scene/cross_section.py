@@ -35,7 +35,9 @@ class CrossSectionError(ValueError):
     line : name of the measure line that is wrong, or None
     """
 
-    def __init__(self, message: str, key: str, *, facet: int | None = None, line: str | None = None) -> None:
+    def __init__(
+        self, message: str, key: str = "", *, facet: int | None = None, line: str | None = None
+    ) -> None:
         super().__init__(message)
         self.key, self.facet, self.line = key, facet, line
 
@@ -50,7 +52,19 @@ class CrossSection:
     zones : n zone names, one a facet
     measure_lines : name -> (2, 2) end points
 
-    Raises CrossSectionError on a zero-length facet, a self-crossing, a missing or empty zone name.
+    Raises
+    ------
+    CrossSectionError
+        A ValueError, on a zero-length facet, a self-crossing, a missing or empty zone name, or a measure line
+        without length.
+
+    Examples
+    --------
+    >>> ground = CrossSection([[-1, 0.5], [0, 0], [2, 0]], ["slope", "ditch"], {"gate": [[1, 0], [1, 0.5]]})
+    >>> ground.zone_names
+    ('slope', 'ditch')
+    >>> ground.height_m([-0.5, 1.0]).tolist()
+    [0.25, 0.0]
     """
 
     points_m: Array

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
 from tests.files.mutation import mutate_bytes, mutate_data
 
@@ -141,6 +141,51 @@ def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, wor
     message = refusal(file)
     place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
     assert words in message and message.startswith(f"{file}:{place}: "), message
+
+
+def test_a_former_key_is_read_with_a_warning_that_names_its_place_and_the_key(write):
+    file = write(SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true}"))
+    with pytest.warns(OldKeyWarning) as caught:
+        scenario = load_scenario(file)
+    contact = scenario.contact_parameters()
+    assert contact["ditch"].rolling_in_indentation and not contact["default"].rolling_in_indentation
+    (warning,) = (entry.message for entry in caught)
+    line = SMALL[: SMALL.index("    ditch: {friction")].count("\n") + 1
+    assert (warning.file, warning.line, warning.key) == (file, line, "rolling_in_indentation")
+    assert str(warning).startswith(f"{file}:{line}: ")
+
+
+def test_a_mistake_under_a_former_key_keeps_its_place(write):
+    text = SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: 7}")
+    with pytest.warns(OldKeyWarning):
+        message = refusal(write(text))
+    assert "rolling_in_indentation: expected true or false, found 7" in message
+    both = SMALL.replace(
+        "ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true, rolling_in_indentation: true}"
+    )
+    assert "former name" in refusal(write(both))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "fields"),
+    [
+        ("engine: pymunk", "engin: pymunk", "unknown_key", {"key": "engin"}),
+        ("x_m: 0.5, ", "", "missing_key", {"key": "x_m"}),
+        ("    cube:\n", "    cub:\n", "unknown_name", {"name": "cub"}),
+        ("k_ul_N_m: 6.0e4", "k_ul_N_m: 6.0e3", "bad_parameter", {"key": "k_l_N_m"}),
+        ("[0, 0], [1, 0]", "[0, 0], [0, 0]", "bad_cross_section", {"facet": 1, "line_name": None}),
+        ("y_m: 0.3", "y_m: -0.3", "bad_state", {"key": "y_m"}),
+        ("side_m: 0.019", "side_m: 0.019, inertia: solid_sphere", "bad_block", {}),
+        ("releases: 5", "releases: 5.5", "bad_value", {}),
+        ("releases: 5", "releases: 5\nreleases: 6", "duplicate", {"key": "releases"}),
+        ("name: small", "name: [small", "not_yaml", {}),
+    ],
+)
+def test_a_mistake_has_a_code_and_fields(write, old, new, code, fields):
+    assert old in SMALL
+    with pytest.raises(InputError) as caught:
+        load_scenario(write(SMALL.replace(old, new, 1)))
+    assert (caught.value.code, caught.value.fields) == (code, fields)
 
 
 def test_a_block_without_an_incident_state_is_refused(write):

@@ -91,6 +91,18 @@ def test_a_mistake_is_one_line_with_its_place_and_exit_code_2(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_former_key_is_named_on_the_terminal(tmp_path):
+    text = (
+        (SCENARIOS / "flat_floor.yaml").read_text().replace("rolling_cap: false", "rolling_in_crater: false")
+    )
+    (tmp_path / "old.yaml").write_text(text)
+    options = ["--engine", "point_mass", "--releases", "1", "--quiet", "--out", str(tmp_path / "out")]
+    done = rock2d("run", str(tmp_path / "old.yaml"), *options)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "rolling_in_crater" in line]
+    assert line.startswith(f"warning: {tmp_path / 'old.yaml'}:") and "'rolling_in_indentation'" in line
+
+
 def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "rock2d.cli", "run", str(SCENARIOS / "paper_setup.yaml"), "--releases", "2000",

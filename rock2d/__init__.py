@@ -1,6 +1,102 @@
 """rock2d: 2D rigid-body simulation of rockfall against embankments.
 
-SI units; x toward the embankment, y up, angles counter-clockwise positive.
+SI units; x toward the embankment, y up, angles counter-clockwise positive. `docs/glossary.md` explains the terms.
+
+Ten lines simulate one release and draw it:
+
+>>> import rock2d
+>>> cube = rock2d.make_block("cube", "square", mass_kg=0.0233, side_m=0.019)
+>>> ground = rock2d.CrossSection(
+...     points_m=[[-0.7, 0.55], [0.0, 0.0], [0.13, 0.0], [0.17, 0.083], [0.4, 0.083]],
+...     zones=["slope", "ditch", "facing", "crest"],
+... )
+>>> soil = rock2d.ContactParameters(k_l_N_m=1.0e4, k_ul_N_m=6.0e4, friction_angle_deg=30)
+>>> result = rock2d.simulate(cube, ground, soil, states=[-0.05, 0.15, 0.3, 1.0, -1.0, 20.0])
+>>> figure = result.plot()
+>>> result.to_pandas("impacts")["zone"].iloc[0]
+'ditch'
+
+From here:
+
+- a scenario file: `load_scenario`, then `run`;
+- a filmed experiment: `load_experiment`, then `diagnose` and `predict`;
+- mistakes in what you give raise `InputError`, which has a code and fields.
+
+Every name is imported when it is first used, so that ``import rock2d`` takes no time.
 """
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rock2d.api import DiagnosisResult, diagnose, predict
+    from rock2d.effects import catalogue
+    from rock2d.errors import InputError
+    from rock2d.files.experiment import Experiment, load_experiment
+    from rock2d.files.scenario import Scenario, load_scenario
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
+    from rock2d.runs.results import RunResult
+    from rock2d.runs.run import run
+    from rock2d.runs.simulation import Simulation, simulate
+    from rock2d.scene.blocks import Block, make_block
+    from rock2d.scene.cross_section import CrossSection
+
 __version__ = "0.1.0"
+
+__all__ = [
+    "Block",
+    "ContactParameters",
+    "CrossSection",
+    "DiagnosisResult",
+    "Experiment",
+    "InputError",
+    "ReboundParameters",
+    "RunResult",
+    "Scenario",
+    "Simulation",
+    "catalogue",
+    "diagnose",
+    "load_experiment",
+    "load_scenario",
+    "make_block",
+    "predict",
+    "run",
+    "simulate",
+]
+
+_MODULES = {
+    "Block": "scene.blocks",
+    "ContactParameters": "laws.contact",
+    "CrossSection": "scene.cross_section",
+    "DiagnosisResult": "api",
+    "Experiment": "files.experiment",
+    "InputError": "errors",
+    "ReboundParameters": "laws.rebound",
+    "RunResult": "runs.results",
+    "Scenario": "files.scenario",
+    "Simulation": "runs.simulation",
+    "catalogue": "effects",
+    "diagnose": "api",
+    "load_experiment": "files.experiment",
+    "load_scenario": "files.scenario",
+    "make_block": "scene.blocks",
+    "predict": "api",
+    "run": "runs.run",
+    "simulate": "runs.simulation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported when it is first used (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

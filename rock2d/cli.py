@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 
 import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
-ENGINE = click.Choice(["pymunk", "batch", "point_mass"])
-OUTPUT = click.Choice(["ends", "crossings", "impacts", "samples"])
+from rock2d.runs.campaigns.outputs import OUTPUTS
+from rock2d.runs.engines import ENGINES
+
+ENGINE = click.Choice(list(ENGINES))
+OUTPUT = click.Choice(list(OUTPUTS))
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -46,35 +50,12 @@ def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler
     10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
     same command goes on with it after an interruption. Campaigns need pip install 'rock2d[scale]'.
     """
-    from rock2d.files.scenario import load_scenario
-    from rock2d.runs.campaigns.campaign import is_campaign, run_campaign
-    from rock2d.runs.run import simulate, write_results
-    from rock2d.runs.tables import print_campaign, print_tables
+    from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+    from rock2d.runs.command import run_scenarios
 
-    loaded = [load_scenario(path, data) for path in scenarios]
-    for scenario in loaded:
-        large = scheduler is not None or is_campaign(scenario, releases)
-        if keep and not large:
-            raise click.UsageError("--keep is for campaigns: more than 10,000 releases, or --scheduler")
-        if video and large:
-            raise click.UsageError("--video is not for campaigns: they keep no full tracks")
-        for engine in engines or [scenario.engine]:
-            if large:
-                folder = out / f"{scenario.name}_{engine}"
-                tables = run_campaign(
-                    scenario, folder, engine=engine, seed=seed, releases=releases, workers=workers,
-                    scheduler=scheduler, keep=keep, progress=not quiet, report=click.echo,
-                )  # fmt: skip
-                print_campaign(scenario, engine, tables)
-                click.echo(f"written: {folder}")
-                continue
-            result = simulate(
-                scenario, engine=engine, seed=seed, releases=releases, workers=workers, progress=not quiet
-            )
-            folder = out / f"{scenario.name}_{engine}"
-            tables = write_results(result, folder, video=video, progress=not quiet)
-            print_tables(result, tables)
-            click.echo(f"written: {folder}")
+    options = CampaignOptions(None, seed, releases, keep)
+    run_scenarios(scenarios, out, options, Workers(workers, scheduler), engines=engines, data_root=data, video=video,
+                  progress=not quiet, report=click.echo)  # fmt: skip
 
 
 @cli.command()
@@ -145,7 +126,7 @@ def diagnose(experiment, out, seed, workers, quiet) -> None:
 @click.option("--base-only", is_flag=True, help="The paper's law refitted, without the diagnosed effect.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV to write.")
 def predict(experiment, diagnosis, base_only, out) -> None:
-    """Predict every stretch of EXPERIMENT from the measured flight before it, with a diagnosed model."""
+    """Predict every segment of EXPERIMENT from the measured flight before it, with a diagnosed model."""
     from rock2d.diagnosis.command import run_prediction
 
     run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
@@ -153,7 +134,7 @@ def predict(experiment, diagnosis, base_only, out) -> None:
 
 @cli.group()
 def blind() -> None:
-    """Trials of the diagnosis on films whose cause is sealed, made by an engine that shares no code with this one."""
+    """Test the diagnosis on films with a hidden cause, which an independent engine makes."""
 
 
 @blind.command("make")
@@ -287,10 +268,26 @@ def schema() -> None:
     click.echo(json.dumps(scenario_json_schema(), indent=2, ensure_ascii=False))
 
 
+def _print_warnings_in_one_line() -> None:
+    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
+    from rock2d.errors import OldKeyWarning
+
+    show = warnings.showwarning
+
+    def print_warning(message, category, *arguments, **options) -> None:
+        if issubclass(category, OldKeyWarning):
+            click.echo(f"warning: {message}", err=True)
+        else:
+            show(message, category, *arguments, **options)
+
+    warnings.showwarning = print_warning
+
+
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, an interrupt 130."""
     from rock2d.errors import InputError
 
+    _print_warnings_in_one_line()
     try:
         cli(standalone_mode=False)
     except InputError as error:
@@ -303,7 +300,7 @@ def main() -> None:
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
         said = str(stop) or str(stop.__cause__ or "")  # click hides an interrupt behind its own
-        click.echo(f"interrupted: {said or 'nothing half-written was left'}", err=True)
+        click.echo(f"interrupted: {said or 'no half-written file is left'}", err=True)
         sys.exit(130)
 
 

@@ -10,7 +10,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.graphics.figure_style import save_figure
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.results import SPACES, Results
-from rock2d.runs.run import simulate
+from rock2d.runs.run import run
 from rock2d_figures import figure_1, figure_2, figure_3, identified, passing
 
 ENGINE_OF_MODEL = {"deterministic": "batch", "probabilistic": "point_mass"}
@@ -21,7 +21,7 @@ FIGURE_DPI = 220
 def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, *, progress: bool) -> None:
     """Draw all figures (PNG) into `folder`, which holds the calibrated scenarios; `tables` as `result_tables` gives."""
     runs = {
-        model: simulate(
+        model: run(
             load_scenario(folder / f"{model}.yaml"), engine=ENGINE_OF_MODEL[model], releases=RELEASES_IN_FIGURE_3,
             progress=progress,
         )

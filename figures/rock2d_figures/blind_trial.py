@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
 from rock2d.graphics.figure_style import blank_figure, finish, handle
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 from rock2d_figures.style import SMALL_PT
 
 ONE_EFFECT, TWO_EFFECTS = "one effect", "two effects, one named"

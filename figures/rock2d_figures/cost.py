@@ -32,7 +32,7 @@ from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.graphics.figure_style import blank_figure, save_figure
 from rock2d.graphics.palette import block_colours
 from rock2d.laws.contact import parameter_table
-from rock2d.runs.incident_states import starts
+from rock2d.runs.incident_states import incident_states
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
@@ -168,7 +168,7 @@ def prepared_run(
 
 def incident_states_of(scenario: Scenario, block_name: str, number: int) -> Array:
     """(number, 6) drawn states of one block."""
-    return np.array([s.state for s in starts(scenario, SEED, number) if s.block == block_name])
+    return np.array([s.state for s in incident_states(scenario, SEED, number) if s.block == block_name])
 
 
 def resampled(cross_section: CrossSection, facets: int) -> CrossSection:

@@ -29,7 +29,7 @@ from rock2d.graphics.pages import (
     html_page,
     html_table,
 )
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd

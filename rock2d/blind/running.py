@@ -47,9 +47,9 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
     from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
     from rock2d.diagnosis.gap import regression_closure
     from rock2d.effects import catalogue
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
 
-    experiment = read_experiment(case / "fit")
+    experiment = load_experiment(case / "fit")
     begin = perf_counter()
     with tempfile.TemporaryDirectory() as fits:
         result = diagnose(experiment, folder=Path(fits))
@@ -83,9 +83,9 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
 
     from rock2d.diagnosis.predict import predict
     from rock2d.errors import InputError
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
 
-    experiment = read_experiment(folder)
+    experiment = load_experiment(folder)
     assert experiment.trajectories is not None
     out = {}
     for name, base_only in (("base", True), ("diagnosed", False)):

@@ -13,7 +13,7 @@ import numpy as np
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
 from rock2d.errors import InputError
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
     import pandas as pd

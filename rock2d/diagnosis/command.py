@@ -13,7 +13,7 @@ from typing import Any
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.predict import predict, read_model
 from rock2d.effects import catalogue
-from rock2d.files.experiment import read_experiment
+from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import make_folder, write_whole
 
 PARTIAL = ".fits"  # folder of finished fits, removed at the end
@@ -33,7 +33,7 @@ def run_diagnosis(
 
     from rock2d.diagnosis.report.page import write_report
 
-    read = read_experiment(experiment)
+    read = load_experiment(experiment)
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
@@ -98,7 +98,7 @@ def run_prediction(
     experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, report: Callable[[str], None]
 ) -> None:
     """Predict an experiment folder with a diagnosis; writes a CSV."""
-    read, content = read_experiment(experiment), read_model(diagnosis)
+    read, content = load_experiment(experiment), read_model(diagnosis)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -7,35 +7,48 @@ and column; pydantic checks the plain data, and its first complaint becomes one 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, OldKeyWarning
 
-MAX_NODES = 500_000  # aliases of aliases can blow up a small file
+MOST_VALUES = 500_000  # aliases of aliases can blow up a small file
 SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
 Path_ = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
 
 class Checked(BaseModel):
-    """A mapping of known keys, others refused; booleans, texts, nan and inf are not numbers."""
+    """A mapping of known keys, others refused; booleans, texts, nan and inf are not numbers.
+
+    `old_keys`: former name of a key -> its name. A file with the former name is read with an `OldKeyWarning`.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    old_keys: ClassVar[Mapping[str, str]] = {}
 
     @model_validator(mode="before")
     @classmethod
-    def _known_keys(cls, data: Any) -> Any:
-        if isinstance(data, dict) and cls.model_config.get("extra") == "forbid":
-            free = [key for key in cls.model_fields if key not in data]
-            for key in data:
-                if key not in cls.model_fields:
-                    known = ", ".join(cls.model_fields)
-                    raise mistake(f"unknown key{did_you_mean(key, free)}; known keys: {known}", key, at="key")
+    def _known_keys(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or cls.model_config.get("extra") != "forbid":
+            return data
+        for old, key in cls.old_keys.items():
+            if old in data:
+                if key in data:
+                    raise mistake(
+                        f"the former name of {key!r}, which is given, too", old, at="key", code="duplicate"
+                    )
+                data = _renamed(data, old, key, info.context)
+        free = [key for key in cls.model_fields if key not in data]
+        for key in data:
+            if key not in cls.model_fields:
+                message = f"unknown key{did_you_mean(key, free)}; known keys: {', '.join(cls.model_fields)}"
+                raise mistake(message, key, at="key", code="unknown_key", key=key)
         return data
 
 
@@ -50,7 +63,8 @@ class Table(Checked):
         if isinstance(data, dict) and "default" not in data:
             for key in data:
                 if did_you_mean(key, ["default"]):
-                    raise mistake("unknown name; expected 'default' (did you mean 'default'?)", key, at="key")
+                    message = "unknown name; expected 'default' (did you mean 'default'?)"
+                    raise mistake(message, key, at="key", code="unknown_key", key=key)
         return data
 
     def named(self) -> dict[str, Any]:
@@ -58,9 +72,22 @@ class Table(Checked):
         return {"default": getattr(self, "default"), **(self.__pydantic_extra__ or {})}  # noqa: B009
 
 
-def mistake(message: str, *path: str | int, at: str = "value") -> PydanticCustomError:
-    """An error for a validator to raise: `path` leads from the model to the key that is wrong."""
-    return PydanticCustomError("mistake", "{message}", {"message": message, "path": path, "at": at})
+def mistake(
+    message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any
+) -> PydanticCustomError:
+    """An error for a validator to raise: `path` leads from the model to the key that is wrong; `code` and `fields` are
+    those of the `InputError` that it becomes."""
+    context = {"message": message, "path": path, "at": at, "code": code, "fields": fields}
+    return PydanticCustomError("mistake", "{message}", context)
+
+
+def _renamed(data: dict[str, Any], old: str, key: str, document: Document | None) -> dict[str, Any]:
+    """The mapping with a former key under its present name, in its former place; warns."""
+    file, line = document.rename(data, old, key) if document is not None else (None, None)
+    place = "".join(f"{part}:" for part in (file, line) if part is not None)
+    message = f"{place} the key {old!r} is called {key!r}; please rename it".lstrip()
+    warnings.warn(OldKeyWarning(message, file, line, old, key), stacklevel=2)
+    return {key if name == old else name: value for name, value in data.items()}
 
 
 def did_you_mean(word: object, choices: Iterable[str]) -> str:
@@ -102,9 +129,12 @@ class Document:
         self.file = Path(file)
         self._keys: dict[Path_, tuple[int, int]] = {}
         self._values: dict[Path_, tuple[int, int]] = {(): (1, 1)}
+        self._mappings: dict[int, Path_] = {}  # identity of a mapping in `data` -> where it stands
         self.data = self._read(read_text(self.file))
 
-    def error(self, message: str, *path: str | int, at: str = "value") -> InputError:
+    def error(
+        self, message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any
+    ) -> InputError:
         """An `InputError` at the value (or the key, `at="key"`) under `path`, or its nearest parent."""
         for n in range(len(path), -1, -1):
             own = path[:n]
@@ -113,12 +143,24 @@ class Document:
             if place:
                 break
         dotted = ".".join(map(str, path))
-        return InputError(f"{dotted}: {message}" if dotted else message, self.file, *(place or (1, 1)))
+        text = f"{dotted}: {message}" if dotted else message
+        return InputError(text, self.file, *(place or (1, 1)), code=code, **fields)
+
+    def rename(self, mapping: dict[str, Any], old: str, key: str) -> tuple[Path, int | None]:
+        """Let what is known of the places of a former key hold for its present name; file and line of the key."""
+        if id(mapping) not in self._mappings:
+            return self.file, None
+        parent = self._mappings[id(mapping)]
+        for places in (self._keys, self._values):
+            for path in [path for path in places if path[: len(parent) + 1] == (*parent, old)]:
+                places[(*parent, key, *path[len(parent) + 1 :])] = places[path]
+        mapping[key] = mapping[old]  # so that a mistake in its value is found under the present name
+        return self.file, self._keys[(*parent, old)][0]
 
     def check(self, model: type[Model]) -> Model:
         """The data as `model`; raises `InputError` on the first mistake (missing keys come last)."""
         try:
-            return model.model_validate(self.data)
+            return model.model_validate(self.data, context=self)
         except ValidationError as error:
             raise self._first(error) from None
 
@@ -129,9 +171,12 @@ class Document:
             context = item.get("ctx", {})
             if item["type"] == "mistake":
                 path += tuple(context["path"])
-                problem = self.error(context["message"], *path, at=context["at"])
+                problem = self.error(
+                    context["message"], *path, at=context["at"], code=context["code"], **context["fields"]
+                )
             elif item["type"] == "missing":
-                problem = self.error(f"missing key {item['loc'][-1]!r}", *path, at="key")
+                key = item["loc"][-1]
+                problem = self.error(f"missing key {key!r}", *path, at="key", code="missing_key", key=key)
             else:
                 problem = self.error(_in_words(item["type"], item["msg"], context, value), *path)
             found.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
@@ -157,18 +202,20 @@ class Document:
         try:
             root = yaml.compose(text)
             if root is None:
-                raise InputError("the file is empty; expected keys and values", self.file, 1, 1)
+                raise InputError("the file is empty; expected keys and values", self.file, 1, 1, code="empty")
             return self._plain(root, (), (), yaml)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             what = " ".join(str(part) for part in (error.context, error.problem) if part)
-            raise InputError(f"not YAML: {what}", self.file, *place) from None
+            raise InputError(f"not YAML: {what}", self.file, *place, code="not_yaml") from None
         except ReaderError as error:
             place = _place_in(text, error.position)
-            raise InputError("not YAML: a character that YAML does not allow", self.file, *place) from None
+            raise InputError(
+                "not YAML: a character that YAML does not allow", self.file, *place, code="not_yaml"
+            ) from None
         except RecursionError:
-            raise InputError("nested too deeply", self.file, 1, 1) from None
+            raise InputError("nested too deeply", self.file, 1, 1, code="not_yaml") from None
         except (
             YAMLError,
             ArithmeticError,
@@ -179,35 +226,38 @@ class Document:
             ValueError,
         ):
             # the parser's own slips on garbage
-            raise InputError("not YAML that can be read", self.file, 1, 1) from None
+            raise InputError("not YAML that can be read", self.file, 1, 1, code="not_yaml") from None
 
     def _plain(self, node: Any, path: Path_, above: tuple[int, ...], yaml: Any) -> Any:
         line, column = node.start_mark.line + 1, node.start_mark.column + 1
         self._values[path] = (line, column)
         if id(node) in above:
-            raise InputError("an alias that contains itself", self.file, line, column)
-        if len(self._values) > MAX_NODES:
-            raise InputError(f"more than {MAX_NODES} values", self.file, line, column)
+            raise InputError("an alias that contains itself", self.file, line, column, code="not_yaml")
+        if len(self._values) > MOST_VALUES:
+            raise InputError(f"more than {MOST_VALUES} values", self.file, line, column, code="not_yaml")
         kind = str(node.tag).removeprefix("tag:yaml.org,2002:")
         above = (*above, id(node))
         if kind == "seq":
             return [self._plain(item, (*path, i), above, yaml) for i, item in enumerate(node.value)]
         if kind == "map":
             out: dict[str, Any] = {}
+            self._mappings[id(out)] = path
             for key_node, value_node in node.value:
                 place = (key_node.start_mark.line + 1, key_node.start_mark.column + 1)
                 key = key_node.value
                 if not isinstance(key, str):
-                    raise InputError("a key must be a single word", self.file, *place)
+                    raise InputError("a key must be a single word", self.file, *place, code="not_yaml")
                 if key in out:
                     first = self._keys[(*path, key)][0]
                     message = f"key {shown(key)} stands twice (first in line {first})"
-                    raise InputError(message, self.file, *place)
+                    raise InputError(message, self.file, *place, code="duplicate", key=key)
                 self._keys[(*path, key)] = place
                 out[key] = self._plain(value_node, (*path, key), above, yaml)
             return out
         if not isinstance(node.value, str) or kind not in SCALARS:
-            raise InputError(f"tag {shown(str(node.tag))} is not allowed here", self.file, line, column)
+            raise InputError(
+                f"tag {shown(str(node.tag))} is not allowed here", self.file, line, column, code="not_yaml"
+            )
         if kind == "null":
             return None
         try:
@@ -263,13 +313,16 @@ def read_text(file: str | Path) -> str:
     try:
         raw = Path(file).read_bytes()
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read: {reason}", file) from None
+        reason = getattr(error, "strerror", None) or error
+        code = "missing_file" if isinstance(error, FileNotFoundError) else "unreadable"
+        raise InputError(f"cannot be read: {reason}", file, code=code) from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         place = _place_in(raw[: error.start].decode("utf-8", "replace"), None)
-        raise InputError(f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place) from None
+        raise InputError(
+            f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place, code="not_text"
+        ) from None
 
 
 def _place_in(text: str, position: int | None) -> tuple[int, int]:

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, read_text, shown
-from rock2d.files.folders import atomic_folder, path_inside
+from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
 from rock2d.records.track import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
@@ -62,9 +62,12 @@ class ExperimentKeys(Checked):
     @model_validator(mode="after")
     def _one_table(self) -> ExperimentKeys:
         if self.trajectories is None and self.impacts is None:
-            raise mistake("missing key 'trajectories' (or 'impacts'): the CSV of what was measured")
+            message = "missing key 'trajectories' (or 'impacts'): the CSV of what was measured"
+            raise mistake(message, code="missing_key", key="trajectories")
         if self.trajectories is not None and self.impacts is not None:
-            raise mistake("give trajectories or impacts, not both", "impacts", at="key")
+            raise mistake(
+                "give trajectories or impacts, not both", "impacts", at="key", code="duplicate", key="impacts"
+            )
         return self
 
 
@@ -97,11 +100,11 @@ class Experiment:
             raise ValueError("an experiment has either trajectories or impacts")
 
 
-def read_experiment(folder: str | Path) -> Experiment:
+def load_experiment(folder: str | Path) -> Experiment:
     """Read and check an experiment folder; raises `InputError` on the first thing that cannot be right."""
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("no such experiment folder", folder)
+        raise InputError("no such experiment folder", folder, code="missing_file")
     document = Document(folder / "experiment.yaml")
     keys = document.check(ExperimentKeys)
     cross_section = keys.cross_section.make()
@@ -113,10 +116,10 @@ def read_experiment(folder: str | Path) -> Experiment:
             continue
         try:
             path = path_inside(folder, relative)
-        except ValueError as error:
-            raise document.error(str(error), kind) from None
+        except OutsideFolderError as error:
+            raise document.error(error.message, kind, code="outside_folder") from None
         if not path.is_file():
-            raise document.error(f"no file {shown(relative)} in {folder}", kind)
+            raise document.error(f"no file {shown(relative)} in {folder}", kind, code="missing_file")
         if kind == "trajectories":
             tables[kind] = read_trajectories(path, blocks)
         else:
@@ -149,7 +152,9 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     if stuck.size:
         row, before = order[stuck[0] + 1], order[stuck[0]]
         message = f"column t_s: times must increase within a release: {t[row]:g} after {t[before]:g} s"
-        raise InputError(message + f" in release {release[row]}", path, lines[row])
+        raise InputError(
+            message + f" in release {release[row]}", path, lines[row], code="bad_table", key="t_s"
+        )
     return frame[list(TRAJECTORY_COLUMNS)]
 
 
@@ -166,7 +171,7 @@ def read_impacts(path: str | Path, blocks: Collection[str], zones: Collection[st
 
 
 def write_experiment(folder: str | Path, experiment: Experiment) -> None:
-    """Write a folder that `read_experiment` reads back; whole or not at all (see `atomic_folder`)."""
+    """Write a folder that `load_experiment` reads back; whole or not at all (see `atomic_folder`)."""
     with atomic_folder(folder) as partial:
         write_experiment_files(partial, experiment)
 
@@ -214,30 +219,34 @@ def _read_table(
     text = read_text(path).replace("\r\n", "\n").replace("\r", "\n")
     rows = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
     if not rows:
-        raise InputError(f"the file is empty; expected the columns {','.join(required)}", path, 1)
+        raise InputError(
+            f"the file is empty; expected the columns {','.join(required)}", path, 1, code="empty"
+        )
     if '"' in text:
         rows = [(number, _without_quotes(line, path, number)) for number, line in rows]
     (top, line), rows = rows[0], rows[1:]
     header = [cell.strip() for cell in line.split(",")]
     known = [*required, *optional]
     if len(header) == 1 and (";" in line or "\t" in line):
-        raise InputError("cells must be separated by commas", path, top)
+        raise InputError("cells must be separated by commas", path, top, code="bad_table")
     for i, name in enumerate(header):
         if name in header[:i]:
-            raise InputError(f"column {shown(name)} stands twice", path, top)
+            raise InputError(f"column {shown(name)} stands twice", path, top, code="duplicate", key=name)
         if name not in known:
             free = [column for column in known if column not in header]
             hint = did_you_mean(name, free)
-            raise InputError(f"unknown column {shown(name)}{hint}; expected {','.join(required)}", path, top)
+            message = f"unknown column {shown(name)}{hint}; expected {','.join(required)}"
+            raise InputError(message, path, top, code="unknown_key", key=name)
     for name in required:
         if name not in header:
-            raise InputError(f"column {name} is missing; expected {','.join(required)}", path, top)
+            message = f"column {name} is missing; expected {','.join(required)}"
+            raise InputError(message, path, top, code="missing_key", key=name)
     if not rows:
-        raise InputError("there is no row below the header", path, top)
+        raise InputError("there is no row below the header", path, top, code="empty")
     for number, line in rows:
         if line.count(",") != len(header) - 1:
             cells = line.count(",") + 1
-            raise InputError(f"expected {len(header)} cells, found {cells}", path, number)
+            raise InputError(f"expected {len(header)} cells, found {cells}", path, number, code="bad_table")
     columns = zip(*[line.split(",") for _, line in rows], strict=True)
     table = dict(zip(header, ([cell.strip() for cell in column] for column in columns), strict=True))
     return [number for number, _ in rows], table
@@ -247,9 +256,9 @@ def _without_quotes(line: str, path: str | Path, number: int) -> str:
     try:
         cells = next(csv.reader([line], strict=True))
     except (csv.Error, StopIteration):
-        raise InputError("a quote that does not close on its line", path, number) from None
+        raise InputError("a quote that does not close on its line", path, number, code="bad_table") from None
     if any("," in cell for cell in cells):
-        raise InputError("a cell must not contain a comma", path, number)
+        raise InputError("a cell must not contain a comma", path, number, code="bad_table")
     return ",".join(cells)
 
 
@@ -266,13 +275,14 @@ def _typed(
     columns: dict[str, object] = {}
     for name, cells in table.items():
         if "" in cells and name not in may_be_empty:
-            raise InputError(f"column {name}: an empty cell", path, lines[cells.index("")])
+            message, line = f"column {name}: an empty cell", lines[cells.index("")]
+            raise InputError(message, path, line, code="bad_value", key=name)
         if name in texts:
             known = {*texts[name], ""}
             for word in set(cells) - known:
                 message = f"column {name}: {shown(word)} is not in experiment.yaml"
                 message += did_you_mean(word, texts[name])
-                raise InputError(message, path, lines[cells.index(word)])
+                raise InputError(message, path, lines[cells.index(word)], code="unknown_name", name=word)
             columns[name] = cells
         elif name == "release":
             columns[name] = np.array(_numbers(path, lines, name, cells, _release), np.int64)
@@ -282,7 +292,8 @@ def _typed(
     for line, release, block in zip(lines, map(int, table["release"]), table["block"], strict=True):
         before = block_of.setdefault(release, block)
         if before != block:
-            raise InputError(f"column block: release {release} was {before!r}, here {block!r}", path, line)
+            message = f"column block: release {release} was {before!r}, here {block!r}"
+            raise InputError(message, path, line, code="bad_table", key="block")
     return columns
 
 
@@ -299,7 +310,7 @@ def _numbers(
         except ValueError:
             expected = "a whole number >= 0" if convert is _release else "a finite number"
             message = f"column {name}: expected {expected}, found {shown(cell)}"
-            raise InputError(message, path, number) from None
+            raise InputError(message, path, number, key=name) from None
     raise AssertionError("unreachable")
 
 

@@ -13,6 +13,15 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from rock2d.errors import InputError
 
+
+class OutsideFolderError(ValueError):
+    """A path that is not one inside a folder. `message` says why."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
+
+
 RESULT_MARKER = "rock2d_result.json"  # tells a result, which may be replaced, from anything else
 
 
@@ -25,15 +34,19 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
-        raise InputError("exists and is not a folder; choose another output folder", path)
+        raise InputError(
+            "exists and is not a folder; choose another output folder", path, code="not_a_result"
+        )
     if target.is_dir() and any(target.iterdir()) and not (target / RESULT_MARKER).is_file():
-        raise InputError("exists and is no rock2d result; choose another output folder", path)
+        raise InputError(
+            "exists and is no rock2d result; choose another output folder", path, code="not_a_result"
+        )
     token = secrets.token_hex(4)
     partial = target.with_name(f".{target.name}.partial-{token}")
     try:
         partial.mkdir(parents=True)
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path) from None
+        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
     try:
         yield partial
         (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
@@ -58,7 +71,7 @@ def make_folder(path: Path) -> None:
         with tempfile.TemporaryFile(dir=path):  # asks whether it can be written into
             pass
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path) from None
+        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
 
 
 @contextmanager
@@ -82,23 +95,23 @@ def write_whole(path: Path, text: str) -> None:
         with atomic_file(path) as partial:
             partial.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path) from None
+        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
 
 
 def path_inside(folder: str | Path, relative: str) -> Path:
-    """`folder`/`relative`; ValueError if that leaves `folder` (by "..", an absolute path or a link)."""
+    """`folder`/`relative`; OutsideFolderError if that leaves `folder` (by "..", an absolute path or a link)."""
     pure, windows = PurePosixPath(relative), PureWindowsPath(relative)
     if not relative.strip() or "\0" in relative:
-        raise ValueError(f"expected a path inside {folder}, found {relative!r}")
+        raise OutsideFolderError(f"expected a path inside {folder}, found {relative!r}")
     if pure.is_absolute() or windows.drive or windows.root:
-        raise ValueError(f"expected a relative path inside {folder}, found an absolute one")
+        raise OutsideFolderError(f"expected a relative path inside {folder}, found an absolute one")
     if ".." in pure.parts or ".." in windows.parts:
-        raise ValueError(f"expected a path inside {folder}, found '..'")
+        raise OutsideFolderError(f"expected a path inside {folder}, found '..'")
     root = Path(folder).resolve()
     try:
         inside = (root / relative).resolve().is_relative_to(root)
     except (OSError, RuntimeError):
         inside = False
     if not inside:
-        raise ValueError(f"expected a path inside {folder}, found a link that leads out of it")
+        raise OutsideFolderError(f"expected a path inside {folder}, found a link that leads out of it")
     return Path(folder) / relative

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, ParameterError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, shown
-from rock2d.files.experiment import Experiment, read_experiment
-from rock2d.files.folders import path_inside
+from rock2d.files.experiment import Experiment, load_experiment
+from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.scenario_keys import Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name
 from rock2d.scene.blocks import Block
@@ -75,7 +75,9 @@ class Scenario(Checked):
         if self.cross_section is not None:
             return self.cross_section.make()
         if self._experiment is None:
-            raise InputError("missing key 'cross_section'", self._file)
+            raise InputError(
+                "missing key 'cross_section'", self._file, code="missing_key", key="cross_section"
+            )
         return self._experiment.cross_section
 
     def make_blocks(self) -> dict[str, Block]:
@@ -83,7 +85,7 @@ class Scenario(Checked):
         if self.blocks is not None:
             return {name: keys.make(name) for name, keys in self.blocks.items()}
         if self._experiment is None:
-            raise InputError("missing key 'blocks'", self._file)
+            raise InputError("missing key 'blocks'", self._file, code="missing_key", key="blocks")
         return dict(self._experiment.blocks)
 
     def incident_of(self, block: str) -> Incident:
@@ -95,7 +97,8 @@ class Scenario(Checked):
         from rock2d.laws.contact import ContactParameters
 
         if self.model.deterministic is None:
-            raise self._error("missing key 'deterministic', which engine pymunk needs", "model")
+            message = "missing key 'deterministic', which the engines pymunk and batch need"
+            raise self._error(message, "model", code="missing_key", key="deterministic")
         table = self.model.deterministic.named()
         start: dict[str, Any] = {"rolling_cap": False, "rolling_in_indentation": False}
         out = {}
@@ -109,7 +112,8 @@ class Scenario(Checked):
         from rock2d.laws.rebound import ReboundParameters
 
         if self.model.probabilistic is None:
-            raise self._error("missing key 'probabilistic', which engine point_mass needs", "model")
+            message = "missing key 'probabilistic', which engine point_mass needs"
+            raise self._error(message, "model", code="missing_key", key="probabilistic")
         blocks = self.model.probabilistic.named()
         common = blocks["default"].named()
         owner = block if block in blocks else "default"
@@ -127,20 +131,22 @@ class Scenario(Checked):
     def _file(self) -> Path | None:
         return self._document.file if self._document else None
 
-    def _error(self, message: str, *path: str | int, at: str = "value") -> InputError:
+    def _error(
+        self, message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any
+    ) -> InputError:
         if self._document is None:
-            return InputError(f"{'.'.join(map(str, path))}: {message}")
-        return self._document.error(message, *path, at=at)
+            return InputError(f"{'.'.join(map(str, path))}: {message}", code=code, **fields)
+        return self._document.error(message, *path, at=at, code=code, **fields)
 
     def _parameters(self, kind: Any, values: dict[str, Any], path: tuple[str, ...]) -> Any:
         for name in kind.__dataclass_fields__:
             if name not in values:
-                raise self._error(f"{name} is given neither here nor under default", *path, at="key")
+                message = f"{name} is given neither here nor under default"
+                raise self._error(message, *path, at="key", code="missing_key", key=name)
         try:
             return kind(**values)
-        except ValueError as error:
-            named = [name for name in values if f"{name} " in f"{error} "]
-            raise self._error(str(error), *path, *named[:1]) from None
+        except ParameterError as error:
+            raise self._error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
 
 
 def _merged(start: Mapping[str, Any], *layers: Checked) -> dict[str, Any]:
@@ -162,7 +168,7 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     _load_experiment(scenario, data_root)
     for key in ("cross_section", "blocks"):
         if getattr(scenario, key) is None and scenario.experiment is None:
-            raise document.error(f"missing key {key!r}")
+            raise document.error(f"missing key {key!r}", code="missing_key", key=key)
     _check_names(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
@@ -177,32 +183,35 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
     if list(scenario.incident) != ["default"]:
         name = next(iter(sources))
         message = "from_experiment serves all blocks: put it under incident.default, alone"
-        raise scenario._error(message, "incident", name, at="key")
+        raise scenario._error(message, "incident", name, at="key", code="wrong_kind")
     source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:
         message = f"the data are not here: say where {source.folder!r} lies with --data or {DATA_VARIABLE}"
-        raise scenario._error(message, *where)
+        raise scenario._error(message, *where, code="missing_data", folder=source.folder)
     try:
         folder = path_inside(root, source.folder)
-    except ValueError as error:
-        raise scenario._error(str(error), *where) from None
+    except OutsideFolderError as error:
+        raise scenario._error(error.message, *where, code="outside_folder") from None
     if not folder.is_dir():
         message = f"no folder {source.folder!r} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
-        raise scenario._error(message, *where)
-    experiment = read_experiment(folder)
+        raise scenario._error(message, *where, code="missing_data", folder=source.folder)
+    experiment = load_experiment(folder)
     if experiment.trajectories is None:
-        raise scenario._error("this experiment has impacts only, no frames to start from", *where)
+        message = "this experiment has impacts only, no frames to start from"
+        raise scenario._error(message, *where, code="wrong_kind")
     most = int(experiment.trajectories.groupby("block")["release"].nunique().max())
     if "releases" not in scenario.model_fields_set:
         scenario.releases = most
     elif scenario.releases > most:
-        raise scenario._error(f"the experiment has {most} releases of a block at most", "releases")
+        message = f"the experiment has {most} releases of a block at most"
+        raise scenario._error(message, "releases")
     if "gravity_m_s2" not in scenario.model_fields_set:
         scenario.gravity_m_s2 = experiment.gravity_m_s2
     if scenario.blocks is not None:
         for name in sorted(set(experiment.trajectories["block"]) - set(scenario.blocks)):
-            raise scenario._error(f"block {shown(name)} of the experiment is missing", "blocks", at="key")
+            message = f"block {shown(name)} of the experiment is missing"
+            raise scenario._error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
 
 
@@ -216,7 +225,7 @@ def _check_names(scenario: Scenario) -> None:
             if name not in among:
                 choices = ", ".join(sorted(among - {"default"}))
                 message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
-                raise scenario._error(message, *path, name, at="key")
+                raise scenario._error(message, *path, name, at="key", code="unknown_name", name=name)
 
     if "default" in scenario.make_cross_section().zone_names:
         raise scenario._error("a zone must not be called default", "cross_section", "zones")
@@ -232,7 +241,7 @@ def _check_names(scenario: Scenario) -> None:
     for name in sorted(blocks - {"default"} - set(scenario.incident)):
         if "default" not in scenario.incident:
             message = f"block {shown(name)} has no incident state, neither its own nor a default"
-            raise scenario._error(message, "incident", at="key")
+            raise scenario._error(message, "incident", at="key", code="missing_key", key=name)
 
 
 def _check_parameters(scenario: Scenario) -> None:
@@ -259,9 +268,9 @@ def _check_incident(scenario: Scenario) -> None:
         path = ("incident", name, "fixed")
         if not left <= item.fixed.x_m <= right:
             message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
-            raise scenario._error(message, *path, "x_m")
+            raise scenario._error(message, *path, "x_m", code="bad_state", key="x_m")
         if ground.is_valid and ground.covers(shapely.Point(item.fixed.x_m, item.fixed.y_m)):
-            raise scenario._error("below the ground", *path, "y_m")
+            raise scenario._error("below the ground", *path, "y_m", code="bad_state", key="y_m")
 
 
 def scenario_json_schema() -> dict[str, Any]:

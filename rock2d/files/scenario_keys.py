@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -16,6 +17,7 @@ Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 class ContactKeys(Checked):
     """Parameters of the deterministic contact law in one zone."""
 
+    old_keys: ClassVar[Mapping[str, str]] = {"rolling_in_crater": "rolling_in_indentation"}
     k_l_N_m: Stiffness | None = Field(default=None, description="Loading stiffness in N/m")
     k_ul_N_m: Stiffness | None = Field(
         default=None, description="Unloading stiffness in N/m, at least k_l_N_m"

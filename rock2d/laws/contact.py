@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.compiled import kernel
+from rock2d.errors import ParameterError
 from rock2d.scene.cross_section import by_zone
 
 # columns of a parameter row
@@ -39,16 +40,20 @@ class ContactParameters:
 
     def __post_init__(self) -> None:
         if not 0 < self.k_l_N_m <= self.k_ul_N_m < np.inf:
-            raise ValueError(
+            raise ParameterError(
+                "k_l_N_m",
                 f"need 0 < k_l_N_m <= k_ul_N_m, got {self.k_l_N_m:g} and {self.k_ul_N_m:g} "
-                "(unloading cannot be softer than loading: it would create energy)"
+                "(unloading cannot be softer than loading: it would create energy)",
             )
         if not 0 <= self.k_t_N_m < np.inf:
-            raise ValueError(f"k_t_N_m must not be negative, got {self.k_t_N_m:g}")
+            raise ParameterError("k_t_N_m", f"k_t_N_m must not be negative, got {self.k_t_N_m:g}")
         if not 0 <= self.friction_angle_deg <= 90:
-            raise ValueError(f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}")
+            raise ParameterError(
+                "friction_angle_deg",
+                f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}",
+            )
         if not 0 <= self.k_r_Nm_rad < np.inf:
-            raise ValueError(f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
+            raise ParameterError("k_r_Nm_rad", f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
 
     def row(self) -> np.ndarray:
         """(7,) k_l, k_ul, k_t, tan φ (inf at 90°), k_r, cap and indentation (0 or 1): what the compiled law reads."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.compiled import njit
+from rock2d.errors import ParameterError
 from rock2d.scene.cross_section import by_zone
 
 # columns of a parameter row
@@ -46,17 +47,30 @@ class ReboundParameters:
 
     def __post_init__(self) -> None:
         if not 0 <= self.friction_angle_deg <= 90:
-            raise ValueError(f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}")
+            raise ParameterError(
+                "friction_angle_deg",
+                f"friction_angle_deg must lie in [0, 90], got {self.friction_angle_deg:g}",
+            )
         if not 0 < self.momentum_half_kg_m_s < np.inf:
-            raise ValueError(f"momentum_half_kg_m_s must be positive, got {self.momentum_half_kg_m_s:g}")
+            raise ParameterError(
+                "momentum_half_kg_m_s",
+                f"momentum_half_kg_m_s must be positive, got {self.momentum_half_kg_m_s:g}",
+            )
         if not 0 <= self.tangential_restitution <= 1:
-            raise ValueError(
-                f"tangential_restitution must lie in [0, 1], got {self.tangential_restitution:g}"
+            raise ParameterError(
+                "tangential_restitution",
+                f"tangential_restitution must lie in [0, 1], got {self.tangential_restitution:g}",
             )
         if not 0 <= self.slope_reduction_deg < 90:
-            raise ValueError(f"slope_reduction_deg must lie in [0, 90), got {self.slope_reduction_deg:g}")
+            raise ParameterError(
+                "slope_reduction_deg",
+                f"slope_reduction_deg must lie in [0, 90), got {self.slope_reduction_deg:g}",
+            )
         if self.slope_reduction not in ("constant", "uniform"):
-            raise ValueError(f"slope_reduction must be constant or uniform, got {self.slope_reduction!r}")
+            raise ParameterError(
+                "slope_reduction",
+                f"slope_reduction must be constant or uniform, got {self.slope_reduction!r}",
+            )
 
     @property
     def random(self) -> bool:

@@ -16,12 +16,13 @@ Array = np.ndarray
 
 T, X, Y, THETA, VX, VY, OMEGA = range(7)
 STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
-IMPACT_COLUMNS = (
-    "release", "block", "zone", "t_s", *STATE_NAMES,
+IMPACT_VALUES = (
+    "t_s", *STATE_NAMES,
     "t_after_s", "x_after_m", "y_after_m", "theta_after_rad",
     "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
     "penetration_m", "force_N",
 )  # fmt: skip
+IMPACT_COLUMNS = ("release", "block", "zone", *IMPACT_VALUES)
 
 
 @dataclass

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
     from rock2d.files.experiment import Experiment
     from rock2d.records.track import Track
-    from rock2d.runs.run import RunResult
 
 CHANNELS = {"x": "dx_m", "y": "dy_m", "theta": "dtheta_rad"}
 
@@ -78,9 +77,16 @@ def residual_summary(residuals: pd.DataFrame, tracks: list[Track], noise: dict[s
 
 
 def write_comparison(
-    result: RunResult, simulated: Experiment, folder: Path, *, progress: bool = True
+    film: Experiment,
+    simulated: Experiment,
+    tracks: list[Track],
+    folder: Path,
+    *,
+    slow_motion: float,
+    progress: bool,
 ) -> dict[str, pd.DataFrame]:
-    """Overlay and residual figures and a side-by-side video into `folder`; returns the residual tables."""
+    """Overlay and residual figures and a side-by-side video of a film and its restarted releases into `folder`;
+    returns the residual tables by name."""
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
     from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.overlays import overlay_figure
@@ -89,24 +95,23 @@ def write_comparison(
     from rock2d.graphics.video import side_by_side
     from rock2d.graphics.video_options import VideoOptions
 
-    film = result.scenario.experiment
-    assert film is not None and film.trajectories is not None and simulated.trajectories is not None
-    ran = film.trajectories[film.trajectories["release"].isin([t.release for t in result.tracks])]
-    residuals = residual_table(ran, simulated.trajectories)
+    assert film.trajectories is not None and simulated.trajectories is not None
+    cross_section, blocks = simulated.cross_section, simulated.blocks
+    measured = film.trajectories[film.trajectories["release"].isin([t.release for t in tracks])]
+    residuals = residual_table(measured, simulated.trajectories)
     noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
-    summary = residual_summary(residuals, result.tracks, noise)
+    summary = residual_summary(residuals, tracks, noise)
     title = f"{film.name}: measured against simulated"
-    overlay = overlay_figure(result.cross_section, result.blocks, ran, result.tracks, title=title)
+    overlay = overlay_figure(cross_section, blocks, measured, tracks, title=title)
     save_figure(overlay, folder / "overlay.png")
     save_figure(residuals_figure(residuals, title), folder / "residuals.png")
     shown = _typical(residuals)
-    track = next(t for t in result.tracks if t.release == shown)
+    track = next(t for t in tracks if t.release == shown)
     with frame_bar("side by side", progress) as show:
         side_by_side(
-            folder / "side_by_side.webm", result.cross_section, result.blocks,
-            [clip_from_measured(ran[ran["release"] == shown])], [clip_from_track(track)],
-            VideoOptions(slow_motion=result.scenario.outputs.slow_motion, titles=(f"{film.name}, release {shown}",)),
-            show,
+            folder / "side_by_side.webm", cross_section, blocks,
+            [clip_from_measured(measured[measured["release"] == shown])], [clip_from_track(track)],
+            VideoOptions(slow_motion=slow_motion, titles=(f"{film.name}, release {shown}",)), show,
         )  # fmt: skip
     return {"residuals": residuals, "residual_summary": summary}
 

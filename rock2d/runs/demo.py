@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
-RELEASES = 24  # of each block with the pymunk engine; the point-mass engine runs the scenario's own number
-VIDEO = {"slow_motion": 8.0, "size_px": (960, 540)}
+PYMUNK_RELEASES = 24  # of each block; the point-mass engine runs the scenario's own number
+VIDEO: dict[str, Any] = {"slow_motion": 8.0, "size_px": (960, 540)}
 
 
 def run_demo(out: Path, progress: bool = True) -> None:
@@ -15,19 +16,25 @@ def run_demo(out: Path, progress: bool = True) -> None:
 
     from rock2d.files.scenario import load_scenario
     from rock2d.files.shipped_scenarios import scenario_file
-    from rock2d.runs.run import simulate, write_results, write_video
+    from rock2d.runs.run import run
     from rock2d.runs.tables import passing_text
 
     begin = time.perf_counter()
     scenario = load_scenario(scenario_file("paper_setup.yaml"))
     passing = []
-    for engine, releases in (("pymunk", RELEASES), ("point_mass", scenario.releases)):
-        result = simulate(scenario, engine=engine, releases=releases, progress=progress)
-        tables = write_results(result, out / engine, progress=progress)
-        passing.append(tables["passing"].assign(block=lambda t, e=engine: t["block"] + f" ({e})"))
+    for engine, releases in (("pymunk", PYMUNK_RELEASES), ("point_mass", scenario.releases)):
+        result = run(scenario, engine=engine, releases=releases, progress=progress)
+        tables = result.write(out / engine, progress=progress)
+        table = tables["passing"]
+        passing.append(table.assign(block=table["block"] + f" ({engine})"))
         if engine == "pymunk":
-            result.scenario.outputs.video_releases = 1
-            write_video(result, out / engine / "trajectories.webm", scenario.name, progress=progress, **VIDEO)
+            result.write_video(
+                out / engine / "trajectories.webm",
+                releases=1,
+                titles=(scenario.name,),
+                progress=progress,
+                **VIDEO,
+            )
     print(passing_text(pd.concat(passing)))
     for sentence in scenario.assumed:
         print(f"  assumed: {sentence}")

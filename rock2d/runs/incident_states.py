@@ -1,6 +1,6 @@
 """Where a release starts: drawn from the scenario's distributions, or fitted to a film's first frames.
 
-Releases are drawn in groups of `GROUP`, each group of a block whole and from its own random stream: release i
+Releases are drawn in groups of `DRAW_GROUP`, each group of a block whole and from its own random stream: release i
 of a block is the same however many releases there are and however they are shared out.
 """
 
@@ -21,15 +21,18 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-GROUP = 1000  # releases drawn together
-STATES, SEEDS = range(2)  # what a random stream is for: first number of its spawn key
-CLEAR_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
-BREAK_SIGMA = 5.0  # a frame this far from the fitted flight ends it
+DRAW_GROUP = 1000  # releases that are drawn together
+STATE_STREAM, SEED_STREAM, NOISE_STREAM = range(
+    3
+)  # what a random stream is for: first number of its spawn key
+CLEARANCE_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
+FEWEST_FRAMES = 3  # that a state is fitted to
+OUTLIER_SIGMA = 5.0  # a frame this far from the fitted flight ends it
 
 
 @dataclass(frozen=True)
-class Start:
-    """Start of one release: its number, block, time in s, state (6,) in SI, the seed of its own random stream
+class IncidentState:
+    """Where one release starts: its number, block, time in s, state (6,) in SI, the seed of its own random stream
     and the frames it was fitted to."""
 
     release: int
@@ -40,16 +43,16 @@ class Start:
     frames: int = 0
 
 
-def starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
-    """Starts of all releases of a scenario, block after block."""
+def incident_states(scenario: Scenario, seed: int, releases: int | None = None) -> list[IncidentState]:
+    """Incident states of all releases of a scenario, block after block."""
     if scenario.experiment is not None:
-        return measured_starts(scenario, seed, releases)
+        return measured_states(scenario, seed, releases)
     count = releases or scenario.releases
     out = []
     for b, name in enumerate(scenario.make_blocks()):
         states = drawn_states(scenario.incident_of(name), seed, b, 0, count)
         seeds = drawn_seeds(seed, b, 0, count)
-        out += [Start(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
+        out += [IncidentState(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
     return out
 
 
@@ -58,29 +61,31 @@ def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: in
 
     Raises ValueError for measured incident states.
     """
-    return _of_groups(lambda stream: incident.draw(stream, GROUP), seed, STATES, block, first, stop)
+    return _of_groups(
+        lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop
+    )
 
 
 def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
     """(stop - first,) uint64, seeds of the own random streams of releases first .. stop - 1; first < stop."""
 
     def draw(stream: np.random.Generator) -> Array:
-        return stream.integers(2**64, size=GROUP, dtype=np.uint64)
+        return stream.integers(2**64, size=DRAW_GROUP, dtype=np.uint64)
 
-    return _of_groups(draw, seed, SEEDS, block, first, stop)
+    return _of_groups(draw, seed, SEED_STREAM, block, first, stop)
 
 
 def _of_groups(
-    draw: Callable[[np.random.Generator], Array], seed: int, what: int, block: int, first: int, stop: int
+    draw: Callable[[np.random.Generator], Array], seed: int, stream: int, block: int, first: int, stop: int
 ) -> Array:
-    groups = range(first // GROUP, (stop - 1) // GROUP + 1)
-    keys = [np.random.SeedSequence(seed, spawn_key=(what, block, group)) for group in groups]
+    groups = range(first // DRAW_GROUP, (stop - 1) // DRAW_GROUP + 1)
+    keys = [np.random.SeedSequence(seed, spawn_key=(stream, block, group)) for group in groups]
     drawn = np.concatenate([draw(np.random.default_rng(key)) for key in keys])
-    return drawn[first - groups.start * GROUP :][: stop - first]
+    return drawn[first - groups.start * DRAW_GROUP :][: stop - first]
 
 
-def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) -> list[Start]:
-    """Starts of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
+def measured_states(scenario: Scenario, seed: int, releases: int | None = None) -> list[IncidentState]:
+    """Incident states of filmed releases, each fitted to its own first frames (the first `releases` of each block)."""
     experiment = scenario.experiment
     assert experiment is not None and experiment.trajectories is not None
     source = scenario.incident["default"].from_experiment
@@ -92,14 +97,14 @@ def measured_starts(scenario: Scenario, seed: int, releases: int | None = None) 
     seeds = {name: drawn_seeds(seed, b, 0, films + 1) for b, name in enumerate(blocks)}
     for release, film in rows.groupby("release", sort=True):
         name = str(film["block"].iloc[0])
-        if taken[name] >= (releases or scenario.releases) or len(film) < 3:
+        if taken[name] >= (releases or scenario.releases) or len(film) < FEWEST_FRAMES:
             continue
         own_seed = int(seeds[name][taken[name]])
         taken[name] += 1
         frames = film[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy(float)[: source.frames]
         sigma = (experiment.position_noise_m, experiment.angle_noise_rad)
         state, used = fit_first_flight(frames, blocks[name], cross_section, experiment.gravity_m_s2, sigma)
-        out.append(Start(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))
+        out.append(IncidentState(int(str(release)), name, float(frames[0, 0]), state, own_seed, used))
     return out
 
 
@@ -109,7 +114,7 @@ def fit_first_flight(
     """State (6,) at the first of `frames` (n, 4: t, x, y, theta) and the number of frames that were used.
 
     Least squares of free flight, x + v t - g t²/2 and θ + ω t, over the leading frames in which the block is
-    clear of the ground and which still lie on that flight (within BREAK_SIGMA of `sigma`: position in m, angle
+    clear of the ground and which still lie on that flight (within OUTLIER_SIGMA of `sigma`: position in m, angle
     in rad). A film that starts on the ground is fitted to its first three frames.
     """
     t = frames[:, 0] - frames[0, 0]
@@ -118,13 +123,13 @@ def fit_first_flight(
     flat = q.copy()
     flat[:, 1] += 0.5 * gravity_m_s2 * t**2
     noise = np.maximum([sigma[0], sigma[0], sigma[1]], 1e-9)
-    count = 3
-    while count < len(t) and _clear(q[count], block, cross_section, CLEAR_SIGMA * noise[0]):
+    count = FEWEST_FRAMES
+    while count < len(t) and _clear(q[count], block, cross_section, CLEARANCE_SIGMA * noise[0]):
         guess, covariance = _line(t[:count], flat[:count])
         ahead = np.array([1.0, t[count]])
         spread = np.sqrt(1 + ahead @ covariance @ ahead)
         miss = flat[count] - guess[0] - guess[1] * t[count]
-        if (np.abs(miss) > BREAK_SIGMA * noise * spread).any():
+        if (np.abs(miss) > OUTLIER_SIGMA * noise * spread).any():
             break
         count += 1
     fit, _ = _line(t[:count], flat[:count])

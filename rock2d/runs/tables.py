@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.files.scenario import Scenario
-    from rock2d.runs.run import RunResult
+    from rock2d.runs.results import RunResult
 
 
 def print_tables(result: RunResult, tables: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Block profiles: size, mass, moment of inertia, corners.
+"""Blocks: profile, mass, moment of inertia, and `make_block`, which makes one from its sizes.
 
 A profile is either *smooth* (circle, ellipse: two semi-axes) or a convex *polygon* (corners). Body axes are
 centred on the centroid, with the length along the body's own x; the angle is counter-clockwise positive.
@@ -8,8 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+
+from rock2d.scene.polygons import polygon_moments
+from rock2d.scene.shapes import inertia_words, shapes
+from rock2d.scene.shapes.shape import BlockError
 
 Array = np.ndarray
 
@@ -20,7 +25,7 @@ class Block:
 
     Attributes
     ----------
-    shape : "circle" | "square" | "rectangle" | "ellipse" | "polygon"
+    shape : name of one of `rock2d.scene.shapes.shapes`
     mass_kg, inertia_kg_m2 : mass and moment of inertia about the centre of mass
     semi_axes_m : (a, b) of a smooth profile, (0, 0) for a polygon
     corners_m : (n, 2) corners of a polygon, counter-clockwise, centroid at the origin; (0, 2) if smooth
@@ -41,13 +46,13 @@ class Block:
 
     def __post_init__(self) -> None:
         if not (self.mass_kg > 0 and np.isfinite(self.mass_kg)):
-            raise ValueError(f"block {self.name}: mass_kg must be positive, got {self.mass_kg}")
+            raise BlockError(self.name, f"mass_kg must be positive, got {self.mass_kg}", "mass_kg")
         if not (self.inertia_kg_m2 > 0 and np.isfinite(self.inertia_kg_m2)):
-            raise ValueError(f"block {self.name}: inertia must be positive, got {self.inertia_kg_m2}")
+            raise BlockError(self.name, f"inertia must be positive, got {self.inertia_kg_m2}", "inertia")
         if self.rounding_m and not 0 <= self.rounding_m <= self.largest_rounding_m * (1 + 1e-9):
-            raise ValueError(
-                f"block {self.name}: corners can be rounded with up to {self.largest_rounding_m:g} m, "
-                f"got {self.rounding_m:g}"
+            raise BlockError(
+                self.name,
+                f"corners can be rounded with up to {self.largest_rounding_m:g} m, got {self.rounding_m:g}",
             )
 
     @property
@@ -87,7 +92,7 @@ class Block:
         """Area of the profile."""
         if self.smooth:
             return float(np.pi * self.semi_axes_m[0] * self.semi_axes_m[1])
-        return _polygon_moments(self.corners_m)[0]
+        return polygon_moments(self.corners_m)[0]
 
     @property
     def size_m(self) -> float:
@@ -127,84 +132,56 @@ def states_at(states: Array, point_m: Sequence[float] | Array) -> Array:
 
 
 def make_block(
-    name: str,
-    shape: str,
-    mass_kg: float,
-    inertia: str | float = "uniform",
-    *,
-    diameter_m: float | None = None,
-    side_m: float | None = None,
-    length_m: float | None = None,
-    height_m: float | None = None,
-    vertices_m: Sequence[Sequence[float]] | None = None,
+    name: str, shape: str, mass_kg: float, inertia: str | float = "uniform", **sizes: Any
 ) -> Block:
-    """Build a block from the sizes that its shape needs.
+    """Make a block from the sizes of its shape.
 
-    `inertia` is "uniform" (solid prism of the profile), "solid_sphere" (2/5 m r², circle only) or a number in
-    kg m². Raises ValueError if a size is missing, not positive, or a polygon is not convex.
+    Parameters
+    ----------
+    name : str
+    shape : {"circle", "ellipse", "polygon", "rectangle", "square"}
+    mass_kg : float
+    inertia : {"uniform", "solid_sphere"} or float
+        Moment of inertia about the centroid: "uniform" is that of a solid prism of the profile, "solid_sphere" is
+        2/5 m r² (circles only), a number is the moment in kg m².
+    **sizes
+        circle: `diameter_m`; square: `side_m`; rectangle and ellipse: `length_m`, `height_m`; polygon:
+        `vertices_m`, a list of [x, y].
+
+    Returns
+    -------
+    Block
+
+    Raises
+    ------
+    BlockError
+        A ValueError with the wrong `key`: if the shape is unknown, a size is missing, unknown or not positive, a
+        polygon is not convex, or the mass is not positive.
+
+    Examples
+    --------
+    >>> cube = make_block("cube", "square", 0.0233, side_m=0.019)
+    >>> round(cube.inertia_kg_m2 * 1e6, 3)
+    1.402
     """
-    axes, corners = (0.0, 0.0), np.empty((0, 2))
-    if shape == "circle":
-        radius = 0.5 * _positive(name, "diameter_m", diameter_m)
-        axes, per_mass = (radius, radius), 0.5 * radius**2
-    elif shape == "ellipse":
-        a = 0.5 * _positive(name, "length_m", length_m)
-        b = 0.5 * _positive(name, "height_m", height_m)
-        axes, per_mass = (a, b), 0.25 * (a**2 + b**2)
-    elif shape in ("square", "rectangle", "polygon"):
-        if shape == "square":
-            a = b = 0.5 * _positive(name, "side_m", side_m)
-        elif shape == "rectangle":
-            a = 0.5 * _positive(name, "length_m", length_m)
-            b = 0.5 * _positive(name, "height_m", height_m)
-        if shape == "polygon":
-            corners = _convex_corners(name, vertices_m)
-        else:
-            corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
-        per_mass = _polygon_moments(corners)[1]
-    else:
-        raise ValueError(f"block {name}: unknown shape {shape!r}")
-    if inertia == "solid_sphere":
-        if shape != "circle":
-            raise ValueError(f"block {name}: inertia solid_sphere needs shape circle, got {shape}")
-        per_mass = 0.4 * axes[0] ** 2
-    elif isinstance(inertia, (int, float)):
+    if shape not in shapes():
+        raise BlockError(name, f"unknown shape {shape!r}", "shape")
+    made_from = shapes()[shape]
+    keys = [size.key for size in made_from.sizes]
+    for key in sizes:
+        if key not in keys:
+            raise BlockError(name, f"unknown size {key} of a {shape}, expected {', '.join(keys)}", key)
+    profile = made_from.profile(name, sizes)
+    if isinstance(inertia, (int, float)):
         per_mass = float(inertia) / mass_kg
-    elif inertia != "uniform":
-        raise ValueError(f"block {name}: inertia must be solid_sphere, uniform or a number, got {inertia!r}")
-    return Block(name, shape, float(mass_kg), float(per_mass * mass_kg), axes, corners)
-
-
-def _positive(name: str, key: str, value: float | None) -> float:
-    if value is None or not value > 0:
-        raise ValueError(f"block {name}: {key} must be a positive number, got {value}")
-    return float(value)
-
-
-def _polygon_moments(corners: Array) -> tuple[float, float]:
-    """Area and polar second moment per area about the origin (counter-clockwise corners)."""
-    x, y = corners.T
-    x2, y2 = np.roll(x, -1), np.roll(y, -1)
-    cross = x * y2 - x2 * y
-    area = 0.5 * cross.sum()
-    polar = (cross * (x * x + x * x2 + x2 * x2 + y * y + y * y2 + y2 * y2)).sum() / 12.0
-    return float(area), float(polar / area) if area else 0.0
-
-
-def _convex_corners(name: str, vertices: Sequence[Sequence[float]] | None) -> Array:
-    corners = np.asarray(vertices if vertices is not None else [], float)
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        raise ValueError(f"block {name}: vertices_m must be at least three [x, y] points")
-    if _polygon_moments(corners)[0] < 0:
-        corners = corners[::-1]
-    edge = np.roll(corners, -1, axis=0) - corners
-    turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
-    # every turn to the left, and once around only: rules out stars
-    angle = np.arctan2(turn, (edge * np.roll(edge, -1, axis=0)).sum(axis=1))
-    if not (turn > 0).all() or abs(angle.sum() - 2 * np.pi) > 1e-6:
-        raise ValueError(f"block {name}: vertices_m must be a strictly convex polygon")
-    x, y = corners.T
-    x2, y2 = np.roll(x, -1), np.roll(y, -1)
-    cross = x * y2 - x2 * y
-    centroid = np.array([((x + x2) * cross).sum(), ((y + y2) * cross).sum()]) / (3.0 * cross.sum())
-    return np.ascontiguousarray(corners - centroid)
+    elif inertia in profile.inertia_per_mass_m2:
+        per_mass = profile.inertia_per_mass_m2[inertia]
+    elif inertia in inertia_words():
+        able = [other.name for other in shapes().values() if inertia in other.inertias]
+        raise BlockError(name, f"inertia {inertia} needs shape {' or '.join(able)}, got {shape}", "inertia")
+    else:
+        words = ", ".join(inertia_words())
+        raise BlockError(name, f"inertia must be {words} or a number, got {inertia!r}", "inertia")
+    return Block(
+        name, shape, float(mass_kg), float(per_mass * mass_kg), profile.semi_axes_m, profile.corners_m
+    )

@@ -15,11 +15,31 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 Array = np.ndarray
-P = TypeVar("P")
+Parameters = TypeVar("Parameters")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
-LEAST_RISE = 0.02  # of the cross-section's relief: what rises less is roughness
-FLOOR = 0.05  # of an embankment's height: what rises less above the ground beside it is ditch or run-out
+LOWEST_EMBANKMENT = 0.02  # of the cross-section's relief: what rises less is roughness
+FLAT_GROUND = (
+    0.05  # of an embankment's height: what rises less above the ground beside it is ditch or run-out
+)
+SHORTEST_FACET = 1e-9  # of the cross-section's extent
+
+
+class CrossSectionError(ValueError):
+    """Points, zones or measure lines that make no cross-section.
+
+    Attributes
+    ----------
+    key : "points_m", "zones" or "measure_lines"
+    facet : index of the facet that is wrong (the later one, of two); None if no single one is
+    line : name of the measure line that is wrong, or None
+    """
+
+    def __init__(
+        self, message: str, key: str = "", *, facet: int | None = None, line: str | None = None
+    ) -> None:
+        super().__init__(message)
+        self.key, self.facet, self.line = key, facet, line
 
 
 @dataclass(frozen=True)
@@ -32,7 +52,19 @@ class CrossSection:
     zones : n zone names, one a facet
     measure_lines : name -> (2, 2) end points
 
-    Raises ValueError on a zero-length facet, a self-crossing, a missing or empty zone name.
+    Raises
+    ------
+    CrossSectionError
+        A ValueError, on a zero-length facet, a self-crossing, a missing or empty zone name, or a measure line
+        without length.
+
+    Examples
+    --------
+    >>> ground = CrossSection([[-1, 0.5], [0, 0], [2, 0]], ["slope", "ditch"], {"gate": [[1, 0], [1, 0.5]]})
+    >>> ground.zone_names
+    ('slope', 'ditch')
+    >>> ground.height_m([-0.5, 1.0]).tolist()
+    [0.25, 0.0]
     """
 
     points_m: Array
@@ -47,27 +79,31 @@ class CrossSection:
     ) -> None:
         points = np.ascontiguousarray(points_m, float)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-            raise ValueError("points_m must be at least two [x, y] points")
+            raise CrossSectionError("points_m must be at least two [x, y] points", "points_m")
         if not np.isfinite(points).all():
-            raise ValueError("points_m must be finite numbers")
+            raise CrossSectionError("points_m must be finite numbers", "points_m")
         length = np.hypot(*np.diff(points, axis=0).T)
         extent = float(np.ptp(points, axis=0).max())
-        if (length <= 1e-9 * extent).any():
+        if (length <= SHORTEST_FACET * extent).any():
             i = int(np.argmin(length))
-            raise ValueError(f"facet {i} (from point {i} to point {i + 1}) has zero length")
+            message = f"facet {i} (from point {i} to point {i + 1}) has zero length"
+            raise CrossSectionError(message, "points_m", facet=i)
         if points[-1, 0] <= points[0, 0]:
-            raise ValueError("points_m must run from left to right (last x greater than first x)")
+            message = "points_m must run from left to right (last x greater than first x)"
+            raise CrossSectionError(message, "points_m")
+        _refuse_crossing(points)
         if len(zones) != len(points) - 1:
-            raise ValueError(f"zones must name every facet: {len(points) - 1} facets, {len(zones)} names")
+            message = f"zones must name every facet: {len(points) - 1} facets, {len(zones)} names"
+            raise CrossSectionError(message, "zones")
         for i, zone in enumerate(zones):
             if not isinstance(zone, str) or not zone.strip():
-                raise ValueError(f"facet {i} has no zone name")
-        _refuse_crossing(points)
+                raise CrossSectionError(f"facet {i} has no zone name", "zones", facet=i)
         lines = {}
         for name, ends in (measure_lines or {}).items():
             line = np.asarray(ends, float)
             if line.shape != (2, 2) or not np.isfinite(line).all() or np.allclose(line[0], line[1]):
-                raise ValueError(f"measure line {name} must be two different [x, y] points")
+                message = f"measure line {name} must be two different [x, y] points"
+                raise CrossSectionError(message, "measure_lines", line=name)
             lines[name] = line
         object.__setattr__(self, "points_m", points)
         object.__setattr__(self, "zones", tuple(zones))
@@ -102,9 +138,10 @@ class CrossSection:
         return np.concatenate([[0.0], np.arctan2(cross, (before * after).sum(axis=1)), [0.0]])
 
     @cached_property
-    def embankment(self) -> Rise | None:
-        """The rise with the lowest ground on both sides, told by its shape; None on a floor or a plain slope."""
-        return _highest_rise(self.points_m[:, 1])
+    def embankment(self) -> Embankment | None:
+        """The embankment, found by its shape: the vertex of greatest prominence with its flanks; None on a floor or a
+        plain slope."""
+        return _highest_embankment(self.points_m[:, 1])
 
     def height_m(self, x_m: Array) -> Array:
         """Highest surface height at positions `x_m`; NaN beside the cross-section."""
@@ -117,7 +154,7 @@ class CrossSection:
         return np.where(np.isfinite(height), height, np.nan)
 
     def subdivided(self, pieces: int) -> CrossSection:
-        """The same surface with each facet cut in `pieces` equal parts."""
+        """The same surface with each facet divided into `pieces` equal parts."""
         step = np.arange(pieces) / pieces
         start, edge = self.points_m[:-1], np.diff(self.points_m, axis=0)
         points = (start[:, None] + step[None, :, None] * edge[:, None]).reshape(-1, 2)
@@ -125,7 +162,7 @@ class CrossSection:
         return CrossSection(np.vstack([points, self.points_m[-1]]), zones, self.measure_lines)
 
 
-def by_zone(parameters: Mapping[str, P], zone_names: Sequence[str], law: str) -> list[P]:
+def by_zone(parameters: Mapping[str, Parameters], zone_names: Sequence[str], law: str) -> list[Parameters]:
     """Parameters of each zone in the order of `zone_names`; the key "default" serves zones that are not named.
 
     Raises ValueError, which names the `law`, if a zone has neither its own parameters nor a default.
@@ -149,12 +186,14 @@ def _refuse_crossing(points: Array) -> None:
     tree = shapely.STRtree(facets)
     for i, j in zip(*tree.query(facets, predicate="intersects"), strict=True):
         if j > i + 1:
-            raise ValueError(f"the cross-section crosses itself: facets {i} and {j}")
+            message = f"the cross-section crosses itself: facets {i} and {j}"
+            raise CrossSectionError(message, "points_m", facet=int(j))
         if j == i + 1:
             u, v = points[i + 1] - points[i], points[j + 1] - points[j]
             if abs(u[0] * v[1] - u[1] * v[0]) <= 1e-12 * np.hypot(*u) * np.hypot(*v) and u @ v < 0:
-                raise ValueError(f"the cross-section folds back on itself: facets {i} and {j}")
-    raise ValueError("the cross-section crosses itself")
+                message = f"the cross-section folds back on itself: facets {i} and {j}"
+                raise CrossSectionError(message, "points_m", facet=int(j))
+    raise CrossSectionError("the cross-section crosses itself", "points_m")
 
 
 def embankment_facets(cross_section: CrossSection) -> Array:
@@ -171,7 +210,7 @@ def ditch_facets(cross_section: CrossSection) -> Array:
     if cross_section.embankment is not None:
         y, foot = cross_section.points_m[:, 1], cross_section.embankment.left
         first = foot
-        while first > 0 and abs(y[first - 1] - y[foot]) < FLOOR * cross_section.embankment.height_m:
+        while first > 0 and abs(y[first - 1] - y[foot]) < FLAT_GROUND * cross_section.embankment.height_m:
             first -= 1
         found[first:foot] = True
     return found
@@ -182,7 +221,7 @@ def facet_zones(cross_section: CrossSection, facets: Array) -> Array:
     return ~np.isin(np.arange(len(cross_section.zone_names)), cross_section.zone_ids[~facets])
 
 
-class Rise(NamedTuple):
+class Embankment(NamedTuple):
     """An embankment: the vertices at its left foot, at the left and right end of its crest, at its right foot, and its
     height above the higher of its feet."""
 
@@ -193,7 +232,7 @@ class Rise(NamedTuple):
     height_m: float
 
 
-def _highest_rise(y: Array) -> Rise | None:
+def _highest_embankment(y: Array) -> Embankment | None:
     """The vertex of greatest prominence (its height above the higher of the two lowest points that lie between it and
     higher ground, or an end) with its two flanks; None if it is mere roughness."""
     best = None
@@ -204,13 +243,13 @@ def _highest_rise(y: Array) -> Rise | None:
         end = int(after[0]) if len(after) else len(y) - 1
         base = max(y[start : top + 1].min(), y[top : end + 1].min())
         height = float(y[top] - base)
-        if height <= (LEAST_RISE * np.ptp(y) if best is None else best.height_m):
+        if height <= (LOWEST_EMBANKMENT * np.ptp(y) if best is None else best.height_m):
             continue
         left = right = top  # outwards as long as the ground is raised, and down to the foot of the flanks
-        while left > start and (y[left] > base + FLOOR * height or base <= y[left - 1] < y[left]):
+        while left > start and (y[left] > base + FLAT_GROUND * height or base <= y[left - 1] < y[left]):
             left -= 1
-        while right < end and (y[right] > base + FLOOR * height or base <= y[right + 1] < y[right]):
+        while right < end and (y[right] > base + FLAT_GROUND * height or base <= y[right + 1] < y[right]):
             right += 1
-        crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - FLOOR * height)
-        best = Rise(left, int(crest[0]), int(crest[-1]), right, height)
+        crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - FLAT_GROUND * height)
+        best = Embankment(left, int(crest[0]), int(crest[-1]), right, height)
     return best

@@ -29,7 +29,7 @@ from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.engines.release import STOPS
 from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table
-from rock2d.runs.incident_states import starts
+from rock2d.runs.incident_states import incident_states
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 SETUP = [("paper_setup", block) for block in ("sphere", "cube", "parallelepiped")]
@@ -47,14 +47,14 @@ def scenario_of(name):
     """A scenario and, by block, the states (STARTS, 6) of its starts."""
     scenario = load_scenario(FOLDER / f"{name}.yaml")
     states = {block: [] for block in scenario.make_blocks()}
-    for start in starts(scenario, scenario.seed, STARTS):
+    for start in incident_states(scenario, scenario.seed, STARTS):
         states[start.block].append(start.state)
     return scenario, {block: np.array(rows) for block, rows in states.items()}
 
 
 def ensemble_of(scenario, block_name):
     """The ensemble of one block, and what its runs share."""
-    cross_section = scenario.cross_section()
+    cross_section = scenario.make_cross_section()
     table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
     shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
     return Ensemble([scenario.make_blocks()[block_name]], [cross_section], [table]), shared

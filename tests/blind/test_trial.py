@@ -19,7 +19,7 @@ from rock2d.blind.training import FEATURES, Examples, regression, unseen
 from rock2d.diagnosis.classification import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
-from rock2d.files.experiment import read_experiment
+from rock2d.files.experiment import load_experiment
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_pat
         assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes()
     assert [v["label"] for v in read_labels(tmp_path / "a").values()] == ["air_drag", "none", "unknown"]
     for part in ("fit", "heldout"):
-        assert read_experiment(tmp_path / "a" / "cases" / "000" / part).trajectories is not None
+        assert load_experiment(tmp_path / "a" / "cases" / "000" / part).trajectories is not None
     public = (tmp_path / "a" / "cases.json").read_text() + "".join(
         p.read_text() for p in (tmp_path / "a" / "cases").rglob("experiment.yaml")
     )

@@ -9,7 +9,7 @@ from rock2d.diagnosis.replay import Releases
 from rock2d.diagnosis.report.bar_charts import Axis, axis_over
 from rock2d.diagnosis.report.practical_indicators import PERCENTILES, Quantity, film_quantities, measure_lines
 from rock2d.diagnosis.report.text import closure, number, percent
-from rock2d.runs.indicators import wilson_interval
+from rock2d.statistics import wilson_interval
 from tests.kinematics.synthetic_films import film, world
 
 G = 9.81

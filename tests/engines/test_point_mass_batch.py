@@ -13,7 +13,7 @@ import pytest
 from rock2d.engines.point_mass import STOPS, run_point_mass
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.incident_states import starts
+from rock2d.runs.incident_states import incident_states
 from rock2d.scene.cross_section import CrossSection
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -24,8 +24,8 @@ BEFORE = ["t_s", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
 def ensemble(name, block_name, n, cross_section=None, **more):
     """Arguments of an ensemble of one block of a scenario, and its result."""
     scenario = load_scenario(FOLDER / f"{name}.yaml")
-    block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.cross_section()
-    states = np.array([s.state for s in starts(scenario, 3, n) if s.block == block_name])
+    block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.make_cross_section()
+    states = np.array([s.state for s in incident_states(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
     law = scenario.rebound_parameters(block_name)
     options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s, **more}
@@ -50,7 +50,7 @@ def undulating(cross_section, pieces, height_m):
 )
 @pytest.mark.parametrize("fine", [False, True])
 def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, fine):
-    cross_section = load_scenario(FOLDER / f"{name}.yaml").cross_section()
+    cross_section = load_scenario(FOLDER / f"{name}.yaml").make_cross_section()
     if fine:
         cross_section = undulating(cross_section, 60, 2e-3 * np.ptp(cross_section.points_m[:, 0]))
     (block, cross_section, law, states, seeds), options, batch = ensemble(
@@ -75,7 +75,7 @@ def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, 
 
 def test_lines_of_any_direction_are_met_where_the_track_says():
     scenario = load_scenario(FOLDER / "slope_embankment.yaml")
-    base, rng = scenario.cross_section(), np.random.default_rng(0)
+    base, rng = scenario.make_cross_section(), np.random.default_rng(0)
     ends = rng.uniform([0, 0], [140, 70], (40, 2, 2))
     ends[:4, 1, 1] = ends[:4, 0, 1]  # level lines: a flight may cross one twice
     ends[4:8, 1, 0] = ends[4:8, 0, 0]  # upright ones
@@ -95,7 +95,7 @@ def test_lines_of_any_direction_are_met_where_the_track_says():
 
 
 def test_without_lines_or_room_only_ends_are_kept_and_they_are_the_same():
-    cross_section = load_scenario(FOLDER / "paper_setup.yaml").cross_section()
+    cross_section = load_scenario(FOLDER / "paper_setup.yaml").make_cross_section()
     bare = CrossSection(cross_section.points_m, cross_section.zones)
     given, options, batch = ensemble("paper_setup", "cube", 50)
     lean = run_point_mass_batch(given[0], bare, *given[2:], **options)
@@ -144,4 +144,4 @@ def test_impossible_input_is_refused(wrong, said):
         "time_limit_s": 1.0,
     } | wrong  # fmt: skip
     with pytest.raises(ValueError, match=said):
-        run_point_mass_batch(scenario.make_blocks()["cube"], scenario.cross_section(), **given)
+        run_point_mass_batch(scenario.make_blocks()["cube"], scenario.make_cross_section(), **given)

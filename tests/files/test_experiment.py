@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from rock2d.errors import InputError
-from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, read_experiment, write_experiment
+from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -59,12 +59,12 @@ def folder(tmp_path):
 
 def refusal(folder) -> str:
     with pytest.raises(InputError) as caught:
-        read_experiment(folder)
+        load_experiment(folder)
     return str(caught.value)
 
 
 def test_reads_what_was_measured_and_keeps_lost_frames_as_nan(folder):
-    experiment = read_experiment(folder)
+    experiment = load_experiment(folder)
     assert experiment.fps == 1000 and experiment.cross_section.zones == ("slope", "ditch", "uphill_face")
     assert experiment.blocks["sphere"].inertia_kg_m2 == pytest.approx(0.4 * 0.022 * 0.0125**2)
     assert experiment.blocks["stone"].inertia_kg_m2 == 4.0e-7
@@ -76,7 +76,7 @@ def test_reads_what_was_measured_and_keeps_lost_frames_as_nan(folder):
 def test_impacts_may_stand_in_for_trajectories(folder):
     (folder / "experiment.yaml").write_text(SETUP.replace("trajectories: seen.csv", "impacts: seen.csv"))
     (folder / "seen.csv").write_text(IMPACTS)
-    experiment = read_experiment(folder)
+    experiment = load_experiment(folder)
     assert experiment.trajectories is None
     assert experiment.impacts.loc[0, "vx_after_m_s"] == 0.9
 
@@ -151,10 +151,10 @@ def test_a_mistake_in_the_csv_gets_its_line_and_column(folder, old, new, line, w
 
 
 def test_quotes_bom_and_windows_lines_are_read(folder):
-    plain = read_experiment(folder).trajectories
+    plain = load_experiment(folder).trajectories
     quoted = ROWS.replace("sphere", '"sphere"').replace("release,", '"release",').replace("\n", "\r\n")
     (folder / "seen.csv").write_bytes(b"\xef\xbb\xbf" + quoted.encode())
-    pd.testing.assert_frame_equal(read_experiment(folder).trajectories, plain)
+    pd.testing.assert_frame_equal(load_experiment(folder).trajectories, plain)
 
 
 def test_a_link_out_of_the_folder_is_refused(folder, tmp_path):
@@ -180,7 +180,7 @@ def test_damaged_experiments_never_end_in_a_traceback(tmp_path_factory, seed):
         (folder / "experiment.yaml").write_bytes(mutate_bytes(yaml, rng) if kind == "yaml" else yaml)
     (folder / "seen.csv").write_bytes(mutate_bytes(rows, rng) if kind in ("csv", "impacts") else rows)
     try:
-        read_experiment(folder)
+        load_experiment(folder)
     except InputError as error:
         assert str(folder) in str(error) and "\n" not in str(error)
     finally:
@@ -213,7 +213,7 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
     given = Experiment("3", 9.81, 1000 / 3, 1e-5, 0.0, cross_section, {b.name: b for b in blocks}, seen)
     folder = tmp_path_factory.mktemp("round") / "trip"
     write_experiment(folder, given)
-    back = read_experiment(folder)
+    back = load_experiment(folder)
     pd.testing.assert_frame_equal(back.trajectories, seen, check_exact=True)
     assert (back.name, back.fps, back.position_noise_m) == ("3", 1000 / 3, 1e-5)
     assert (
@@ -259,5 +259,5 @@ def test_the_real_and_the_practice_experiments_load_unchanged(data_root):
     folders = [data_root / "data" / "squares", *sorted(data_root.glob("practice/*/*/"))]
     assert len(folders) > 1
     for path in folders:
-        experiment = read_experiment(path)
+        experiment = load_experiment(path)
         assert len(experiment.trajectories) > 1000 and experiment.trajectories["release"].nunique() > 50

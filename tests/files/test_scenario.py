@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
 from tests.files.mutation import mutate_bytes, mutate_data
 
@@ -143,6 +143,51 @@ def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, wor
     assert words in message and message.startswith(f"{file}:{place}: "), message
 
 
+def test_a_former_key_is_read_with_a_warning_that_names_its_place_and_the_key(write):
+    file = write(SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true}"))
+    with pytest.warns(OldKeyWarning) as caught:
+        scenario = load_scenario(file)
+    contact = scenario.contact_parameters()
+    assert contact["ditch"].rolling_in_indentation and not contact["default"].rolling_in_indentation
+    (warning,) = (entry.message for entry in caught)
+    line = SMALL[: SMALL.index("    ditch: {friction")].count("\n") + 1
+    assert (warning.file, warning.line, warning.key) == (file, line, "rolling_in_indentation")
+    assert str(warning).startswith(f"{file}:{line}: ")
+
+
+def test_a_mistake_under_a_former_key_keeps_its_place(write):
+    text = SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: 7}")
+    with pytest.warns(OldKeyWarning):
+        message = refusal(write(text))
+    assert "rolling_in_indentation: expected true or false, found 7" in message
+    both = SMALL.replace(
+        "ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true, rolling_in_indentation: true}"
+    )
+    assert "former name" in refusal(write(both))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "fields"),
+    [
+        ("engine: pymunk", "engin: pymunk", "unknown_key", {"key": "engin"}),
+        ("x_m: 0.5, ", "", "missing_key", {"key": "x_m"}),
+        ("    cube:\n", "    cub:\n", "unknown_name", {"name": "cub"}),
+        ("k_ul_N_m: 6.0e4", "k_ul_N_m: 6.0e3", "bad_parameter", {"key": "k_l_N_m"}),
+        ("[0, 0], [1, 0]", "[0, 0], [0, 0]", "bad_cross_section", {"facet": 1, "line_name": None}),
+        ("y_m: 0.3", "y_m: -0.3", "bad_state", {"key": "y_m"}),
+        ("side_m: 0.019", "side_m: 0.019, inertia: solid_sphere", "bad_block", {}),
+        ("releases: 5", "releases: 5.5", "bad_value", {}),
+        ("releases: 5", "releases: 5\nreleases: 6", "duplicate", {"key": "releases"}),
+        ("name: small", "name: [small", "not_yaml", {}),
+    ],
+)
+def test_a_mistake_has_a_code_and_fields(write, old, new, code, fields):
+    assert old in SMALL
+    with pytest.raises(InputError) as caught:
+        load_scenario(write(SMALL.replace(old, new, 1)))
+    assert (caught.value.code, caught.value.fields) == (code, fields)
+
+
 def test_a_block_without_an_incident_state_is_refused(write):
     start = SMALL.index("  default:\n    distribution")
     assert "block 'cube' has no incident state" in refusal(write(SMALL[:start]))
@@ -167,7 +212,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/set-up/drops/t.csv")
     scenario = load_scenario(file, data_root=tmp_path / "data")
     assert scenario.gravity_m_s2 == 9.7 and scenario.releases == 2
-    assert scenario.cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
+    assert scenario.make_cross_section().zones == ("floor",) and list(scenario.make_blocks()) == ["ball"]
     assert scenario.experiment.trajectories["release"].nunique() == 2
     monkeypatch.setenv("ROCK2D_DATA", str(tmp_path / "data"))
     assert load_scenario(file).gravity_m_s2 == 9.7
@@ -179,7 +224,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     ):
         assert "inside" in refusal(write(FILMED.replace("set-up/drops", escape), other))
     (tmp_path / "root").mkdir()
-    (tmp_path / "root" / "setup").symlink_to(tmp_path / "data" / "setup")
+    (tmp_path / "root" / "set-up").symlink_to(tmp_path / "data" / "set-up")
     assert "leads out" in refusal(file, data_root=tmp_path / "root")
 
 
@@ -206,7 +251,7 @@ def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
 def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
     scenario = load_scenario(path)
     assert scenario.name == path.stem and scenario.about and scenario.assumed
-    zones = set(scenario.cross_section().zone_names)
+    zones = set(scenario.make_cross_section().zone_names)
     assert len(zones) == 1 or {"ditch", "uphill_face", "crest"} <= zones
     assert scenario.contact_parameters()
     for block in scenario.make_blocks():
@@ -230,7 +275,7 @@ def test_the_paper_setup_has_the_paper_s_values():
             row = scenario.rebound_parameters(block)[zone]
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
-    points = scenario.cross_section().points_m
+    points = scenario.make_cross_section().points_m
     assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
         0.055
     )
@@ -239,7 +284,9 @@ def test_the_paper_setup_has_the_paper_s_values():
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert scenario.cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    assert (
+        scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
+    )
 
 
 def test_every_key_of_the_json_schema_is_described():

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rock2d.files.experiment import read_experiment
+from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.incident_states import fit_first_flight, starts
-from rock2d.runs.run import impacts_table, simulate, trajectories_table, write_results
+from rock2d.runs.incident_states import fit_first_flight, incident_states
+from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 
@@ -48,22 +48,22 @@ def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path)
 
 def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_many_there_are():
     scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
-    few, many = starts(scenario, 1, 2), starts(scenario, 1, 5)
+    few, many = incident_states(scenario, 1, 2), incident_states(scenario, 1, 5)
     assert np.array_equal(few[1].state, many[1].state)
-    assert not np.array_equal(few[0].state, starts(scenario, 2, 2)[0].state)
+    assert not np.array_equal(few[0].state, incident_states(scenario, 2, 2)[0].state)
 
 
 @pytest.mark.parametrize("engine", ["pymunk", "point_mass"])
 def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
     scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
-    result = simulate(scenario, engine=engine, releases=2, workers=1, progress=False)
-    write_results(result, tmp_path / "out", progress=False)
-    back = read_experiment(tmp_path / "out")
-    table = trajectories_table(result)
+    result = run(scenario, engine=engine, releases=2, workers=1, progress=False)
+    result.write(tmp_path / "out")
+    back = load_experiment(tmp_path / "out")
+    table = result.to_pandas("trajectories")
     assert back.trajectories is not None
     assert np.allclose(back.trajectories["x_m"], table["x_m"], rtol=0, atol=1e-12)
     # events are exact: the impact's state lies on the track itself, not on a camera frame
-    impacts = impacts_table(result.tracks)
+    impacts = result.to_pandas("impacts")
     first = impacts[impacts["release"] == 0].iloc[0]
     assert np.isclose(result.tracks[0].knots[:, 0], first["t_s"], rtol=0, atol=1e-15).any()
 
@@ -72,7 +72,7 @@ def test_every_scenario_runs_as_it_stands(data_root):
     for path in sorted(SCENARIOS.glob("*.yaml")):
         scenario = load_scenario(path, data_root)
         assert scenario.assumed, f"{path.name} must say what it assumes"
-        result = simulate(scenario, releases=1, workers=1, progress=False)
+        result = run(scenario, releases=1, workers=1, progress=False)
         assert len(result.tracks) == len(result.blocks)
 
 
@@ -89,6 +89,18 @@ def test_a_mistake_is_one_line_with_its_place_and_exit_code_2(tmp_path):
     assert done.returncode == 2
     assert "bad.yaml:" in done.stderr and "did you mean" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_former_key_is_named_on_the_terminal(tmp_path):
+    text = (
+        (SCENARIOS / "flat_floor.yaml").read_text().replace("rolling_cap: false", "rolling_in_crater: false")
+    )
+    (tmp_path / "old.yaml").write_text(text)
+    options = ["--engine", "point_mass", "--releases", "1", "--quiet", "--out", str(tmp_path / "out")]
+    done = rock2d("run", str(tmp_path / "old.yaml"), *options)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "rolling_in_crater" in line]
+    assert line.startswith(f"warning: {tmp_path / 'old.yaml'}:") and "'rolling_in_indentation'" in line
 
 
 def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):

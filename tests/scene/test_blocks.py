@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.scene.blocks import make_block
+from rock2d.scene.shapes import inertia_words, shapes
+from rock2d.scene.shapes.shape import BlockError
 
 VERTICES = [[0, 0], [0.02, 0], [0.03, 0.01], [0.01, 0.025], [-0.005, 0.015]]
 
@@ -86,3 +88,39 @@ def test_impossible_blocks_are_refused_with_the_reason(shape, inertia, size, mes
 def test_a_block_without_mass_is_refused():
     with pytest.raises(ValueError, match="mass"):
         make_block("b", "circle", -1.0, diameter_m=1.0)
+
+
+def test_every_file_of_a_shape_is_found_under_its_name():
+    assert list(shapes()) == ["circle", "ellipse", "polygon", "rectangle", "square"]
+    assert all(shape.name == name and shape.sizes for name, shape in shapes().items())
+    assert inertia_words() == ("solid_sphere", "uniform")
+
+
+@pytest.mark.parametrize(
+    "shape, size",
+    [
+        ("circle", {"diameter_m": 0.03}), ("square", {"side_m": 0.019}),
+        ("rectangle", {"length_m": 0.035, "height_m": 0.014}),
+        ("ellipse", {"length_m": 0.035, "height_m": 0.02}),
+        ("polygon", {"vertices_m": [[-1, -1], [2, -1], [-1, 2]]}),
+    ],
+)  # fmt: skip
+def test_a_shape_gives_the_sizes_of_its_blocks_back(shape, size):
+    block = make_block("b", shape, 2.0, **size)
+    assert shapes()[shape].sizes_of(block.semi_axes_m, block.corners_m) == size
+
+
+@pytest.mark.parametrize(
+    "shape, inertia, size, key",
+    [
+        ("circle", "uniform", {"side_m": 1}, "side_m"),
+        ("square", "uniform", {}, "side_m"),
+        ("square", "solid_sphere", {"side_m": 1}, "inertia"),
+        ("star", "uniform", {}, "shape"),
+        ("circle", -1.0, {"diameter_m": 1}, "inertia"),
+    ],
+)
+def test_an_error_names_the_key(shape, inertia, size, key):
+    with pytest.raises(BlockError) as caught:
+        make_block("b", shape, 1.0, inertia, **size)
+    assert caught.value.key == key and caught.value.block == "b"

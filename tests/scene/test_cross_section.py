@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.cross_section import CrossSection, CrossSectionError
 
 OVERHANG = [[0, 0], [2, 0], [1.5, 1], [3, 1], [3, 0], [4, 0]]
 
@@ -61,3 +61,15 @@ def test_bad_cross_sections_are_refused_with_the_reason(points, zones, message):
 def test_a_measure_line_without_length_is_refused():
     with pytest.raises(ValueError, match="gate"):
         CrossSection([[0, 0], [1, 0]], ["a"], {"gate": [[0, 0], [0, 0]]})
+
+
+def test_an_error_names_the_key_and_the_facet():
+    def error(points, zones, lines=None):
+        with pytest.raises(CrossSectionError) as caught:
+            CrossSection(points, zones, lines)
+        return caught.value.key, caught.value.facet, caught.value.line
+
+    assert error([[0, 0], [1, 0], [1, 0], [2, 0]], list("abc")) == ("points_m", 1, None)
+    assert error([[0, 0], [2, 0], [2, 1], [1, -1], [3, -1]], list("abcd")) == ("points_m", 2, None)
+    assert error([[0, 0], [1, 0]], ["a", "b"]) == ("zones", None, None)
+    assert error([[0, 0], [1, 0]], ["a"], {"gate": [[0, 0], [0, 0]]}) == ("measure_lines", None, "gate")

@@ -13,7 +13,7 @@ from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
 from rock2d.cli import cli
 from rock2d.errors import InputError
-from rock2d.files.experiment import read_experiment, write_experiment
+from rock2d.files.experiment import load_experiment, write_experiment
 from tests.tracking.falls import CAMERA, SIZE_PX, falls
 
 
@@ -41,7 +41,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
         "track", filmed / "film.avi", "--config", filmed / "setup.yaml", "--out", tmp_path / "out", "--quiet"
     )
     assert "3 releases, 420 of 420 frames trusted" in said
-    found, truth = read_experiment(tmp_path / "out"), read_experiment(filmed / "truth")
+    found, truth = load_experiment(tmp_path / "out"), load_experiment(filmed / "truth")
     off = found.trajectories[["x_m", "y_m"]].to_numpy() - truth.trajectories[["x_m", "y_m"]].to_numpy()
     assert np.sqrt((off**2).mean()) < 0.1 * CAMERA.metres_per_pixel
     for name in ("frames.csv", "flights.csv", "measured_impacts.csv", "tracking.html", "overlay.webm"):
@@ -62,11 +62,11 @@ def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
 def test_export_and_import_give_the_same_motion(filmed, tmp_path):
     run("export", filmed / "truth", "--out", tmp_path / "t.txt")
     metres = PixelMap(1.0, (0.0, 0.0))  # the file's own unit, and its own origin
-    truth = read_experiment(filmed / "truth")
+    truth = load_experiment(filmed / "truth")
     write_setup(tmp_path / "setup.yaml", truth, metres, ["cube"])
     run("import", tmp_path / "t_1.txt", "--kind", "tracker", "--config", tmp_path / "setup.yaml", "--y", "up",
         "--out", tmp_path / "out")  # fmt: skip
-    found = read_experiment(tmp_path / "out")
+    found = load_experiment(tmp_path / "out")
     own = truth.trajectories[truth.trajectories["release"] == 1]
     columns = ["t_s", "x_m", "y_m", "theta_rad"]
     np.testing.assert_allclose(found.trajectories[columns], own[columns], atol=1e-9)

@@ -100,12 +100,12 @@ def film(
     """
     from tqdm import tqdm
 
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
     from rock2d_tracking.setup_writing import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
     from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
 
-    experiment = read_experiment(experiment_folder)
+    experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
     numbers = experiment.trajectories["release"].unique()[: film_format.releases].tolist()
@@ -177,10 +177,10 @@ def import_files(
 
 def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> None:
     """Write the trajectories of an experiment for Tracker (Open Source Physics)."""
-    from rock2d.files.experiment import read_experiment
+    from rock2d.files.experiment import load_experiment
     from rock2d_tracking.importers.tracker import write_tracker
 
-    experiment = read_experiment(experiment_folder)
+    experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError(
             "holds impacts only; Tracker needs an experiment with trajectories", experiment_folder

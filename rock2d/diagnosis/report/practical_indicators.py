@@ -15,8 +15,9 @@ import numpy as np
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
-from rock2d.runs.indicators import crossing_values, wilson_interval
+from rock2d.runs.indicators.crossings import crossing_values
 from rock2d.scene.blocks import Block
+from rock2d.statistics import wilson_interval
 
 Array = np.ndarray
 

@@ -1,6 +1,6 @@
 """Campaigns: ensembles too large for full tracks in memory, computed in chunks that survive an interruption.
 
-A campaign is cut into chunks of a fixed number of releases of one block, however many processes share them.
+A campaign is divided into chunks of a fixed number of releases of one block, however many processes share them.
 The folder holds campaign.json (what determines the result), chunks/<output>/<number>.parquet, and tables that
 are read from these in the end: identical bytes however the chunks were computed, and in how many attempts.
 """
@@ -11,20 +11,24 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
+from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
+from rock2d.runs.engines import ENGINES, Engine, engine_named
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.files.scenario import Scenario
-    from rock2d.runs.campaigns.chunks import Chunk, Job
+    from rock2d.runs.campaigns.job import Chunk, Job
+    from rock2d.scene.cross_section import CrossSection
 
-MOST_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
+MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
 CHUNK_RELEASES = 10_000
-DEFAULT_KEEP = ("ends", "crossings")
+BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
 EXTRA = "pip install 'rock2d[scale]'"
 # what neither a chunk file nor a table depends on, or what the manifest names beside the scenario
@@ -35,37 +39,58 @@ def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:
     """Whether a run of `releases` of each block (default: the scenario's) is too large for memory."""
     each = releases or scenario.releases
     if scenario.experiment is None:
-        return each * len(scenario.make_blocks()) > MOST_IN_MEMORY
+        return each * len(scenario.make_blocks()) > MOST_RELEASES_IN_MEMORY
     films = scenario.experiment.trajectories
     assert films is not None
-    return int(films.groupby("block")["release"].nunique().clip(upper=each).sum()) > MOST_IN_MEMORY
+    return int(films.groupby("block")["release"].nunique().clip(upper=each).sum()) > MOST_RELEASES_IN_MEMORY
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """What to compute, beside the scenario.
+
+    Attributes
+    ----------
+    engine, seed, releases : instead of the scenario's; releases are those of each block
+    keep : names of `outputs.OUTPUTS`, default ends and crossings. Where only crossings are kept a release stops as
+        soon as it lacks the energy to reach another measure line
+    chunk_releases : releases of a chunk
+    """
+
+    engine: str | None = None
+    seed: int | None = None
+    releases: int | None = None
+    keep: Sequence[str] = ()
+    chunk_releases: int = CHUNK_RELEASES
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who computes; results do not depend on it.
+
+    Attributes
+    ----------
+    processes : of a local Dask cluster; default: this process, on all threads
+    scheduler : address of a Dask scheduler, whose workers must see the campaign's folder (a shared file system) and
+        should have one thread each
+    """
+
+    processes: int | None = None
+    scheduler: str | None = None
 
 
 def run_campaign(
     scenario: Scenario,
     folder: Path,
+    options: CampaignOptions = CampaignOptions(),
+    workers: Workers = Workers(),
     *,
-    engine: str | None = None,
-    seed: int | None = None,
-    releases: int | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    keep: Sequence[str] = (),
-    chunk_releases: int = CHUNK_RELEASES,
     progress: bool = True,
     report: Callable[[str], Any] = print,
 ) -> dict[str, pd.DataFrame]:
     """Run a campaign into `folder`, or go on with it; returns its tables by name.
 
-    Parameters
-    ----------
-    engine, seed, releases : override the scenario's; releases are those of each block
-    workers : processes of a local Dask cluster; default: this process, on all threads
-    scheduler : address of a Dask scheduler, whose workers must see `folder` (a shared file system) and should
-        have one thread each
-    keep : names of `chunks.OUTPUTS`, default ends and crossings. Where only crossings are kept a release
-        stops as soon as it lacks the energy to reach another measure line
-    tell : hears what a person should know, a line at a time
+    `report` gets what a person should know, a line at a time.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
     `folder` holds anything else or a campaign that is determined otherwise, or if files cannot be written.
@@ -74,42 +99,45 @@ def run_campaign(
     from tqdm import tqdm
 
     from rock2d.files.folders import write_whole
-    from rock2d.runs.campaigns.chunks import OUTPUTS, is_done
+    from rock2d.runs.campaigns.chunks import is_done
     from rock2d.runs.campaigns.streaming import campaign_tables, files_read
 
-    keep = tuple(name for name in OUTPUTS if name in (keep or DEFAULT_KEEP))
-    job, about = _prepare(scenario, folder, engine or scenario.engine, seed, releases, keep, chunk_releases)
-    on_cluster = _on_cluster(workers, scheduler, report)
-    chunks = _plan(len(job.blocks), releases or scenario.releases, chunk_releases)
-    total = sum(chunk.count for chunk in chunks)
+    job, about = _prepare(scenario, folder, options)
+    on_cluster = _on_cluster(workers, report)
+    chunks = _plan(len(job.blocks), options.releases or scenario.releases, options.chunk_releases)
     _claim(folder, about, job)
-    report(
-        f"campaign: {total} releases in {len(chunks)} chunks, kept: {', '.join(keep)}; "
-        "no full tracks, so no trajectories, figures or video"
-    )
-    if "samples" in keep:
-        most = total * job.time_limit_s * job.fps * 32 / 1e9
-        report(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
-    if len(todo) < len(chunks):
-        report(f"{len(chunks) - len(todo)} of {len(chunks)} chunks are done already")
+    total = sum(chunk.count for chunk in chunks)
+    _announce(job, total, len(chunks), len(todo), report)
     title = f"{scenario.name} ({job.engine})"
     try:
         first = total - sum(chunk.count for chunk in todo)
         with tqdm(total=total, initial=first, desc=title, unit="release", disable=not progress) as bar:
-            _compute(job, todo, on_cluster, workers, scheduler, bar.update)
+            _compute(job, todo, workers if on_cluster else None, workers.processes, bar.update)
         with tqdm(total=files_read(job, chunks), desc="tables", unit="file", disable=not progress) as bar:
             tables = campaign_tables(job, chunks, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        for left in job.folder.glob("*/.*"):  # half-written by processes that were killed
-            left.unlink(missing_ok=True)
+        for partial in job.folder.glob("*/.*"):  # half-written by processes that were killed
+            partial.unlink(missing_ok=True)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_how_far(job, chunks)) from None
     except OSError as error:
         message = f"cannot be written or read: {error.strerror or error}; {_how_far(job, chunks)}"
-        raise InputError(message, error.filename or folder) from None
+        raise InputError(message, error.filename or folder, code="not_writable") from None
     return tables
+
+
+def _announce(job: Job, total: int, chunks: int, todo: int, report: Callable[[str], Any]) -> None:
+    report(
+        f"campaign: {total} releases in {chunks} chunks, kept: {', '.join(job.keep)}; "
+        "no full tracks, so no trajectories, figures or video"
+    )
+    if "samples" in job.keep:
+        most = total * job.time_limit_s * job.fps * BYTES_OF_A_SAMPLE / 1e9
+        report(f"samples: up to {most:.3g} GB before compression, if every release lasts to the time limit")
+    if todo < chunks:
+        report(f"{chunks - todo} of {chunks} chunks are done already")
 
 
 def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
@@ -119,62 +147,71 @@ def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
     return f"{done} of {len(chunks)} chunks are done, the same command goes on from there"
 
 
-def _prepare(
-    scenario: Scenario,
-    folder: Path,
-    engine: str,
-    seed: int | None,
-    releases: int | None,
-    keep: tuple[str, ...],
-    chunk_releases: int,
-) -> tuple[Job, dict[str, Any]]:
+def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:
     """The campaign's job and its manifest; InputError if it cannot be a campaign."""
-    if engine == "pymunk":
-        raise InputError(
-            "engine pymunk is for single releases; run a campaign with the same law, compiled: --engine batch"
-        )
-    if scenario.experiment is not None:
-        raise InputError(
-            "campaigns draw their releases; these start from the measured states of an experiment"
-        )
-    if engine == "point_mass" and "samples" in keep:
-        raise InputError("engine point_mass keeps no samples: between its impacts a block flies a parabola")
+    from rock2d.runs.campaigns.job import Job, versions
+
+    engine = engine_named(options.engine or scenario.engine)
+    keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
     cross_section, blocks = scenario.make_cross_section(), scenario.make_blocks()
-    if keep == ("crossings",) and not cross_section.measure_lines:
-        raise InputError("only crossings are kept, but the cross-section has no measure lines")
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        raise InputError(f"a campaign writes parquet files, for which pyarrow is missing: {EXTRA}") from None
-    from rock2d.runs.campaigns.chunks import Job, versions
-
-    if engine == "batch":
-        from rock2d.laws.contact import parameter_table
-
-        table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
-        parameters: tuple[Any, ...] = (table,) * len(blocks)
-    else:
-        parameters = tuple(scenario.rebound_parameters(name) for name in blocks)
-    seed = scenario.seed if seed is None else seed
+    _refuse_what_is_no_campaign(scenario, engine, keep, cross_section)
+    seed = scenario.seed if options.seed is None else options.seed
     fps = scenario.outputs.fps
     determined_by = {
         "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),
-        "engine": engine,
+        "engine": engine.name,
         "seed": seed,
-        "releases": releases or scenario.releases,
-        "chunk_releases": chunk_releases,
+        "releases": options.releases or scenario.releases,
+        "chunk_releases": options.chunk_releases,
         "keep": list(keep),
         **({"fps": fps} if "samples" in keep else {}),
         "versions": versions(),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
     job = Job(
-        folder.absolute() / "chunks", fingerprint, keep, engine, seed, cross_section, tuple(blocks.values()),
-        tuple(scenario.incident_of(name) for name in blocks), parameters,
+        folder.absolute() / "chunks", fingerprint, keep, engine.name, seed, cross_section, tuple(blocks.values()),
+        tuple(scenario.incident_of(name) for name in blocks),
+        tuple(engine.parameters(scenario, name) for name in blocks),
         scenario.gravity_m_s2, scenario.time_limit_s, fps, versions(),
     )  # fmt: skip
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
+
+
+def _refuse_what_is_no_campaign(
+    scenario: Scenario, engine: Engine, keep: tuple[str, ...], cross_section: CrossSection
+) -> None:
+    if engine.ensemble is None:
+        others = [other.name for other in ENGINES.values() if other.law == engine.law and other.ensemble]
+        raise InputError(
+            f"engine {engine.name} is for single releases; run a campaign with the same law, compiled: "
+            f"--engine {' or '.join(others)}",
+            code="wrong_kind",
+            engine=engine.name,
+        )
+    if scenario.experiment is not None:
+        raise InputError(
+            "campaigns draw their releases; these start from the measured states of an experiment",
+            code="wrong_kind",
+        )
+    if "samples" in keep and not engine.keeps_samples:
+        raise InputError(
+            f"engine {engine.name} keeps no samples: between its impacts a block flies a parabola",
+            code="wrong_kind",
+            engine=engine.name,
+        )
+    if keep == ("crossings",) and not cross_section.measure_lines:
+        raise InputError(
+            "only crossings are kept, but the cross-section has no measure lines", code="wrong_kind"
+        )
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        raise InputError(
+            f"a campaign writes parquet files, for which pyarrow is missing: {EXTRA}",
+            code="missing_package",
+            package="pyarrow",
+        ) from None
 
 
 def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
@@ -186,12 +223,14 @@ def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
         if path.is_file():
             _refuse_another(path, manifest)
         elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise InputError("exists and is no campaign; choose another output folder", folder)
+            raise InputError(
+                "exists and is no campaign; choose another output folder", folder, code="not_a_result"
+            )
         for output in job.keep:
             (job.folder / output).mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", folder) from None
+        raise InputError(f"cannot be written: {error.strerror}", folder, code="not_writable") from None
 
 
 def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
@@ -199,16 +238,16 @@ def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
         there = json.loads(path.read_text(encoding="utf-8"))
         fingerprint, other = there["fingerprint"], dict(there["determined_by"])
     except (ValueError, KeyError, TypeError):
-        raise InputError("is damaged; choose another output folder", path) from None
+        raise InputError("is damaged; choose another output folder", path, code="not_a_result") from None
     if fingerprint != manifest["fingerprint"]:
         own = manifest["determined_by"]
         differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
         message = f"another campaign, which differs in {', '.join(differ)}; choose another output folder"
-        raise InputError(message, path)
+        raise InputError(message, path, code="not_a_result", differ=differ)
 
 
 def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
-    from rock2d.runs.campaigns.chunks import Chunk
+    from rock2d.runs.campaigns.job import Chunk
 
     places = [(block, first) for block in range(blocks) for first in range(0, releases, chunk_releases)]
     return [
@@ -217,16 +256,20 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     ]
 
 
-def _on_cluster(workers: int | None, scheduler: str | None, report: Callable[[str], Any]) -> bool:
+def _on_cluster(workers: Workers, report: Callable[[str], Any]) -> bool:
     """Whether Dask is asked for, and there; InputError if a scheduler is given in vain."""
-    if workers is None and scheduler is None:
+    if workers.processes is None and workers.scheduler is None:
         return False
     try:
         import distributed  # noqa: F401
     except ImportError:
-        if scheduler is not None:
-            raise InputError(f"--scheduler needs Dask, which is missing: {EXTRA}") from None
-        report(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers} threads")
+        if workers.scheduler is not None:
+            raise InputError(
+                f"--scheduler needs Dask, which is missing: {EXTRA}",
+                code="missing_package",
+                package="distributed",
+            ) from None
+        report(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers.processes} threads")
         return False
     return True
 
@@ -234,22 +277,22 @@ def _on_cluster(workers: int | None, scheduler: str | None, report: Callable[[st
 def _compute(
     job: Job,
     todo: Sequence[Chunk],
-    on_cluster: bool,
-    workers: int | None,
-    scheduler: str | None,
+    cluster: Workers | None,
+    threads: int | None,
     on_progress: Callable[[int], Any],
 ) -> None:
-    """Compute chunks; `on_progress` hears the numbers of releases as they are done."""
+    """Compute chunks on a cluster or, without one, in this process; `on_progress` gets the number of releases that
+    are done."""
     if not todo:
         return
-    if on_cluster:
+    if cluster is not None:
         from rock2d.runs.campaigns.cluster import run_on_cluster
 
-        run_on_cluster(job, todo, on_progress, workers=workers, scheduler=scheduler)
+        run_on_cluster(job, todo, on_progress, workers=cluster.processes, scheduler=cluster.scheduler)
         return
     from rock2d.runs.campaigns.chunks import run_chunk
 
-    with _numba_threads(workers):
+    with _numba_threads(threads):
         for chunk in todo:
             run_chunk(job, chunk, on_progress)
 

@@ -18,7 +18,8 @@ from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.runs.campaigns.chunks import Chunk, Job, run_chunk, versions, warm_up
+from rock2d.runs.campaigns.chunks import run_chunk, warm_up
+from rock2d.runs.campaigns.job import Chunk, Job, versions
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -58,9 +59,13 @@ def run_on_cluster(
                 on_progress(future.result())
                 running.update(submitted(_room(client) - running.count()))
         except KilledWorker:
-            raise InputError("several workers died at the same chunk; is there too little memory?") from None
+            raise InputError(
+                "several workers died at the same chunk; is there too little memory?", code="no_cluster"
+            ) from None
         except (CancelledError, CommClosedError):
-            raise InputError("the scheduler is gone; the same command goes on from there") from None
+            raise InputError(
+                "the scheduler is gone; the same command goes on from there", code="no_cluster"
+            ) from None
 
 
 def _room(client: Client) -> int:
@@ -72,10 +77,10 @@ def _on_worker(job: Job, chunk: Chunk) -> int:
     import numba
 
     if job.versions != versions():
-        raise InputError(f"a worker has {versions()}, this process {job.versions}")
+        raise InputError(f"a worker has {versions()}, this process {job.versions}", code="no_cluster")
     if not job.folder.is_dir():
         message = "not there for a worker: workers and this process must share a file system"
-        raise InputError(message, job.folder)
+        raise InputError(message, job.folder, code="no_cluster")
     numba.set_num_threads(1)
     return run_chunk(job, chunk)
 
@@ -95,13 +100,18 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
                 client = opened.enter_context(Client(cluster, set_as_default=False))
         else:
             if not re.fullmatch(r"\w+://.+:\d+", scheduler):
-                raise InputError(f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}")
+                raise InputError(
+                    f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}",
+                    code="no_cluster",
+                )
             for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
                 logging.getLogger(name).setLevel(logging.CRITICAL)
             try:
                 client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
             except (OSError, ValueError) as error:
-                raise InputError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+                raise InputError(
+                    f"no Dask scheduler answers at {scheduler}: {error}", code="no_cluster"
+                ) from None
             opened.enter_context(client)
         yield client
 

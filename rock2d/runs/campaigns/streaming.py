@@ -14,16 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.runs.campaigns.chunks import Chunk, Job, chunk_path
-from rock2d.runs.indicators import (
-    PASSING_COLUMNS,
-    PERCENTILE_COLUMNS,
-    PERCENTILES,
-    QUANTITIES,
-    passing_row,
-    percentile_estimate,
-    percentile_ranks,
-)
+from rock2d.runs.campaigns.chunks import chunk_path
+from rock2d.runs.campaigns.job import Chunk, Job
+from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
+from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
+from rock2d.statistics import percentile_estimate, percentile_ranks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +38,7 @@ def campaign_tables(
 ) -> dict[str, pd.DataFrame]:
     """Tables by name: passing and percentiles if crossings were kept, stops and runout if ends were.
 
-    - passing, percentiles: as `indicators.passing_table` and `percentile_table` give them.
+    - passing, percentiles: as the indicators of the same names give them.
     - stops: how many releases of each block ended in which way in which zone; zone is empty for those that
       left the cross-section.
     - runout: percentiles, as above, of the distance from start to end; what left the cross-section counts
@@ -61,8 +56,8 @@ def campaign_tables(
             passed, rows = _of_crossings(files, b)
             passing += passed
             percentiles += rows
-        tables["passing"] = pd.DataFrame(passing, columns=PASSING_COLUMNS)
-        tables["percentiles"] = pd.DataFrame(percentiles, columns=PERCENTILE_COLUMNS)
+        tables["passing"] = pd.DataFrame(passing, columns=list(PASSING_COLUMNS))
+        tables["percentiles"] = pd.DataFrame(percentiles, columns=list(PERCENTILE_COLUMNS))
     if "ends" in job.keep:
         stops, runout = [], []
         for b in range(len(job.blocks)):

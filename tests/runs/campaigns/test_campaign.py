@@ -20,31 +20,27 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.campaigns import chunks
-from rock2d.runs.campaigns.campaign import run_campaign
+from rock2d.runs.campaigns import ensembles
+from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
 from rock2d.runs.campaigns.streaming import PASSES, OrderStatistics
-from rock2d.runs.incident_states import GROUP, drawn_seeds, drawn_states, starts
-from rock2d.runs.indicators import (
-    crossings_table,
-    passing_table,
-    percentile_estimate,
-    percentile_ranks,
-    percentile_table,
-    stops_table,
-)
-from rock2d.runs.run import impacts_table, simulate, trajectories_table
+from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states, incident_states
+from rock2d.runs.indicators.crossings import crossings_table
+from rock2d.runs.indicators.impacts import impacts_table
+from rock2d.runs.indicators.passing import passing_table
+from rock2d.runs.indicators.percentiles import percentile_table
+from rock2d.runs.indicators.stops import stops_table
+from rock2d.runs.run import run
+from rock2d.statistics import percentile_estimate, percentile_ranks
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
 
 
-def campaign(folder: Path, *, scenario=SETUP, engine="batch", releases=60, chunk=20, **options):
-    """A campaign of small chunks; what it told comes back beside its tables."""
+def campaign(folder: Path, *, scenario=SETUP, engine="batch", releases=60, chunk=20, workers=None, **options):
+    """A campaign of small chunks; what it reported comes back beside its tables."""
     lines: list[str] = []
-    tables = run_campaign(
-        scenario, folder, engine=engine, releases=releases, chunk_releases=chunk, progress=False,
-        report=lines.append, **options,
-    )  # fmt: skip
+    chosen = CampaignOptions(engine=engine, releases=releases, chunk_releases=chunk, **options)
+    tables = run_campaign(scenario, folder, chosen, workers or Workers(), progress=False, report=lines.append)
     return tables, lines
 
 
@@ -69,10 +65,10 @@ def same(table: pd.DataFrame, other: pd.DataFrame, **tolerance: float) -> None:
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])
 def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
-    monkeypatch.setattr(chunks, "IMPACT_ROOM", 3)  # so that some releases run a second time
+    monkeypatch.setattr(ensembles, "FIRST_IMPACT_ROOM", 3)  # so that some releases run a second time
     outputs = ["ends", "crossings", "impacts", *(["samples"] if engine == "batch" else [])]
     tables, _ = campaign(tmp_path / "out", engine=engine, releases=15, chunk=10, keep=outputs)
-    result = simulate(SETUP, engine=engine, releases=15, workers=1, progress=False)
+    result = run(SETUP, engine=engine, releases=15, workers=1, progress=False)
     tracks, cross_section = result.tracks, result.cross_section
     # the ensemble adds up time in larger parts than a track
     same(kept(tmp_path / "out", "ends"), stops_table(tracks, cross_section))
@@ -89,7 +85,7 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
         place = ["block", "release", "line", "t_s", "x_m", "y_m"]
         same(crossings[place], single[place], rtol=0, atol=1e-5)
         sampled = kept(tmp_path / "out", "samples")
-        same(sampled, trajectories_table(result)[list(sampled)], rtol=0, atol=1e-12)
+        same(sampled, result.to_pandas("trajectories")[list(sampled)], rtol=0, atol=1e-12)
     same(tables["passing"], passing_table(tracks, cross_section))
     same(tables["percentiles"], percentile_table(crossings))
 
@@ -97,7 +93,7 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
 def test_one_two_or_eight_workers_write_the_same_bytes(tmp_path):
     campaign(tmp_path / "threads")
     for workers in (1, 2, 8):
-        campaign(tmp_path / str(workers), workers=workers)
+        campaign(tmp_path / str(workers), workers=Workers(workers))
         assert digest(tmp_path / str(workers)) == digest(tmp_path / "threads")
     assert written(tmp_path / "threads") == 9
 
@@ -109,7 +105,7 @@ def test_the_workers_of_a_scheduler_write_the_same_bytes(tmp_path):
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:
-        campaign(tmp_path / "scheduler", scheduler=cluster.scheduler_address)
+        campaign(tmp_path / "scheduler", workers=Workers(scheduler=cluster.scheduler_address))
     assert digest(tmp_path / "scheduler") == digest(tmp_path / "threads")
 
 
@@ -126,7 +122,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
     killer = threading.Thread(target=kill_one, daemon=True)
     killer.start()
-    campaign(tmp_path / "killed", releases=600, chunk=60, workers=2)
+    campaign(tmp_path / "killed", releases=600, chunk=60, workers=Workers(2))
     killer.join(timeout=1)
     ((workers, done),) = seen
     assert workers == 2 and done < chunk_count - 2
@@ -194,8 +190,8 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     [
         ({"engine": "pymunk"}, "--engine batch"),
         ({"engine": "point_mass", "keep": ["samples"]}, "no samples"),
-        ({"scheduler": "localhost"}, "tcp://host:8786"),
-        ({"scheduler": "tcp://localhost:1"}, "no Dask scheduler answers"),
+        ({"workers": Workers(scheduler="localhost")}, "tcp://host:8786"),
+        ({"workers": Workers(scheduler="tcp://localhost:1")}, "no Dask scheduler answers"),
     ],
 )
 def test_what_cannot_be_a_campaign_is_said_plainly(tmp_path, options, words, monkeypatch):
@@ -213,8 +209,8 @@ def test_measured_starts_are_not_for_campaigns(tmp_path, data_root):
 def test_missing_extras_are_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"rock2d\[scale\]"):
-        campaign(tmp_path / "a", scheduler="tcp://localhost:8786")
-    _, lines = campaign(tmp_path / "b", workers=2)
+        campaign(tmp_path / "a", workers=Workers(scheduler="tcp://localhost:8786"))
+    _, lines = campaign(tmp_path / "b", workers=Workers(2))
     assert any("on 2 threads" in line for line in lines)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pyarrow.*rock2d\[scale\]"):
@@ -229,14 +225,17 @@ def test_crossings_alone_are_those_of_whole_releases(tmp_path):
 
 def test_a_release_is_the_same_however_releases_are_shared_out():
     incident = SETUP.incident_of("cube")
-    whole = drawn_states(incident, 1, 1, 0, 3 * GROUP)
+    whole = drawn_states(incident, 1, 1, 0, 3 * DRAW_GROUP)
     assert np.array_equal(
-        drawn_states(incident, 1, 1, GROUP - 7, 2 * GROUP + 5), whole[GROUP - 7 : 2 * GROUP + 5]
+        drawn_states(incident, 1, 1, DRAW_GROUP - 7, 2 * DRAW_GROUP + 5),
+        whole[DRAW_GROUP - 7 : 2 * DRAW_GROUP + 5],
     )
-    assert np.array_equal(drawn_seeds(1, 1, 5, GROUP + 5), drawn_seeds(1, 1, 0, 2 * GROUP)[5 : GROUP + 5])
-    cube = [start for start in starts(SETUP, 1, 30) if start.block == "cube"]
+    assert np.array_equal(
+        drawn_seeds(1, 1, 5, DRAW_GROUP + 5), drawn_seeds(1, 1, 0, 2 * DRAW_GROUP)[5 : DRAW_GROUP + 5]
+    )
+    cube = [start for start in incident_states(SETUP, 1, 30) if start.block == "cube"]
     assert np.array_equal([start.state for start in cube], whole[:30])
-    assert len(np.unique(whole, axis=0)) == 3 * GROUP
+    assert len(np.unique(whole, axis=0)) == 3 * DRAW_GROUP
     assert not np.array_equal(drawn_seeds(1, 0, 0, 5), drawn_seeds(1, 1, 0, 5))
 
 

@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 
 from rock2d.records.track import Track
-from rock2d.runs.indicators import (
-    crossings_table,
-    passing_table,
-    percentile_interval,
-    percentile_table,
-    stops_table,
-    wilson_interval,
-)
+from rock2d.runs.indicators import indicators
+from rock2d.runs.indicators.crossings import crossings_table
+from rock2d.runs.indicators.passing import passing_table
+from rock2d.runs.indicators.percentiles import percentile_table
+from rock2d.runs.indicators.stops import stops_table
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 
@@ -76,31 +73,6 @@ def test_passing_frequencies_count_every_release():
     assert table.loc["across_face", ["low95", "high95"]].tolist() == pytest.approx([0, 0.0713], abs=5e-5)
 
 
-@pytest.mark.parametrize(
-    ("passed", "releases", "low", "high"),  # Newcombe (1998), table I, method 3
-    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
-)
-def test_wilson_intervals_as_published(passed, releases, low, high):
-    assert wilson_interval(passed, releases) == pytest.approx((low, high), abs=5e-5)
-
-
-@pytest.mark.parametrize(("percentile", "n"), [(95, 72), (95, 500), (99, 368), (99, 2000)])
-def test_percentile_intervals_cover_the_true_percentile(percentile, n):
-    rng, runs = np.random.default_rng(n), 2000
-    true = -np.log(1 - percentile / 100)
-    bounds = np.array([percentile_interval(rng.exponential(size=n), percentile) for _ in range(runs)])
-    covered = np.mean((bounds[:, 0] <= true) & (true <= bounds[:, 1]))
-    assert covered > 0.95 - 3 * np.sqrt(0.95 * 0.05 / runs)
-
-
-def test_too_few_passings_leave_the_upper_bound_open():
-    values = np.arange(1.0, 368.0)
-    assert np.isnan(percentile_interval(values, 99)[1])
-    assert np.isnan(percentile_interval(values[:71], 95)[1])
-    assert percentile_interval(values[:72], 95)[1] == 72.0
-    assert np.isnan(percentile_interval(values[:1], 5)[0])
-
-
 def test_percentiles_of_those_that_passed():
     tracks = [flight(i, 0, 1, 4.0 + 0.01 * i, 2.0) for i in range(101)]
     crossings = crossings_table(tracks, GROUND, {"cube": CUBE})
@@ -121,3 +93,9 @@ def test_stops_name_the_zone_and_the_runout():
     assert table["zone"].tolist()[:2] == ["ditch", "face"]
     assert table["zone"].isna().tolist() == [False, False, True]
     assert table["runout_m"].tolist() == pytest.approx([2, 0, 9])
+
+
+def test_every_file_of_an_indicator_is_found_under_its_name():
+    assert set(indicators()) == {"crossings", "energy", "impacts", "passing", "percentiles", "stops"}
+    for name, indicator in indicators().items():
+        assert indicator.name == name and indicator.columns

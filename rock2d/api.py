@@ -1,0 +1,201 @@
+"""Diagnosis and prediction for Python programs: thin functions over `rock2d.diagnosis`."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rock2d.files.experiment import load_experiment
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.diagnosis.diagnose import Diagnosis
+    from rock2d.files.experiment import Experiment
+
+LIKELIEST_SHOWN = 5  # effects that a notebook shows
+
+
+@dataclass(frozen=True)
+class DiagnosisResult:
+    """What a diagnosis found; made by `diagnose`.
+
+    Attributes
+    ----------
+    diagnosis : everything that the diagnosis computed
+    content : what diagnosis.json holds; `to_dict` gives a copy
+    """
+
+    diagnosis: Diagnosis
+    content: Mapping[str, Any]
+
+    @property
+    def verdict(self) -> str:
+        """The likeliest single answer: an effect of the catalogue, "none" or "unknown"."""
+        return str(self.content["verdict"])
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Probability of "none", of "unknown" and of each effect; their sum is 1."""
+        return dict(self.content["probabilities"])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of diagnosis.json."""
+        return copy.deepcopy(dict(self.content))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row for each answer, likeliest first.
+
+        Returns
+        -------
+        pandas.DataFrame
+            effect, probability, heldout_score_gain and heldout_score_gain_se (log likelihood on held-out releases,
+            against the base law), closure, closure_low95 and closure_high95 (share of the gap closed). Answers that
+            were not fitted have no gain and no closure.
+        """
+        import pandas as pd
+
+        rows = []
+        for name, probability in self.probabilities.items():
+            found = self.content["effects"].get(name, {})
+            low, high = found.get("closure_ci95", (None, None))
+            rows.append(
+                {
+                    "effect": name,
+                    "probability": probability,
+                    "heldout_score_gain": found.get("heldout_score_gain"),
+                    "heldout_score_gain_se": found.get("heldout_score_gain_se"),
+                    "closure": found.get("closure"),
+                    "closure_low95": low,
+                    "closure_high95": high,
+                }
+            )
+        table = pd.DataFrame(rows)
+        table = table.astype({column: float for column in table.columns if column != "effect"})
+        return table.sort_values("probability", ascending=False, kind="stable", ignore_index=True)
+
+    def write(self, folder: str | Path, *, progress: bool = False) -> None:
+        """Write diagnosis.json and report.html into `folder`, which is made if it is not there.
+
+        Raises
+        ------
+        InputError
+            Code ``not_writable`` if the folder cannot be written.
+        """
+        from rock2d.diagnosis.report.page import write_report
+        from rock2d.files.folders import make_folder, write_whole
+
+        folder, content = Path(folder), self.to_dict()
+        make_folder(folder)
+        write_report(self.diagnosis, content, folder, progress=progress)
+        write_whole(folder / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+    def _repr_html_(self) -> str:
+        from rock2d.notebook import table_html
+
+        shown = table_html(self.to_pandas().head(LIKELIEST_SHOWN))
+        return f"<p>{escape(str(self.content['experiment']))}: <b>{escape(self.verdict)}</b></p>{shown}"
+
+
+def diagnose(
+    experiment: Experiment | str | Path,
+    *,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: bool = False,
+) -> DiagnosisResult:
+    """Say where the simulation of an experiment is wrong and which effect it misses.
+
+    Every effect of the `catalogue` is fitted together with the base law and judged on releases that the fit did not
+    see. This takes minutes.
+
+    Parameters
+    ----------
+    experiment : Experiment or path
+        An experiment, or its folder.
+    seed : int
+        Of the bootstrap intervals.
+    workers : int, optional
+        Processes; default: all cores. Results do not depend on it.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    DiagnosisResult
+        The verdict, the probabilities and a table of the effects; `DiagnosisResult.write` writes the report.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no valid experiment.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> found = rock2d.diagnose("experiments/drops")  # doctest: +SKIP
+    >>> found.verdict  # doctest: +SKIP
+    'air_drag'
+    >>> found.write("out/drops")  # doctest: +SKIP
+    """
+    from tqdm import tqdm
+
+    from rock2d.diagnosis.diagnose import diagnose as run_diagnosis
+    from rock2d.diagnosis.diagnose import diagnosis_json
+
+    read = _loaded(experiment)
+    with tqdm(unit="model", disable=not progress) as bar:
+
+        def on_model(name: str) -> None:
+            bar.set_description(name)
+            bar.update()
+
+        found = run_diagnosis(read, seed=seed, workers=workers or os.cpu_count() or 1, step=on_model)
+    return DiagnosisResult(found, diagnosis_json(found))
+
+
+def predict(
+    experiment: Experiment | str | Path,
+    diagnosis: DiagnosisResult | Mapping[str, Any] | str | Path,
+    *,
+    base_only: bool = False,
+) -> pd.DataFrame:
+    """Predict every segment of an experiment from the flight before it, with a diagnosed model.
+
+    Parameters
+    ----------
+    experiment : Experiment or path
+        An experiment with trajectories of the same set-up, or its folder.
+    diagnosis : DiagnosisResult, dict or path
+        From `diagnose`, its `to_dict`, or a diagnosis.json.
+    base_only : bool
+        Use the refitted base law without the diagnosed effect.
+
+    Returns
+    -------
+    pandas.DataFrame
+        release, block, segment, t_s, x_m, y_m, theta_rad at the recorded frames.
+
+    Raises
+    ------
+    InputError
+        If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
+    """
+    from rock2d.diagnosis.predict import predict as predict_segments
+    from rock2d.diagnosis.predict import read_model
+
+    if isinstance(diagnosis, DiagnosisResult):
+        content = diagnosis.to_dict()
+    else:
+        content = dict(diagnosis) if isinstance(diagnosis, Mapping) else read_model(diagnosis)
+    return predict_segments(_loaded(experiment), content, base_only=base_only)
+
+
+def _loaded(experiment: Experiment | str | Path) -> Experiment:
+    return load_experiment(experiment) if isinstance(experiment, (str, Path)) else experiment

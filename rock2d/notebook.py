@@ -1,0 +1,23 @@
+"""Pieces of HTML with which results show themselves in a notebook."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+def table_html(table: pd.DataFrame) -> str:
+    """A small table; numbers with three significant digits."""
+    return str(table.to_html(index=False, border=0, na_rep="", float_format=lambda value: f"{value:.3g}"))
+
+
+def embedded_figure(figure: Figure, dpi: int = 100) -> str:
+    """A picture that needs no file beside it."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dpi)
+    return f'<img src="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}">'

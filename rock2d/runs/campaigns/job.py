@@ -1,0 +1,71 @@
+"""What determines a campaign, and the chunks that it is divided into."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.runs.recording import FRAME_TOLERANCE
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    from rock2d.files.scenario_keys import Incident
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Job:
+    """What it takes to compute any chunk of a campaign.
+
+    Attributes
+    ----------
+    folder : holds a folder for each of `keep`, names of `outputs.OUTPUTS`
+    fingerprint : of everything that determines the result; each file carries it
+    parameters : by block, zone name, or default -> parameters of the engine's law
+    fps : samples per second, if they are kept
+    versions : as `versions` gives them where the campaign was started
+    """
+
+    folder: Path
+    fingerprint: str
+    keep: tuple[str, ...]
+    engine: str
+    seed: int
+    cross_section: CrossSection
+    blocks: tuple[Block, ...]
+    incidents: tuple[Incident, ...]
+    parameters: tuple[Mapping[str, Any], ...]
+    gravity_m_s2: float
+    time_limit_s: float
+    fps: float
+    versions: dict[str, str]
+
+    def times_s(self) -> Array:
+        """Instants at which samples are taken."""
+        return np.arange(int(self.time_limit_s * self.fps + FRAME_TOLERANCE) + 1) / self.fps
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Releases first .. first + count - 1 of the block with index `block`; `offset` + i is i's number."""
+
+    number: int
+    block: int
+    first: int
+    count: int
+    offset: int
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on: the code, the random streams, the compiler."""
+    import numba
+
+    from rock2d import __version__
+
+    return {"rock2d": __version__, "numpy": np.__version__, "numba": numba.__version__}

@@ -1,0 +1,136 @@
+"""The engines that a run can choose from, by name: what they need, what they offer, how they are called.
+
+The engines themselves (`rock2d.engines`) are imported when a release runs, so that a list of their names costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rock2d.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rock2d.files.scenario import Scenario
+    from rock2d.records.track import Track
+    from rock2d.runs.campaigns.ensembles import Group, Outcome
+    from rock2d.runs.campaigns.job import Job
+    from rock2d.scene.blocks import Block
+    from rock2d.scene.cross_section import CrossSection
+
+
+class ReleaseInputs(NamedTuple):
+    """What an engine needs to simulate one release.
+
+    Attributes
+    ----------
+    parameters : zone name, or default -> parameters of the engine's law
+    state : (6,) state of the centre of mass at t = 0, in SI
+    seed : of the release's own random stream
+    """
+
+    block: Block
+    cross_section: CrossSection
+    parameters: Mapping[str, Any]
+    state: np.ndarray
+    release: int
+    gravity_m_s2: float
+    time_limit_s: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Engine:
+    """An engine as a run sees it.
+
+    Attributes
+    ----------
+    law : key of a scenario's `model` that holds its parameters: "deterministic" or "probabilistic"
+    parameters : (scenario, block name) -> zone name, or default -> parameters of its law
+    track : simulates one release
+    ensemble : simulates a group of releases of a campaign; None if it is for single releases only
+    many_processes : its releases are worth the start of further processes
+    audits_energy : its tracks carry an energy audit that is written with a run
+    keeps_samples : a campaign can keep sampled trajectories
+    """
+
+    name: str
+    law: str
+    parameters: Callable[[Scenario, str], Mapping[str, Any]]
+    track: Callable[[ReleaseInputs], Track]
+    ensemble: Callable[[Job, Group], Outcome] | None = None
+    many_processes: bool = False
+    audits_energy: bool = False
+    keeps_samples: bool = False
+
+
+def engine_named(name: str) -> Engine:
+    """The engine of that name; raises InputError, code unknown_name, if there is none."""
+    if name not in ENGINES:
+        raise InputError(
+            f"unknown engine {name!r}, expected one of {', '.join(ENGINES)}", code="unknown_name", name=name
+        )
+    return ENGINES[name]
+
+
+def _contact_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
+    return scenario.contact_parameters()  # the same for every block
+
+
+def _rebound_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
+    return scenario.rebound_parameters(block)
+
+
+def _pymunk_track(given: ReleaseInputs) -> Track:
+    from rock2d.engines.pymunk_engine import run_pymunk
+
+    return run_pymunk(
+        given.block, given.cross_section, given.parameters, given.state,
+        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
+    )  # fmt: skip
+
+
+def _batch_track(given: ReleaseInputs) -> Track:
+    from rock2d.engines.batch import run_batch_track
+    from rock2d.laws.contact import parameter_table
+
+    table = parameter_table(given.parameters, given.cross_section.zone_names)
+    return run_batch_track(
+        given.block, given.cross_section, table, given.state,
+        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
+    )  # fmt: skip
+
+
+def _point_mass_track(given: ReleaseInputs) -> Track:
+    from rock2d.engines.point_mass import run_point_mass
+
+    return run_point_mass(
+        given.block, given.cross_section, given.parameters, given.state,
+        release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s, seed=given.seed,
+    )  # fmt: skip
+
+
+def _batch_ensemble(job: Job, group: Group) -> Outcome:
+    from rock2d.runs.campaigns.ensembles import batch_outcome
+
+    return batch_outcome(job, group)
+
+
+def _point_mass_ensemble(job: Job, group: Group) -> Outcome:
+    from rock2d.runs.campaigns.ensembles import point_mass_outcome
+
+    return point_mass_outcome(job, group)
+
+
+_ALL = (
+    Engine(
+        "pymunk", "deterministic", _contact_parameters, _pymunk_track, many_processes=True, audits_energy=True
+    ),
+    Engine("batch", "deterministic", _contact_parameters, _batch_track, _batch_ensemble, keeps_samples=True),
+    Engine("point_mass", "probabilistic", _rebound_parameters, _point_mass_track, _point_mass_ensemble),
+)
+ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})

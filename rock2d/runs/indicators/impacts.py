@@ -1,0 +1,23 @@
+"""Impacts: the states before and after every contact with the ground, exact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.runs.indicators.indicator import Indicator
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def impacts_table(tracks: Iterable[Track]) -> pd.DataFrame:
+    """Every impact of every track, exact: rows of IMPACT_COLUMNS."""
+    import pandas as pd
+
+    rows = [{"release": t.release, "block": t.block, **impact} for t in tracks for impact in t.impacts]
+    return pd.DataFrame(rows, columns=list(IMPACT_COLUMNS))
+
+
+INDICATOR = Indicator("impacts", IMPACT_COLUMNS, lambda run: impacts_table(run.tracks))

@@ -1,0 +1,57 @@
+"""What an indicator is: a named table that is computed from the tracks of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rock2d.records.track import Track
+    from rock2d.scene.blocks import Block
+    from rock2d.scene.cross_section import CrossSection
+
+
+class Simulated(Protocol):
+    """What an indicator reads: releases, whichever engine or camera their tracks came from."""
+
+    @property
+    def tracks(self) -> Sequence[Track]:
+        """The tracks in the order of the releases."""
+
+    @property
+    def cross_section(self) -> CrossSection:
+        """The ground."""
+
+    @property
+    def blocks(self) -> Mapping[str, Block]:
+        """Name -> block."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+
+    def to_pandas(self, table: str) -> pd.DataFrame:
+        """Another table of the same releases."""
+
+
+def _always(run: Simulated) -> bool:
+    return True
+
+
+class Indicator(NamedTuple):
+    """A table of a run, which is also the name of its CSV file.
+
+    Attributes
+    ----------
+    name : of the table and its file
+    columns : names with their units; a table may add further columns behind them
+    table : computes it
+    applies : whether there is such a table for these releases
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    table: Callable[[Simulated], pd.DataFrame]
+    applies: Callable[[Simulated], bool] = _always

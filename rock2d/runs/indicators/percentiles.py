@@ -1,0 +1,44 @@
+"""Percentiles of what passes a measure line: kinetic energy and passing height."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.runs.indicators.indicator import Indicator
+from rock2d.statistics import percentile_estimate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
+QUANTITIES = ("kinetic_J", "passing_height_m")  # columns of a crossing of which percentiles are taken
+PERCENTILES = (95.0, 99.0)
+
+
+def percentile_table(
+    crossings: pd.DataFrame,
+    quantities: Sequence[str] = QUANTITIES,
+    percentiles: Sequence[float] = PERCENTILES,
+) -> pd.DataFrame:
+    """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
+
+    The intervals are those of `percentile_interval`: a bound that so few passings cannot give is NaN.
+    """
+    import pandas as pd
+
+    rows = []
+    for (block, line), group in crossings.groupby(["block", "line"], sort=False):
+        for quantity in quantities:
+            ranked = dict(enumerate(np.sort(group[quantity].to_numpy(float)).tolist()))
+            for percentile in percentiles:
+                estimate = percentile_estimate(ranked, len(ranked), percentile)
+                rows.append((block, line, quantity, percentile, len(ranked), *estimate))
+    return pd.DataFrame(rows, columns=list(PERCENTILE_COLUMNS))
+
+
+INDICATOR = Indicator(
+    "percentiles", PERCENTILE_COLUMNS, lambda run: percentile_table(run.to_pandas("crossings"))
+)

@@ -1,0 +1,37 @@
+"""Stops: how and where every release ended, and its runout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from rock2d.records.track import Track
+from rock2d.runs.indicators.indicator import Indicator
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.nearest_facet import nearest_facets
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout_m")
+
+
+def stops_table(tracks: Iterable[Track], cross_section: CrossSection) -> pd.DataFrame:
+    """Where and how every release ended; STOP_COLUMNS.
+
+    zone: of the facet nearest to the centroid, None if the block left the cross-section.
+    runout_m: horizontal distance from the track's start to its end, positive toward the embankment.
+    """
+    import pandas as pd
+
+    rows = []
+    for track in tracks:
+        t, x, y = map(float, track.knots[-1, :3])
+        nearest = int(nearest_facets(track.knots[-1:, 1:3], cross_section.points_m)[0])
+        zone = None if track.stop == "exit" else cross_section.zones[nearest]
+        runout = x - float(track.knots[0, 1])
+        rows.append((track.block, track.release, track.stop, t, x, y, zone, runout))
+    return pd.DataFrame(rows, columns=list(STOP_COLUMNS))
+
+
+INDICATOR = Indicator("stops", STOP_COLUMNS, lambda run: stops_table(run.tracks, run.cross_section))

@@ -1,0 +1,71 @@
+"""Tracks as a camera would record them: poses at the frame times, with noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.records.track import T, Track
+from rock2d.runs.incident_states import NOISE_STREAM
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+
+FRAME_TOLERANCE = 1e-9  # of a frame: one at the very end of a release counts in spite of rounding
+
+
+@dataclass(frozen=True)
+class Recording:
+    """How the trajectories of a simulation are sampled.
+
+    Attributes
+    ----------
+    fps : frames per second
+    position_noise_m, angle_noise_rad : noise that is added, 1 sigma
+    times_s : release -> instants at which it is sampled, instead of at `fps`
+    seed : of the noise
+    """
+
+    fps: float = 250.0
+    position_noise_m: float = 0.0
+    angle_noise_rad: float = 0.0
+    times_s: Mapping[int, Array] = field(default_factory=dict)
+    seed: int = 0
+
+
+def trajectories_table(tracks: Sequence[Track], recording: Recording) -> pd.DataFrame:
+    """Tracks as a camera would record them: release, block, t_s, x_m, y_m, theta_rad at every frame.
+
+    Each release has its own random stream of noise.
+    """
+    import pandas as pd
+
+    sigma = [recording.position_noise_m, recording.position_noise_m, recording.angle_noise_rad]
+    frames = []
+    for track in tracks:
+        t = recording.times_s.get(track.release)
+        if t is None:
+            begin = float(track.knots[0, T])
+            whole = int((track.end_s - begin) * recording.fps + FRAME_TOLERANCE)
+            t = begin + np.arange(whole + 1) / recording.fps
+        pose = track.states(t)[:, :3]
+        stream = np.random.SeedSequence(recording.seed, spawn_key=(NOISE_STREAM, track.release))
+        pose = pose + np.random.default_rng(stream).normal(size=pose.shape) * sigma
+        frames.append(
+            pd.DataFrame(
+                {
+                    "release": track.release,
+                    "block": track.block,
+                    "t_s": t,
+                    "x_m": pose[:, 0],
+                    "y_m": pose[:, 1],
+                    "theta_rad": pose[:, 2],
+                }
+            )
+        )
+    return pd.concat(frames, ignore_index=True)

@@ -1,0 +1,150 @@
+"""The results of a run: what `Simulation` offers, and the folder that `rock2d run` writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rock2d.files.experiment import Experiment, write_experiment_files
+from rock2d.files.folders import atomic_folder
+from rock2d.files.scenario import Scenario
+from rock2d.records.track import STATE_NAMES
+from rock2d.runs.comparison import write_comparison
+from rock2d.runs.incident_states import IncidentState
+from rock2d.runs.simulation import TRAJECTORIES, Simulation
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(kw_only=True)
+class RunResult(Simulation):
+    """The releases of a scenario, simulated; see `Simulation` for tables and plots.
+
+    Attributes
+    ----------
+    scenario, seed : what was run
+    incident_states : the state at which each release started
+    """
+
+    scenario: Scenario
+    seed: int
+    incident_states: list[IncidentState] = field(default_factory=list)
+
+    def experiment(self) -> Experiment:
+        """The run as an experiment, as if it had been filmed."""
+        recording = self.recording
+        return Experiment(
+            f"{self.scenario.name}_{self.engine}", self.scenario.gravity_m_s2, recording.fps,
+            recording.position_noise_m, recording.angle_noise_rad, self.cross_section, dict(self.blocks),
+            self.to_pandas(TRAJECTORIES),
+        )  # fmt: skip
+
+    def write(
+        self, folder: str | Path, video: bool = False, *, progress: bool = False
+    ) -> dict[str, pd.DataFrame]:
+        """Write the results folder, whole or not at all.
+
+        The folder is an experiment folder. It also holds a CSV for each indicator (impacts, crossings, passing,
+        percentiles, stops, energy) and for the incident states, run.json and trajectories.png; where a film was
+        restarted also residuals.csv, residual_summary.csv, overlay.png, residuals.png and side_by_side.webm.
+
+        Parameters
+        ----------
+        folder : path
+            An earlier result at this place is replaced.
+        video : bool
+            Also film the first releases of each block: trajectories.webm.
+        progress : bool
+            Show progress bars of the videos.
+
+        Returns
+        -------
+        dict of str to pandas.DataFrame
+            The written tables by name.
+
+        Raises
+        ------
+        InputError
+            Code ``not_a_result`` if the folder holds anything else than a result of rock2d, ``not_writable`` if it
+            cannot be written.
+        """
+        from rock2d.graphics.figure_style import save_figure
+
+        scenario = self.scenario
+        tables = {name: self.to_pandas(name) for name in self.table_names() if name != TRAJECTORIES}
+        tables["starts"] = self._incident_states_table()
+        simulated = self.experiment()
+        with atomic_folder(folder) as partial:
+            write_experiment_files(partial, simulated)
+            if scenario.experiment is not None:
+                tables |= write_comparison(
+                    scenario.experiment, simulated, self.tracks, partial,
+                    slow_motion=scenario.outputs.slow_motion, progress=progress,
+                )  # fmt: skip
+            for name, table in tables.items():
+                table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
+            text = json.dumps(self._about(), indent=2) + "\n"
+            (partial / "run.json").write_text(text, encoding="utf-8")
+            save_figure(self.plot(), partial / "trajectories.png")
+            if video:
+                self.write_video(partial / "trajectories.webm", progress=progress)
+        return tables
+
+    def write_video(
+        self,
+        path: str | Path,
+        *,
+        releases: int | None = None,
+        slow_motion: float | None = None,
+        progress: bool = False,
+        **options: Any,
+    ) -> None:
+        """Film the first releases of each block, one scene a release number.
+
+        Parameters
+        ----------
+        path : path
+            Ends in .webm or .mp4.
+        releases, slow_motion : optional
+            Instead of the `video_releases` and `slow_motion` of the scenario's outputs.
+        options
+            Fields of `rock2d.graphics.video_options.VideoOptions`, for example `size_px`.
+        """
+        from rock2d.graphics.clips import clip_from_track
+        from rock2d.graphics.progress import frame_bar
+        from rock2d.graphics.video import render_video
+        from rock2d.graphics.video_options import VideoOptions
+
+        outputs = self.scenario.outputs
+        of_block = [[t for t in self.tracks if t.block == name] for name in self.blocks]
+        scenes = [
+            [clip_from_track(tracks[i]) for tracks in of_block if i < len(tracks)]
+            for i in range(releases or outputs.video_releases)
+        ]
+        options = {"slow_motion": slow_motion or outputs.slow_motion, "titles": (self.title,), **options}
+        with frame_bar("video", progress) as show:
+            filled = [scene for scene in scenes if scene]
+            render_video(Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), show)
+
+    def _about(self) -> Mapping[str, Any]:
+        from rock2d import __version__
+
+        return {
+            "scenario": self.scenario.name, "about": self.scenario.about, "assumed": self.scenario.assumed,
+            "engine": self.engine, "seed": self.seed, "releases": len(self.tracks), "rock2d": __version__,
+        }  # fmt: skip
+
+    def _incident_states_table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {"release": s.release, "block": s.block, "t_s": s.t_s,
+                 **dict(zip(STATE_NAMES, s.state, strict=True)), "frames_fitted": s.frames}
+                for s in self.incident_states
+            ]
+        )  # fmt: skip

@@ -1,0 +1,198 @@
+"""Releases that an engine has simulated, and `simulate`, which simulates given ones without a scenario file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.records.track import STATE_NAMES, Track
+from rock2d.runs.engines import ReleaseInputs, engine_named
+from rock2d.runs.incident_states import drawn_seeds
+from rock2d.runs.indicators import indicators
+from rock2d.runs.recording import Recording, trajectories_table
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
+
+Array = np.ndarray
+
+TRAJECTORIES = "trajectories"
+
+
+@dataclass
+class Simulation:
+    """Simulated releases of one or several blocks on one cross-section.
+
+    Attributes
+    ----------
+    engine : name of the engine
+    cross_section : the ground
+    blocks : name -> block
+    tracks : the motion of each release, in the order of the releases
+    recording : how `to_pandas("trajectories")` samples the tracks
+    title : stands above plots
+    """
+
+    engine: str
+    cross_section: CrossSection
+    blocks: Mapping[str, Block]
+    tracks: list[Track]
+    recording: Recording = field(default_factory=Recording)
+    title: str = ""
+    _tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
+
+    def table_names(self) -> tuple[str, ...]:
+        """Names that `to_pandas` takes for these releases."""
+        found = [name for name, indicator in indicators().items() if indicator.applies(self)]
+        return (TRAJECTORIES, *found)
+
+    def to_pandas(self, table: str = TRAJECTORIES) -> pd.DataFrame:
+        """A table of these releases, with units in the names of its columns.
+
+        Parameters
+        ----------
+        table : {"trajectories", "impacts", "crossings", "passing", "percentiles", "stops", "energy"}
+            "trajectories" samples the tracks as a camera does, "impacts" and "crossings" are exact. "passing" and
+            "percentiles" sum up the crossings of the measure lines. "energy" is the energy audit of engine pymunk.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A copy, which the caller may change.
+
+        Raises
+        ------
+        InputError
+            Code ``unknown_name`` if there is no such table for these releases.
+        """
+        if table not in self.table_names():
+            known = ", ".join(self.table_names())
+            raise InputError(
+                f"unknown table {table!r}, expected one of {known}", code="unknown_name", name=table
+            )
+        if table not in self._tables:
+            self._tables[table] = (
+                trajectories_table(self.tracks, self.recording)
+                if table == TRAJECTORIES
+                else indicators()[table].table(self)
+            )
+        return self._tables[table].copy()
+
+    def plot(self) -> Figure:
+        """The cross-section and the path of every release, a panel for each block.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        InputError
+            If there is no release.
+        """
+        from rock2d.graphics.trajectories import trajectories_figure
+
+        return trajectories_figure(self.cross_section, self.blocks, self.tracks, self.title)
+
+    def _repr_html_(self) -> str:
+        from rock2d.notebook import embedded_figure, table_html
+
+        stops = self.to_pandas("stops").groupby("block", sort=False)
+        summary = stops.agg(releases=("release", "size"), runout_m=("runout_m", "median"))
+        summary["stops"] = stops["stop"].agg(
+            lambda stop: ", ".join(f"{n} {s}" for s, n in stop.value_counts().items())
+        )
+        summary = summary.rename(columns={"runout_m": "median runout_m"})
+        return table_html(summary.reset_index()) + embedded_figure(self.plot())
+
+
+def simulate(
+    block: Block,
+    cross_section: CrossSection,
+    parameters: ContactParameters | ReboundParameters | Mapping[str, Any],
+    states: Sequence[float] | Sequence[Sequence[float]] | Array,
+    *,
+    engine: str = "pymunk",
+    gravity_m_s2: float = 9.81,
+    time_limit_s: float = 10.0,
+    seed: int = 0,
+) -> Simulation:
+    """Simulate releases of one block from given states, without a scenario file.
+
+    Parameters
+    ----------
+    block : Block
+        See `make_block`.
+    cross_section : CrossSection
+        The ground.
+    parameters : ContactParameters, ReboundParameters or mapping of zone names to one of them
+        `ContactParameters` for the engines "pymunk" and "batch", `ReboundParameters` for "point_mass". The key
+        "default" of a mapping serves the zones that it does not name.
+    states : (6,) or (n, 6) array
+        x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s of the centre of mass at t = 0, one row for each release.
+    engine : {"pymunk", "batch", "point_mass"}
+    gravity_m_s2 : float
+    time_limit_s : float
+        A release ends at the latest after this time.
+    seed : int
+        Of the random numbers of the rebound law.
+
+    Returns
+    -------
+    Simulation
+        Tracks, tables and plots of the releases.
+
+    Raises
+    ------
+    InputError
+        Code ``unknown_name`` for an engine that does not exist, ``wrong_kind`` for parameters of the other law,
+        ``bad_value`` for states that are not rows of six finite numbers.
+    ValueError
+        If a zone has no parameters.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> ball = rock2d.make_block("ball", "circle", mass_kg=0.022, diameter_m=0.025)
+    >>> floor = rock2d.CrossSection([[-1, 0], [2, 0]], ["floor"])
+    >>> states = [[0, 0.2, 0, 0.5, 0, 0], [0, 0.3, 0, 0.5, 0, 0]]
+    >>> result = rock2d.simulate(ball, floor, rock2d.ContactParameters(), states)
+    >>> result.to_pandas("stops")["stop"].tolist()
+    ['rest', 'rest']
+    """
+    chosen = engine_named(engine)
+    by_zone = _by_zone(parameters, chosen.law, engine)
+    rows = np.atleast_2d(np.asarray(states, float))
+    if rows.ndim != 2 or rows.shape[1:] != (len(STATE_NAMES),) or not np.isfinite(rows).all():
+        raise InputError(f"states must be rows of six finite numbers: {', '.join(STATE_NAMES)}")
+    seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
+    tracks = [
+        chosen.track(
+            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, time_limit_s, int(own))
+        )
+        for release, (state, own) in enumerate(zip(rows, seeds, strict=True))
+    ]
+    return Simulation(engine, cross_section, {block.name: block}, tracks, title=f"{block.name} ({engine})")
+
+
+def _by_zone(parameters: Any, law: str, engine: str) -> Mapping[str, Any]:
+    from rock2d.laws.contact import ContactParameters
+    from rock2d.laws.rebound import ReboundParameters
+
+    kind = {"deterministic": ContactParameters, "probabilistic": ReboundParameters}[law]
+    by_zone = parameters if isinstance(parameters, Mapping) else {"default": parameters}
+    for zone, own in by_zone.items():
+        if not isinstance(own, kind):
+            message = f"engine {engine} takes {kind.__name__}, zone {zone!r} has {type(own).__name__}"
+            raise InputError(message, code="wrong_kind", zone=zone)
+    return by_zone

@@ -1,0 +1,36 @@
+"""Rectangles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rock2d.scene.polygons import polygon_moments
+from rock2d.scene.shapes.shape import NO_AXES, Profile, Shape, Size, box, positive
+
+
+def rectangle(a: float, b: float) -> Profile:
+    """The rectangle with half sides a and b."""
+    corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
+    return Profile(NO_AXES, corners, {"uniform": polygon_moments(corners)[1]})
+
+
+def _profile(name: str, sizes: Mapping[str, Any]) -> Profile:
+    a = 0.5 * positive(name, "length_m", sizes.get("length_m"))
+    b = 0.5 * positive(name, "height_m", sizes.get("height_m"))
+    return rectangle(a, b)
+
+
+SHAPE = Shape(
+    "rectangle",
+    "A rectangular profile.",
+    (
+        Size("length_m", "Length along the body's own x in m"),
+        Size("height_m", "Length along the body's own y in m"),
+    ),
+    ("uniform",),
+    _profile,
+    lambda semi_axes_m, corners_m: box(corners_m),
+)

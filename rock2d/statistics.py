@@ -1,0 +1,75 @@
+"""Confidence intervals of frequencies and percentiles.
+
+Sources: E. B. Wilson, Probable inference, the law of succession, and statistical inference, J. Am. Stat. Assoc. 22
+(1927) 209-212; H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a frequency. Raises ValueError unless 0 <= passed <= releases > 0."""
+    from scipy import stats
+
+    interval = stats.binomtest(passed, releases).proportion_ci(confidence, method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def percentile_interval(values: Array, percentile: float, confidence: float = 0.95) -> tuple[float, float]:
+    """Distribution-free interval of a percentile, from order statistics; NaN where no such value exists.
+
+    Of n values the number below the p-quantile is Binomial(n, p); the bounds are the sorted values X(l), X(u)
+    (from 1) with the largest l and smallest u for which P(B < l) and P(B >= u) are each at most half of
+    1 - confidence. At 95 % confidence there is no upper bound below 72 values for the 95th and below 368 for
+    the 99th percentile.
+    """
+    low, high = _interval_ranks(len(values), percentile, confidence)
+    ranked = np.sort(np.asarray(values, float))
+    return (
+        float(ranked[low]) if low >= 0 else float("nan"),
+        float(ranked[high]) if high < len(ranked) else float("nan"),
+    )
+
+
+def percentile_ranks(n: int, percentile: float) -> list[int]:
+    """Ranks (from 0, of n > 0 values) of the sorted values that `percentile_estimate` looks at."""
+    below, _ = _percentile_rank(n, percentile)
+    ranks = {below, min(below + 1, n - 1), *_interval_ranks(n, percentile)}
+    return sorted(rank for rank in ranks if 0 <= rank < n)
+
+
+def percentile_estimate(ranked: Mapping[int, float], n: int, percentile: float) -> tuple[float, float, float]:
+    """(percentile, low, high): linear between the two nearest of n sorted values, with the 95 % interval of
+    `percentile_interval`. `ranked` gives the value of each of `percentile_ranks`."""
+    below, weight = _percentile_rank(n, percentile)
+    a, b = ranked[below], ranked[min(below + 1, n - 1)]
+    low, high = _interval_ranks(n, percentile)
+    nan = float("nan")
+    value = a + (b - a) * weight if weight < 0.5 else b - (b - a) * (1.0 - weight)  # as numpy rounds it
+    return value, ranked[low] if low >= 0 else nan, ranked[high] if high < n else nan
+
+
+def _percentile_rank(n: int, percentile: float) -> tuple[int, float]:
+    """Rank (from 0) below which, and how far above which, the percentile lies among n sorted values."""
+    at = (n - 1) * (percentile / 100.0)
+    return int(at), at - int(at)
+
+
+def _interval_ranks(n: int, percentile: float, confidence: float = 0.95) -> tuple[int, int]:
+    """Ranks (from 0) of the bounds of `percentile_interval`; -1 and n where there is none."""
+    from scipy import stats
+
+    def below(k: int) -> float:
+        return float(stats.binom.cdf(k, n, percentile / 100.0))  # P(B <= k)
+
+    tail = 0.5 * (1.0 - confidence)
+    lower = bisect_right(range(n), tail, key=below)  # how many l have P(B < l) <= tail
+    upper = bisect_left(range(n), 1.0 - tail, key=below) + 1  # smallest u with P(B < u) >= 1 - tail
+    return lower - 1, upper - 1

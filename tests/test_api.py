@@ -1,0 +1,185 @@
+"""The public face: what `import rock2d` offers, how fast it comes, and that its examples hold."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import rock2d
+from rock2d import api
+from rock2d.errors import CODES, InputError
+from rock2d.files.shipped_scenarios import scenario_file
+
+WITH_EXAMPLES = [
+    "rock2d",
+    "rock2d.api",
+    "rock2d.errors",
+    "rock2d.runs.run",
+    "rock2d.runs.simulation",
+    "rock2d.scene.blocks",
+    "rock2d.scene.cross_section",
+]
+HEAVY = ("numpy", "numba", "pandas", "scipy", "matplotlib", "pydantic", "shapely", "cv2")
+BALL = rock2d.make_block("ball", "circle", 0.022, "solid_sphere", diameter_m=0.025)
+FLOOR = rock2d.CrossSection([[-1, 0], [2, 0]], ["floor"], {"gate": [[0.2, 0], [0.2, 1]]})
+REBOUND = rock2d.ReboundParameters(11, 0.04, 0.89)
+DROPS = [[0, 0.3, 0, 0.5, 0, 0], [0, 0.4, 0, 0.8, 0, 0], [0, 0.2, 0, 0.1, 0, 0]]
+
+
+def drops(**options):
+    return rock2d.simulate(BALL, FLOOR, REBOUND, DROPS, engine="point_mass", **options)
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_the_examples_of_the_documentation_hold(name):
+    failed, tried = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
+    assert failed == 0 and tried > 0
+
+
+def test_importing_rock2d_imports_nothing_heavy():
+    code = f"import sys, rock2d; print([name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_is_there_and_documented():
+    for name in rock2d.__all__:
+        found = getattr(rock2d, name)
+        assert found.__doc__ and name in dir(rock2d), name
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = rock2d.nonsense
+
+
+def test_given_states_are_simulated_and_give_tables():
+    result = drops()
+    assert [track.release for track in result.tracks] == [0, 1, 2]
+    assert set(result.to_pandas("crossings")["release"]) == {0, 1}
+    assert result.to_pandas("passing")["passed"].tolist() == [2]
+    trajectories = result.to_pandas()
+    np.testing.assert_allclose(trajectories["t_s"].diff().iloc[1], 1 / 250)
+    assert "energy" not in result.table_names()
+    trajectories["x_m"] = 0.0
+    assert result.to_pandas()["x_m"].abs().max() > 0  # a table that is given away is a copy
+
+
+def test_a_release_does_not_depend_on_the_others():
+    rough = rock2d.ReboundParameters(11, 0.04, 0.89, 20, "uniform")
+    both = rock2d.simulate(BALL, FLOOR, rough, DROPS[:2], engine="point_mass", seed=3)
+    one = rock2d.simulate(BALL, FLOOR, rough, DROPS[0], engine="point_mass", seed=3)
+    other = rock2d.simulate(BALL, FLOOR, rough, DROPS[0], engine="point_mass", seed=4)
+    assert np.array_equal(one.tracks[0].knots, both.tracks[0].knots)
+    assert not np.array_equal(one.tracks[0].knots[-1], other.tracks[0].knots[-1])
+
+
+def test_what_cannot_be_simulated_is_refused_with_a_code():
+    def code(*arguments, **options):
+        with pytest.raises(InputError) as caught:
+            rock2d.simulate(*arguments, **options)
+        assert caught.value.code in CODES
+        return caught.value.code
+
+    assert code(BALL, FLOOR, REBOUND, DROPS) == "wrong_kind"
+    assert code(BALL, FLOOR, REBOUND, DROPS, engine="warp") == "unknown_name"
+    assert code(BALL, FLOOR, REBOUND, [[0, 1, 0]], engine="point_mass") == "bad_value"
+    assert code(BALL, FLOOR, REBOUND, [0, np.nan, 0, 0, 0, 0], engine="point_mass") == "bad_value"
+    with pytest.raises(InputError) as caught:
+        drops().to_pandas("velocities")
+    assert (caught.value.code, caught.value.fields) == ("unknown_name", {"name": "velocities"})
+
+
+def test_plots_and_notebooks_show_the_releases():
+    result = drops()
+    assert len(result.plot().axes) == 1
+    html = result._repr_html_()
+    assert "<table" in html and "data:image/png;base64," in html and "3 rest" in html
+
+
+def test_a_scenario_runs_and_is_written(tmp_path):
+    scenario = rock2d.load_scenario(scenario_file("flat_floor.yaml"))
+    result = rock2d.run(scenario, engine="point_mass", seed=2, releases=2)
+    assert isinstance(result, rock2d.RunResult) and isinstance(result, rock2d.Simulation)
+    tables = result.write(tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {f"{name}.csv" for name in tables} | {"trajectories.csv", "trajectories.png", "run.json"} <= names
+    back = rock2d.load_experiment(tmp_path / "out")
+    assert back.name == "flat_floor_point_mass" and len(back.blocks) == 5
+
+
+def test_errors_keep_their_facts_when_they_travel_between_processes():
+    error = InputError("unknown key", "s.yaml", 3, 1, code="unknown_key", key="engin")
+    back = pickle.loads(pickle.dumps(error))
+    assert str(back) == str(error) == "s.yaml:3:1: unknown key"
+    assert (back.code, back.fields, back.line) == ("unknown_key", {"key": "engin"}, 3)
+    from rock2d import errors
+
+    assert all(f"``{code}``" in errors.__doc__ for code in CODES)
+
+
+def test_every_code_that_is_used_is_documented():
+    import re
+
+    for path in Path(rock2d.__file__).parent.rglob("*.py"):
+        for code in re.findall(r'\bcode="(\w+)"', path.read_text(encoding="utf-8")):
+            assert code in CODES, f"{path}: {code}"
+
+
+CONTENT = {
+    "schema": 1,
+    "experiment": "drops <1>",
+    "verdict": "air_drag",
+    "probabilities": {"none": 0.1, "unknown": 0.0, "air_drag": 0.9},
+    "effects": {
+        "air_drag": {
+            "heldout_score_gain": 12.0, "heldout_score_gain_se": 2.0, "closure": 0.8, "closure_ci95": [0.7, 0.9],
+        }
+    },
+}  # fmt: skip
+
+
+def test_a_diagnosis_shows_its_verdict_and_its_effects():
+    result = api.DiagnosisResult(None, CONTENT)
+    assert result.verdict == "air_drag" and result.probabilities["air_drag"] == 0.9
+    table = result.to_pandas()
+    assert table["effect"].tolist() == ["air_drag", "none", "unknown"]
+    assert table.loc[0, ["closure", "closure_low95", "closure_high95"]].tolist() == [0.8, 0.7, 0.9]
+    assert pd.isna(table.loc[1, "heldout_score_gain"])
+    result.to_dict()["effects"].clear()
+    assert result.content["effects"]  # a copy was given away
+    html = result._repr_html_()
+    assert "drops &lt;1&gt;" in html and "<b>air_drag</b>" in html
+
+
+def test_an_impact_table_is_diagnosed_and_written(tmp_path):
+    experiment = rock2d.load_experiment(few_impacts(tmp_path))
+    result = rock2d.diagnose(experiment, workers=1)
+    assert result.verdict == "unknown" and result.to_dict()["sanity"]["faults"]
+    assert sum(result.probabilities.values()) == pytest.approx(1.0)
+    result.write(tmp_path / "diagnosis")
+    assert {path.name for path in (tmp_path / "diagnosis").iterdir()} >= {"diagnosis.json", "report.html"}
+    with pytest.raises(InputError):
+        rock2d.predict(experiment, result)
+
+
+def few_impacts(folder: Path) -> Path:
+    """An experiment folder with a table of two impacts."""
+    path = folder / "impacts"
+    path.mkdir()
+    (path / "experiment.yaml").write_text(
+        "name: impacts\ngravity_m_s2: 9.81\n"
+        "camera: {fps: 250, position_noise_m: 1.0e-4, angle_noise_rad: 1.0e-3}\n"
+        "cross_section: {points_m: [[-2, 0], [2, 0]], zones: [floor]}\n"
+        "blocks: {ball: {shape: circle, diameter_m: 0.025, mass_kg: 0.022}}\nimpacts: impacts.csv\n"
+    )
+    (path / "impacts.csv").write_text(
+        "release,block,x_m,y_m,theta_rad,vx_m_s,vy_m_s,omega_rad_s,vx_after_m_s,vy_after_m_s,omega_after_rad_s\n"
+        "0,ball,0.0,0.0125,0,1.0,-2.0,0,0.8,0.7,-20\n1,ball,0.1,0.0125,0,1.1,-2.1,0,0.9,0.8,-21\n"
+    )
+    return path

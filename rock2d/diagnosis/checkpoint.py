@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut
-from rock2d.diagnosis.fitting import Fit, Residuals, Slopes
+from rock2d.diagnosis.data import Residuals
+from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import Model
 
 Array = np.ndarray
@@ -23,8 +25,8 @@ def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
         np.savez(
             file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.slope.impacts,
             slope_flights=fit.slope.flights, slope_scatter=fit.slope.scatter, covariance=fit.slope.covariance,
-            impacts=fit.left.impacts, flights=fit.left.flights, out_impacts=out.left.impacts,
-            out_flights=out.left.flights, score=out.score,
+            impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
+            out_flights=out.residuals.flights, score=out.score,
         )  # fmt: skip
     os.replace(partial, path)
 
@@ -37,8 +39,8 @@ def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
     except (OSError, ValueError, zipfile.BadZipFile):
         return None
     slope = Slopes(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
-    left = Residuals(a["impacts"], a["flights"])
-    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, left)
+    residuals = Residuals(a["impacts"], a["flights"])
+    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, residuals)
     return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])
 
 

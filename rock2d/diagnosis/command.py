@@ -71,7 +71,7 @@ def run_diagnosis(
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines."""
     if result.found is None:
-        return ["not diagnosed: " + "; ".join(result.sanity.faults)]
+        return ["not diagnosed: " + "; ".join(fault.message for fault in result.sanity.faults)]
     verdict = content["verdict"]
     lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
     if len(content["group"]) > 1:

@@ -13,8 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
 from rock2d.diagnosis.checkpoint import fingerprint
-from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.fitting import Fit, residuals
+from rock2d.diagnosis.data import model_residuals
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import (
     FLIGHT_CHANNELS,
     GAP_UNIT,
@@ -26,7 +27,7 @@ from rock2d.diagnosis.gap import (
     impact_part,
     where,
 )
-from rock2d.diagnosis.impact_table_data import TableData, table_data
+from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
@@ -34,7 +35,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
+from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import INDENTATION
 from rock2d.scene.cross_section import CrossSection
@@ -42,8 +43,11 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-UNTRIED = 0.5  # probability of "unknown" for a film of which nothing could be tried
-LOOKS_BASE, LOOKS_EFFECT = 400, 220  # at all impacts, that fits of the base and of an effect take on average
+UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for a film of which nothing could be tried
+BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
+    400,
+    220,
+)  # at all impacts, that fits of the base and of an effect take on average
 
 
 @dataclass
@@ -91,18 +95,16 @@ def diagnose(
         result = Diagnosis(experiment, check_film(experiment, film), setup)
         if result.sanity.faults:
             return result
-        data = film_data(film, result.sanity.seen or setup)
+        data = FilmData.of(film, result.sanity.registered or setup)
         keys = [film.t_s, film.pose, film.release]
     else:
-        data = table_data(experiment)
+        data = TableData.of(experiment)
         result = Diagnosis(experiment, check_table(experiment, data), setup)
         keys = [data.before, data.after, data.impact_release]
         if result.sanity.faults:
             return result
-    if len(data.impact_release) < FEWEST_IMPACTS:
-        result.sanity.faults.append(
-            f"{len(data.impact_release)} impacts are too few to tell causes apart: at least {FEWEST_IMPACTS} are needed"
-        )
+    check_impacts(len(data.impact_release), result.sanity)
+    if result.sanity.faults:
         return result
     if folder is not None:
         stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
@@ -114,7 +116,7 @@ def diagnose(
     ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
         tried = effects or catalogue()
         forecast(_cost_s(setup, base_start(experiment), data, len(tried), workers))
-        base = fit_base(setup, base_start(experiment), data, result.sanity.seen)
+        base = fit_base(setup, base_start(experiment), data, result.sanity.registered)
         step("base")
         found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=step)
     result.data, result.found = data, found
@@ -127,10 +129,10 @@ def diagnose(
 def _cost_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
     """Expected seconds of all fits, from the time that one look at all impacts takes."""
     model = Model(setup, start)
-    residuals(model, model.start(), data)  # the first look may compile
+    model_residuals(model, model.start(), data)  # the first look may compile
     begin = perf_counter()
-    residuals(model, model.start(), data)
-    return (perf_counter() - begin) * (LOOKS_BASE + LOOKS_EFFECT * effects / workers)
+    model_residuals(model, model.start(), data)
+    return (perf_counter() - begin) * (BASE_EVALUATIONS + EFFECT_EVALUATIONS * effects / workers)
 
 
 def locate(
@@ -146,10 +148,10 @@ def locate(
         law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
             law = effect.apply(law, values) if effect.phase == "flight" else law
-        bare = data.left(law).impacts
+        bare = data.residuals(law).impacts
     parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release, bare)]
     if isinstance(data, FilmData):
-        flights = data.cut.flights
+        flights = data.segmentation.flights
         best = found.final.fit
         seen = best.model.world(
             best.p, data.impact_order
@@ -221,12 +223,16 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     names = list(catalogue())
     found = result.found
     head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
-    remarks = {"faults": result.sanity.faults, "remarks": result.sanity.remarks}
+    sanity = {
+        "faults": [fault.message for fault in result.sanity.faults],
+        "fault_codes": [fault.code for fault in result.sanity.faults],
+        "remarks": result.sanity.remarks,
+    }
     if found is None:
         suspects = result.sanity.suspects or ["none", *names]
-        probabilities = {"none": 0.0, "unknown": UNTRIED, **dict.fromkeys(names, 0.0)}
+        probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
         for name in suspects:  # nothing was tried: none of them is likelier than another
-            probabilities[name] += (1.0 - UNTRIED) / len(suspects)
+            probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
         empty = {
             "unit": GAP_UNIT,
             "base": None,
@@ -237,7 +243,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         }
         return head | {
             "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
-            "gap": empty, "next_release": "", "sanity": remarks,
+            "gap": empty, "next_release": "", "sanity": sanity,
         }  # fmt: skip
     assert result.data is not None and result.gaps is not None and result.cells is not None
     # an effect that only widens the scatter closes a gap of spread; unless it is the verdict, the gap is that of means
@@ -283,7 +289,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
         "assumptions": [reading_in_words(found.base)],
-        "sanity": remarks,
+        "sanity": sanity,
     }  # fmt: skip
 
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution, Candidate
+from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cross_validation import HeldOut
-from rock2d.diagnosis.fitting import Data
-from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, Leftover, clipped
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals, clipped
 
 Array = np.ndarray
 
@@ -37,10 +38,10 @@ class Gap:
 def squares(data: Data, out: HeldOut, covariance: Array) -> tuple[Array, Array]:
     """Clipped squares of held-out residuals in standard deviations: impacts (n, d), flights (m, 3 × degrees)."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    flights = clipped(out.left.flights[:, :, :FLIGHT_DEGREES]).reshape(
-        len(out.left.flights), 3 * FLIGHT_DEGREES
+    flights = clipped(out.residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
+        len(out.residuals.flights), 3 * FLIGHT_DEGREES
     )
-    return clipped(out.left.impacts / scale) ** 2, flights**2
+    return clipped(out.residuals.impacts / scale) ** 2, flights**2
 
 
 def per_release(data: Data, impacts: Array, flights: Array) -> Array:
@@ -58,10 +59,12 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
     if candidate.effect.scatter:
         # a wider scatter shifts no mean: its gap is how far the spread that a model states is from the spread seen
         base, augmented = _misstated(data, found, candidate)
-    floors = _floors(data, found.base_left, found.best_left)
+    floors = _floors(data, found.base_regressed, found.best_regressed)
     if candidate.effect.scatter:
         floors = np.zeros((1, len(base)))
-    count = per_release(data, np.ones_like(found.base_left.impacts), np.ones_like(found.base_left.flights))
+    count = per_release(
+        data, np.ones_like(found.base_regressed.impacts), np.ones_like(found.base_regressed.flights)
+    )
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     draws = rng.multinomial(len(base), np.full(len(base), 1.0 / len(base)), size=BOOTSTRAPS)
     b, a, f = draws @ base, draws @ augmented, (draws @ floors.T).min(axis=1)
@@ -80,23 +83,23 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
     )
 
 
-def regression_closure(data: Data, found: Attribution) -> float:
+def share_closed_by_regression(data: Data, found: Attribution) -> float:
     """Closure of a flexible regression on top of the base law, without effects; 0 where nothing is to close."""
-    floors = _floors(data, found.base_left, found.best_left).sum(axis=1)
+    floors = _floors(data, found.base_regressed, found.best_regressed).sum(axis=1)
     base, flexible = floors[2], floors[3]
     return float((base - flexible) / (base - floors.min())) if base > floors.min() else 0.0
 
 
-def _floors(data: Data, base_left: Leftover, best_left: Leftover) -> Array:
+def _floors(data: Data, base_regressed: RegressedResiduals, best_regressed: RegressedResiduals) -> Array:
     """(4, releases) squares that the best effect, a regression on top of it, the base and a regression on top of that
     leave unexplained; the least of them is the floor, in every bootstrap draw its own."""
     return np.array([
         per_release(data, impacts**2, flights**2)
         for impacts, flights in (
-            (best_left.impacts, best_left.flights),
-            (best_left.impacts_left, best_left.flights_left),
-            (base_left.impacts, base_left.flights),
-            (base_left.impacts_left, base_left.flights_left),
+            (best_regressed.impacts, best_regressed.flights),
+            (best_regressed.impacts_remaining, best_regressed.flights_remaining),
+            (base_regressed.impacts, base_regressed.flights),
+            (base_regressed.impacts_remaining, base_regressed.flights_remaining),
         )
     ])  # fmt: skip
 
@@ -141,9 +144,13 @@ FLIGHT_CHANNELS = ("x", "y", "theta")
 def explained(found: Attribution) -> tuple[Array, Array]:
     """Squares that the best explanation takes away from impacts and flights: that of the best effect, with the flexible
     regression on top where that finds more, or of the regression alone where no effect helps."""
-    base, best = found.base_left, found.best_left
-    impacts = min((best.impacts, best.impacts_left, base.impacts_left), key=lambda v: float((v**2).sum()))
-    flights = min((best.flights, best.flights_left, base.flights_left), key=lambda v: float((v**2).sum()))
+    base, best = found.base_regressed, found.best_regressed
+    impacts = min(
+        (best.impacts, best.impacts_remaining, base.impacts_remaining), key=lambda v: float((v**2).sum())
+    )
+    flights = min(
+        (best.flights, best.flights_remaining, base.flights_remaining), key=lambda v: float((v**2).sum())
+    )
     return base.impacts**2 - impacts**2, base.flights**2 - flights**2
 
 
@@ -158,7 +165,7 @@ def impact_part(
     elif bare is not None:
         covariance = found.final.fit.covariance()
         scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-        taken = clipped(bare / scale) ** 2 - found.base_left.impacts**2 + taken
+        taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
     columns = tuple(list(range(c, taken.shape[1], 3)) for c in range(3))
     return Part("impact", taken, zone, block, release, IMPACT_CHANNELS, columns)
 
@@ -171,7 +178,7 @@ def _spread_stated(found: Attribution) -> Array:
         (found.final.fit, found.final.held_out),
     ):
         variance = np.maximum(np.diagonal(fitted.covariance(), axis1=1, axis2=2), 1e-300)
-        deviance.append(clipped(out.left.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
+        deviance.append(clipped(out.residuals.impacts / np.sqrt(variance)) ** 2 + np.log(variance))
     return np.asarray(deviance[0] - deviance[1])
 
 

@@ -17,10 +17,10 @@ Array = np.ndarray
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
 # plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
-RIGID = 4.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
-STIFFNESSES = [0, 2]  # of the base parameters: k_l and, with it, k_ul; k_t
-HEADROOM = 2.0  # logarithmic, of these
-LEAST_RATIO = 1.02  # of unloading to loading stiffness
+LARGEST_LOG_K_L = 4.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
+STIFFNESS_PARAMETERS = [0, 2]  # of the base parameters: k_l and, with it, k_ul; k_t
+STIFFNESS_HEADROOM = 2.0  # logarithmic, of these
+SMALLEST_STIFFNESS_RATIO = 1.02  # of unloading to loading stiffness
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,17 @@ class Model:
         low = [to_scale(p, p.low) for own in self.parameters for p in own]
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
         most = 3 * BASE_WIDTH
-        most[0] = RIGID
+        most[0] = LARGEST_LOG_K_L
         if self.beside is not None:
             # an effect that explains nothing would end as a rigid ground, whose simulation takes for ever
-            known = np.maximum(self.beside[STIFFNESSES], 0.0)
-            most[STIFFNESSES] = np.minimum(most[STIFFNESSES], known + HEADROOM)
+            known = np.maximum(self.beside[STIFFNESS_PARAMETERS], 0.0)
+            most[STIFFNESS_PARAMETERS] = np.minimum(most[STIFFNESS_PARAMETERS], known + STIFFNESS_HEADROOM)
         return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([most, high])
 
     def law(self, p: Array) -> Array:
         """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""
         k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[:5])
-        return np.array([k_l, k_l * max(ratio, LEAST_RATIO), k_t, mu, k_r])
+        return np.array([k_l, k_l * max(ratio, SMALLEST_STIFFNESS_RATIO), k_t, mu, k_r])
 
     def values(self, p: Array) -> list[list[float]]:
         """Values of each effect's parameters at p."""

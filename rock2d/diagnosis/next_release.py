@@ -6,14 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution, Candidate
-from rock2d.diagnosis.fitting import Data
+from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.candidate import Candidate
+from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-FEW = 3  # impacts of a kind below which it is not proposed
+FEWEST_IMPACTS_OF_A_KIND = 3  # impacts of a kind below which it is not proposed
 # releases that differ from the filmed ones: in words, factor on speed, spin added in √(g / size)
 VARIANTS = (
     ("as filmed", 1.0, 0.0),
@@ -48,7 +49,10 @@ def next_release(
         for block in range(len(setup.blocks)):
             for zone in range(len(zones)):
                 own = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
-                if own.sum() >= FEW and (typical := float(np.median(distance[own]))) > best:
+                if (
+                    own.sum() >= FEWEST_IMPACTS_OF_A_KIND
+                    and (typical := float(np.median(distance[own]))) > best
+                ):
                     pace = float(np.median(np.hypot(*data.incident(setup)[own, 3:5].T))) * faster
                     best = typical
                     words = f"a {list(setup.blocks)[block]} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
@@ -72,9 +76,11 @@ def _distance(
     shift = np.zeros((len(size), 6))
     shift[:, 3:5] = (faster - 1.0) * data.incident(setup)[:, 3:5]
     shift[:, 5] = spin * np.sqrt(setup.gravity_m_s2 / size)
-    left = [data.left(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
-    difference = np.nan_to_num(left[0] - left[1])
+    residuals = [
+        data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)
+    ]
+    difference = np.nan_to_num(residuals[0] - residuals[1])
     covariance = first.fit.covariance()
     chi2 = np.einsum("ni,ni->n", difference, np.linalg.solve(covariance, difference[..., None])[..., 0])
-    finite = np.isfinite(left[0]).all(axis=1) & np.isfinite(left[1]).all(axis=1)
+    finite = np.isfinite(residuals[0]).all(axis=1) & np.isfinite(residuals[1]).all(axis=1)
     return np.where(finite, np.sqrt(np.maximum(chi2, 0.0)), np.nan)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rock2d.diagnosis.checkpoint import load_fit, save_fit
-from rock2d.diagnosis.cross_validation import HeldOut, hold_out
-from rock2d.diagnosis.fitting import Data, Fit, fit_effects
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.fitting import Fit, fit_effects
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.scene.world import World
@@ -75,7 +76,7 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     if path is not None and (found := load_fit(path, model)) is not None:
         return found
     fitted = fit_effects(model, job.data, job.start)
-    out = hold_out(fitted, job.data)
+    out = cross_validate(fitted, job.data)
     if path is not None:
         save_fit(path, fitted, out)
         # read back, so that a resumed diagnosis sums the very same arrays in the same order

@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.impact_prediction import tracked
 from rock2d.diagnosis.model import BASE_NAMES
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.sanity import FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -90,10 +89,10 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
         )
     setup, film = setup_world(experiment), load_film(experiment)
     sanity = check_film(experiment, film)
-    fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
+    fatal = [fault for fault in sanity.faults if fault.code != FEW_RELEASES]
     if fatal:
-        raise InputError(fatal[0], experiment.folder)
-    data = film_data(film, sanity.seen or setup)
+        raise InputError(fatal[0].message, experiment.folder)
+    data = FilmSegments.of(film, sanity.registered or setup)
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
@@ -101,13 +100,13 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     block = film.release_block
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
-    world = diagnosed_world(content, setup, order[data.cut.flights.release[flights]], base_only)
+    world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
     return pd.DataFrame(_stretches(film, data, world, flights), columns=list(COLUMNS))
 
 
-def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict[str, Array]:
+def _stretches(film: Film, data: FilmSegments, world: World, flights: Array) -> dict[str, Array]:
     """Rows of all stretches that begin with one of `flights`."""
-    own, scale = data.cut.flights, world.view.time_scale
+    own, scale = data.segmentation.flights, world.view.time_scale
     ends = np.searchsorted(film.release, own.release[flights], side="right")
     following = {int(before): i for i, before in enumerate(own.follows) if before >= 0}
     for i, flight in enumerate(flights):
@@ -130,7 +129,7 @@ def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict
     for k in range(1, room):  # where a block has left the cross-section, its last pose stays
         gone = ~np.isfinite(samples[:, k, 0])
         samples[gone, k] = samples[gone, k - 1]
-    poses = world.view.record(tracked(world, own.block[flights], samples))
+    poses = world.view.record(centroid_poses(world, own.block[flights], samples))
     segment = np.zeros(len(flights), np.int64)
     for i in range(1, len(flights)):
         if own.release[flights[i]] == own.release[flights[i - 1]]:

@@ -12,10 +12,9 @@ import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.impact_prediction import tracked
-from rock2d.diagnosis.model import BASE_WIDTH, LEAST_RATIO
+from rock2d.diagnosis.model import BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -48,7 +47,7 @@ class Releases:
 
 def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
     """Every release that has a flight; where there are more frames in all than `most_frames`, one in so many."""
-    film, flights = data.film, data.cut.flights
+    film, flights = data.film, data.segmentation.flights
     first = np.flatnonzero(flights.follows < 0)
     ends = np.searchsorted(film.release, flights.release[first], side="right")
     step = int(np.ceil((ends - flights.first[first]).sum() / most_frames))
@@ -86,7 +85,7 @@ def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
     draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
     draw[..., 1] += draw[..., 0]  # the scatter is that of k_ul / k_l
     rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
-    rows[..., K_UL] = np.maximum(rows[..., K_UL], LEAST_RATIO * rows[..., K_L])
+    rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
     return replace(world, contact=rows)
 
 
@@ -97,7 +96,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     a block has left the cross-section its last pose stays.
     """
     scale, middle = world.view.time_scale, data.basis.middle[flights]
-    block = data.cut.flights.block[flights]
+    block = data.segmentation.flights.block[flights]
     starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
     times = (t_s - start_s[:, None]) * scale
     ensemble, tables = world_ensemble(world)
@@ -108,5 +107,5 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     for k in range(1, samples.shape[1]):
         gone = ~np.isfinite(samples[:, k, 0])
         samples[gone, k] = samples[gone, k - 1]
-    poses = world.view.record(tracked(world, block, samples)) * signs
+    poses = world.view.record(centroid_poses(world, block, samples)) * signs
     return np.where(np.isfinite(t_s)[..., None], poses, np.nan)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.discrepancy import _best_gain, discrepancies, standard
-from rock2d.diagnosis.film_data import film_data, history_groups
-from rock2d.diagnosis.fitting import HEAVY, Fit, fit
+from rock2d.diagnosis.film_data import FilmData, history_groups
+from rock2d.diagnosis.fitting import IMPACT_STUDENT_DF, Fit, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -25,7 +25,7 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
         true = known[effect].apply(true, values)
     experiment = film(true, RELEASES, seed=4)
     setup = setup_world(experiment)
-    data = film_data(load_film(experiment), setup)
+    data = FilmData.of(load_film(experiment), setup)
     start = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
     base = fit(Model(setup, start), data)
     if effect is None:
@@ -59,7 +59,9 @@ def test_the_gain_is_that_of_the_columns_and_none_of_what_the_model_has_already(
     n, weight, fold = 400, np.ones(400), np.arange(400) % 4
     own, x = rng.normal(size=(n, 6, 2)), rng.normal(size=(n, 6, 1))
     noise = rng.normal(size=(n, 6))
-    heavy = noise / np.sqrt(rng.chisquare(HEAVY, (n, 1)) / HEAVY)  # as the law of likelihood has it
+    heavy = noise / np.sqrt(
+        rng.chisquare(IMPACT_STUDENT_DF, (n, 1)) / IMPACT_STUDENT_DF
+    )  # as the law of likelihood has it
     z = 0.05 * own[..., 0] + 0.3 * x[..., 0] + heavy
     chance = np.mean([_best_gain(z, own, rng.normal(size=(n, 6, 3)), weight, fold).sum() for _ in range(20)])
     assert _best_gain(z, own, x, weight, fold).sum() > 20.0

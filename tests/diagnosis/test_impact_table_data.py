@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
-from rock2d.diagnosis.impact_table_data import table_data
+from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
@@ -47,7 +47,7 @@ def plain_world() -> World:
 
 def test_true_law_reproduces_the_table():
     experiment = impacts(plain_world(), 40, seed=1, noise=0.0)
-    left = table_data(experiment).left(plain_world()).impacts
+    left = TableData.of(experiment).left(plain_world()).impacts
     assert np.quantile(np.abs(left), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.files.folders import write_whole
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d_tracking.recording import Record
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def write_page(
     record: Record,
     flights: pd.DataFrame,
     impacts: pd.DataFrame,
-    data: FilmData,
+    data: FilmSegments,
     background: Array,
 ) -> None:
     """Write the page; `overlay.webm` lies beside it."""
@@ -93,11 +93,11 @@ def _tracks(frames: pd.DataFrame, background: Array) -> Figure:
     return figure
 
 
-def _flight_residuals(record: Record, data: FilmData) -> tuple[Array, Array, Array]:
+def _flight_residuals(record: Record, data: FilmSegments) -> tuple[Array, Array, Array]:
     """What parabolas leave of each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1); row of
     the frame among those trusted."""
     left, when, rows = [], [], []
-    for a, b in zip(data.cut.flights.first, data.cut.flights.last, strict=True):
+    for a, b in zip(data.segmentation.flights.first, data.segmentation.flights.last, strict=True):
         t = np.linspace(-1.0, 1.0, b - a)
         basis = np.linalg.qr(np.vander(data.film.t_s[a:b] - data.film.t_s[a:b].mean(), 3))[0]
         pose = data.film.pose[a:b]
@@ -107,9 +107,9 @@ def _flight_residuals(record: Record, data: FilmData) -> tuple[Array, Array, Arr
     return np.concatenate(left), np.concatenate(when), np.concatenate(rows)
 
 
-def _residuals(record: Record, data: FilmData) -> Figure:
+def _residuals(record: Record, data: FilmSegments) -> Figure:
     figure, axes = _axes(9.0, 2.8, 3)
-    if not len(data.cut.flights):
+    if not len(data.segmentation.flights):
         return figure
     left, when, _ = _flight_residuals(record, data)
     scale = [1.0 / _pixel(record), 1.0 / _pixel(record), 180 / np.pi]
@@ -120,9 +120,9 @@ def _residuals(record: Record, data: FilmData) -> Figure:
     return figure
 
 
-def _bias(record: Record, data: FilmData) -> Figure:
+def _bias(record: Record, data: FilmSegments) -> Figure:
     figure, axes = _axes(7.0, 2.8, 2)
-    if not len(data.cut.flights):
+    if not len(data.segmentation.flights):
         return figure
     left, _, rows = _flight_residuals(record, data)
     seen = record.frames[record.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")

@@ -110,7 +110,7 @@ def _material(result: Diagnosis) -> str:
     if result.data is not None:
         text += f", {len(result.data.impact_release)} impacts"
     if isinstance(result.data, FilmData):
-        text += f", {len(result.data.cut.flights)} flights"
+        text += f", {len(result.data.segmentation.flights)} flights"
     return text + (f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else "")
 
 
@@ -143,10 +143,10 @@ def _evidence(
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, report)
     else:
-        left = {"base": models.base_out.left.impacts}
+        residuals = {"base": models.base_out.residuals.impacts}
         if models.effect_out is not None:
-            left["effect"] = models.effect_out.left.impacts
-        quantities = table_quantities(result.experiment, result.data, left)
+            residuals["effect"] = models.effect_out.residuals.impacts
+        quantities = table_quantities(result.experiment, result.data, residuals)
         context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
     return context
 
@@ -157,7 +157,7 @@ def _evidence(
 def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
-    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SURE_Z]
+    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SIGNIFICANT_PLACE_Z]
     for cell in content["where"] if shown_cells and content["verdict"] != "none" else []:
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []

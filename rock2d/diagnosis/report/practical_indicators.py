@@ -133,8 +133,8 @@ def table_quantities(
     for b, block in enumerate(blocks):
         own = data.impact_block == b
         row = {}
-        for name, left in {"measured": np.zeros_like(seen), **models}.items():
-            v = seen[own] + left[own]
+        for name, own_residuals in {"measured": np.zeros_like(seen), **models}.items():
+            v = seen[own] + own_residuals[own]
             energy = (
                 0.5 * block.mass_kg * (v[:, :2] ** 2).sum(axis=1) + 0.5 * block.inertia_kg_m2 * v[:, 2] ** 2
             )

@@ -15,11 +15,11 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import squares
 from rock2d.diagnosis.replay import Releases, Signs, follow
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
-from rock2d.diagnosis.residual_regression import CLIP
+from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.drawing import Limits
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
-from rock2d.kinematics.sanity import MIRRORS
+from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.kinematics.states import drift
 from rock2d.scene.cross_section import CrossSection
 
@@ -71,7 +71,7 @@ def best_told(found: Attribution) -> str:
 
 def signs_of(result: Diagnosis) -> Signs:
     """Signs that put a mirrored axis right."""
-    return MIRRORS[result.sanity.mirror]
+    return MIRRORED_SIGNS[result.sanity.mirror]
 
 
 def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
@@ -95,7 +95,9 @@ def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with every axis put right."""
     seen = replace(result.setup, view=replace(result.setup.view, mirror=signs))
     impacts, states = data.impacts, data.states(seen).middle
-    ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    ends = (
+        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    )
     leaves = drift(seen, impacts.block, states[impacts.before], ends)
     arrives = drift(seen, impacts.block, states[impacts.after], impacts.begin_s)
     return 0.5 * (leaves + arrives)[:, :2]
@@ -103,7 +105,7 @@ def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     """(k, 2) positions of a few frames of the measured flights; of very many flights, some."""
-    flights = data.cut.flights
+    flights = data.segmentation.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
     for i in chosen:
@@ -130,7 +132,7 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
     impacts, middle = data.impacts, data.basis.middle
     start = middle[impacts.before[which]] + impacts.start_s[which]
     begin = middle[impacts.after[which]] + impacts.begin_s[which]
-    flights_end = data.film.t_s[data.cut.flights.last[impacts.after[which]] - 1]
+    flights_end = data.film.t_s[data.segmentation.flights.last[impacts.after[which]] - 1]
     end = np.minimum(flights_end, begin + AFTERWARDS * impacts.window_s[which])
     t = start[:, None] + np.linspace(0.0, 1.0, POINTS) * (end - start)[:, None]
     poses = {
@@ -157,9 +159,9 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
 
 
 def _sigma(square: float) -> str:
-    """Residuals count as CLIP at most, so a miss of that size may be any larger one."""
+    """Residuals count as LARGEST_RESIDUAL_SD at most, so a miss of that size may be any larger one."""
     root = float(np.sqrt(square))
-    return f"{root:.1f} σ" if root < 0.98 * CLIP else f"≥ {CLIP:g} σ"
+    return f"{root:.1f} σ" if root < 0.98 * LARGEST_RESIDUAL_SD else f"≥ {LARGEST_RESIDUAL_SD:g} σ"
 
 
 def distances(film: Releases, poses: Array) -> Array:

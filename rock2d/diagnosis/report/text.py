@@ -10,7 +10,7 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_RELEASES
+from rock2d.kinematics import sanity
 from rock2d.scene.cross_section import embankment_facets
 
 # what studies of such data found hard to tell apart
@@ -33,7 +33,11 @@ HINTS = {  # by what a dependence acts through, see `discrepancy`
     "outcome": "what comes out of impacts is shifted",
     "flight": "blocks in flight are accelerated",
 }
-SURE_Z = 2.0  # of a place where the gap lies
+SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
+UNIT_FAULTS = {
+    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.NO_MOTION, sanity.WRONG_GRAVITY
+}  # fmt: skip
+AXIS_FAULTS = {sanity.BELOW_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN}
 
 
 def spoken(name: str) -> str:
@@ -215,16 +219,16 @@ def ranking(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> list[s
 
 def what_to_do(content: Mapping[str, Any]) -> list[str]:
     """Advice where nothing could be diagnosed."""
-    faults = " ".join(content["sanity"]["faults"])
+    codes = set(content["sanity"].get("fault_codes", []))
     advice = []
-    if "too few" in faults:
+    if codes & {sanity.FEW_RELEASES, sanity.FEW_IMPACTS}:
         advice.append(
-            f"Film more releases: {FEWEST_RELEASES} with {FEWEST_IMPACTS} impacts between two flights are the least "
-            "with which causes can be told apart; some 30 of each block are comfortable."
+            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts between "
+            "two flights are needed to separate causes; about 30 of each block are comfortable."
         )
-    if any(word in faults for word in ("millimetres", "unit", "factor", "degrees", "frames/s")):
+    if codes & UNIT_FAULTS:
         advice.append("Check the units in the CSV (m, s, rad) and the frame rate in experiment.yaml.")
-    if any(word in faults for word in ("axis", "axes", "downwards", "upwards", "columns", "belong together")):
+    if codes & AXIS_FAULTS:
         advice.append(
             "Check that y points up, x towards the embankment, and that film and cross-section share one origin."
         )
@@ -247,7 +251,7 @@ def where_sentence(content: Mapping[str, Any]) -> str:
 
 def _located(content: Mapping[str, Any]) -> bool:
     """Whether the gap surely lies anywhere."""
-    return content["verdict"] != "none" and any(cell["z"] >= SURE_Z for cell in content["where"])
+    return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_PLACE_Z for cell in content["where"])
 
 
 def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, float]:

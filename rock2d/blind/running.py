@@ -65,7 +65,7 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
             found, data = result.found, result.data
             assert data is not None
             kept["statistics"] = found.statistics
-            kept["closures"] = {name: gap.closure for name, gap in (result.gaps or {}).items()}
+            kept["closures"] = {name: gap.share_closed for name, gap in (result.gaps or {}).items()}
             kept["regression_closure"] = share_closed_by_regression(data, found)
             kept["heldout"] = _heldout(case / "heldout", content)
             if without_best and found.chain[0].total > CLEARLY * found.chain[0].error:

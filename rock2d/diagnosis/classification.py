@@ -1,10 +1,10 @@
-"""From what the trial of the effects found to probabilities over the catalogue, "none" and "unknown".
+"""Classification: from the scores of the attribution to probabilities over the catalogue, "none" and "unknown".
 
-Three questions, each answered by a logistic regression on a few statistics of the trial (`statistics`): is there any
-effect at all; if so, is it one of the catalogue; if so, which. The regressions are trained on films of a foreign
-engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients, and which share of the
-films in which nothing shows hides something all the same. As no regression knows all that can happen, a small share of
-the probability stays with what was to be expected beforehand.
+Three logistic regressions on a few statistics of the attribution (`statistics`) answer three questions: is there an
+effect at all; if so, is it one of the catalogue; if so, which one. They are trained on films of the independent reality
+engine (`rock2d blind train`) whose causes are known. `weights.json` holds their coefficients and the share of films
+with an effect among those in which nothing is visible. A small share of the probability always follows the prior,
+because the training cannot contain every case.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Array = np.ndarray
 
 WEIGHTS = Path(__file__).with_name("weights.json")
 ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
-UNSEEN = "unseen"  # share of what looks like nothing and is something too faint to show
-PRIOR_SHARE = 0.02  # probability that the statistics say nothing of a case: nothing is ever surer than that
-PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
+UNSEEN = "unseen"  # share of films with an effect that is too faint to be visible
+PRIOR_SHARE = 0.02  # of the probability follows the prior
+PRIOR = {"none": 0.25, "unknown": 0.15}  # probabilities of the prior
 PRIOR_CATALOGUE = 0.6
-LARGEST_Z = 30.0  # standard errors beyond which more tells nothing new
-LARGEST_DEPENDENCE_Z = 6.0  # the same for one among many dependences
+LARGEST_Z = 30.0  # standard errors; more count as this
+LARGEST_DEPENDENCE_Z = 6.0  # the same for one of many dependences
 FAINT_LOG_GAIN, CLEAR_LOG_GAIN = (
     2.5,
     5.0,
@@ -40,7 +40,7 @@ FAINT_Z, CLEAR_Z = 1.5, 4.0  # of the largest of many gains: chance often gives 
 
 
 def predictable(found: RegressedResiduals) -> float:
-    """Mean square per statistic that the regression takes away."""
+    """Mean square per residual that the regression predicts."""
     taken = (found.impacts**2 - found.impacts_remaining**2).sum() + (
         found.flights**2 - found.flights_remaining**2
     ).sum()
@@ -48,7 +48,7 @@ def predictable(found: RegressedResiduals) -> float:
 
 
 def mean_square(found: RegressedResiduals) -> float:
-    """Mean square of what a model leaves, in units of noise and scatter."""
+    """Mean square of the residuals, in units of noise and scatter."""
     return float(
         ((found.impacts**2).sum() + (found.flights**2).sum()) / (found.impacts.size + found.flights.size)
     )
@@ -59,13 +59,13 @@ def statistics(
     best: str,
     base_regressed: RegressedResiduals,
     best_regressed: RegressedResiduals,
-    base_hidden: Sequence[Discrepancy],
-    best_hidden: Sequence[Discrepancy],
+    base_dependences: Sequence[Discrepancy],
+    best_dependences: Sequence[Discrepancy],
 ) -> dict[str, Any]:
-    """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
+    """The statistics of the three regressions: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
-    `base_regressed`, `best_regressed`: what the base and the last model leave;
-    `base_hidden`, `best_hidden`: the dependences beside each that no effect stands for, the strongest first.
+    `base_regressed`, `best_regressed`: residuals of the base and of the last model;
+    `base_dependences`, `best_dependences`: dependences in the residuals of each, the strongest first.
     """
     winner = candidates[best]
     effects = {}
@@ -80,21 +80,21 @@ def statistics(
             "gain": other.total,
             "error": other.error,
         }
-    hidden, still = base_hidden[0], best_hidden[0]
+    strongest, remaining_dependence = base_dependences[0], best_dependences[0]
     remaining, gap = predictable(best_regressed), predictable(base_regressed)
     base, final = mean_square(base_regressed), mean_square(best_regressed)
     reducible = max(base - final + max(remaining, 0.0), gap, 1e-9)
     flights = np.mean(best_regressed.flights**2) if best_regressed.flights.size else 1.0
     gain_z = significance(winner)
-    in_flight = [significance(d) for d in best_hidden if d.name.startswith(FLIGHT_LEVER)]
-    in_impacts = [significance(d) for d in best_hidden if not d.name.startswith(FLIGHT_LEVER)]
+    in_flight = [significance(d) for d in best_dependences if d.lever == FLIGHT_LEVER]
+    in_impacts = [significance(d) for d in best_dependences if d.lever != FLIGHT_LEVER]
     case = {
         "gain_z": float(np.clip(gain_z, 0.0, LARGEST_Z)),
-        "gain_seen": seen(gain_z),
+        "gain_seen": visible(gain_z),
         "gain_size": float(np.clip(log_gain(winner.total), FAINT_LOG_GAIN, CLEAR_LOG_GAIN) - FAINT_LOG_GAIN),
-        "hidden_seen": seen(significance(hidden)),
-        "left_hidden_z": float(np.clip(significance(still), 0.0, LARGEST_Z)),
-        "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
+        "hidden_seen": visible(significance(strongest)),
+        "left_hidden_z": float(np.clip(significance(remaining_dependence), 0.0, LARGEST_Z)),
+        "left_hidden_over_gain": log_gain(remaining_dependence.total) - log_gain(winner.total),
         "left_flight_z": float(np.clip(max(in_flight, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),
         "left_impact_z": float(np.clip(max(in_impacts, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),
         "left_share": float(np.clip(remaining / reducible, 0.0, 1.0)),
@@ -103,18 +103,18 @@ def statistics(
     }
     dependences = {
         when: {d.name: [d.total, d.error] for d in found}
-        for when, found in (("base", base_hidden), ("best", best_hidden))
+        for when, found in (("base", base_dependences), ("best", best_dependences))
     }
     return {"case": case, "effects": effects, "dependences": dependences}
 
 
-def seen(z: float) -> float:
-    """Standard errors above what chance often gives, up to where there is no doubt left."""
+def visible(z: float) -> float:
+    """Standard errors above what chance often gives, up to where there is no doubt."""
     return float(np.clip(z, FAINT_Z, CLEAR_Z) - FAINT_Z)
 
 
 def log_gain(total: float) -> float:
-    """Gain in log likelihood on a scale on which trifles are alike."""
+    """Gain in log likelihood on a logarithmic scale; 0 for no gain or a loss."""
     return float(np.log(max(total, 0.0) + 1.0))
 
 

@@ -56,7 +56,7 @@ def run_diagnosis(
                 bar.write(f"about {seconds:.0f} s with {processes} processes", file=sys.stderr)
 
         result = diagnose(
-            read, seed=seed, workers=processes, folder=out / PARTIAL, step=step, forecast=forecast
+            read, seed=seed, workers=processes, folder=out / PARTIAL, on_progress=step, on_forecast=forecast
         )
     content = diagnosis_json(result)
     write_report(result, content, out, progress=progress)

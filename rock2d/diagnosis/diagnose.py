@@ -1,4 +1,4 @@
-"""A whole diagnosis: from an experiment folder to diagnosis.json."""
+"""A whole diagnosis: from an experiment to the content of diagnosis.json."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for a film of which nothing could be tried
+UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
     400,
     220,
@@ -52,7 +52,7 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 
 @dataclass
 class Diagnosis:
-    """Everything found about an experiment. `data` and what follows are None where it could not be diagnosed."""
+    """Everything found about an experiment. From `data` on, fields are None if it could not be diagnosed."""
 
     experiment: Experiment
     sanity: Sanity
@@ -74,19 +74,19 @@ def diagnose(
     effects: Mapping[str, Effect] | None = None,
     workers: int = 1,
     folder: Path | None = None,
-    step: Callable[[str], None] = lambda name: None,
-    forecast: Callable[[float], None] = lambda seconds: None,
+    on_progress: Callable[[str], None] = lambda name: None,
+    on_forecast: Callable[[float], None] = lambda seconds: None,
 ) -> Diagnosis:
     """Diagnose an experiment.
 
     Parameters
     ----------
-    seed : of the bootstrap and the regression's trees
-    effects : those to try; default the whole catalogue
-    workers : processes that fit effects; the result does not depend on it
-    folder : where finished fits are kept, so that an interrupted diagnosis goes on
-    step : hears the name of each model when it is done
-    forecast : hears beforehand how many seconds it will take, roughly
+    seed : of the bootstrap
+    effects : to try; default the whole catalogue
+    workers : number of processes that fit effects; the result does not depend on it
+    folder : for finished fits, so that an interrupted diagnosis can continue
+    on_progress : called with the name of each model when it is done
+    on_forecast : called at the start with a rough number of seconds that the diagnosis will take
     """
     setup = setup_world(experiment)
     data: FilmData | TableData
@@ -111,14 +111,13 @@ def diagnose(
         keys += [experiment.cross_section.points_m, experiment.cross_section.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(
-        1
-    ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
+    # the matrices of the fits are small: several threads of linear algebra slow each other down
+    with threadpool_limits(1):
         tried = effects or catalogue()
-        forecast(_cost_s(setup, base_start(experiment), data, len(tried), workers))
+        on_forecast(_duration_s(setup, base_start(experiment), data, len(tried), workers))
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered)
-        step("base")
-        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=step)
+        on_progress("base")
+        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=on_progress)
     result.data, result.found = data, found
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
@@ -126,10 +125,10 @@ def diagnose(
     return result
 
 
-def _cost_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
-    """Expected seconds of all fits, from the time that one look at all impacts takes."""
+def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
+    """Expected seconds of all fits, from the time of one evaluation of all residuals."""
     model = Model(setup, start)
-    model_residuals(model, model.start(), data)  # the first look may compile
+    model_residuals(model, model.start(), data)  # the first evaluation may compile
     begin = perf_counter()
     model_residuals(model, model.start(), data)
     return (perf_counter() - begin) * (BASE_EVALUATIONS + EFFECT_EVALUATIONS * effects / workers)
@@ -138,12 +137,12 @@ def _cost_s(setup: World, start: Array, data: FilmData | TableData, effects: int
 def locate(
     experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
 ) -> list[Cell]:
-    """Where the gap lies; a flight belongs to the zone below its middle, a rest to that below its end."""
+    """Where the gap lies. A flight belongs to the zone below its middle, a rest to the zone below its end."""
     cross_section, blocks = experiment.cross_section, list(experiment.blocks)
     bare = None
     if found.verdict == found.best and not found.chain[0].effect.camera:
-        # The base's parameters have given way to the effect everywhere, and what air does shows in impacts, too:
-        # the law found with the effect, in the air found with it, tells where the ground is wrong.
+        # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
+        # found with the effect, in the air found with it, shows where the ground is wrong.
         model, p = found.final.fit.model, found.final.fit.p
         law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
@@ -153,10 +152,10 @@ def locate(
     if isinstance(data, FilmData):
         flights = data.segmentation.flights
         best = found.final.fit
-        seen = best.model.world(
+        fitted = best.model.world(
             best.p, data.impact_order
-        )  # in a mirrored film the set-up alone would be on the other side
-        below = _zone_below(cross_section, data.states(seen).middle[:, 0])
+        )  # the stated set-up would put a mirrored film on the wrong side
+        below = _zone_below(cross_section, data.states(fitted).middle[:, 0])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight):
@@ -231,7 +230,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     if found is None:
         suspects = result.sanity.suspects or ["none", *names]
         probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
-        for name in suspects:  # nothing was tried: none of them is likelier than another
+        for name in suspects:  # nothing was tried, so all are equally likely
             probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
         empty = {
             "unit": GAP_UNIT,
@@ -246,7 +245,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             "gap": empty, "next_release": "", "sanity": sanity,
         }  # fmt: skip
     assert result.data is not None and result.gaps is not None and result.cells is not None
-    # an effect that only widens the scatter closes a gap of spread; unless it is the verdict, the gap is that of means
+    # an effect that only widens the scatter closes a gap of spread; the gap of means counts unless it is the verdict
     named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
     first = max(named, key=lambda name: found.candidates[name].total)
     best = (
@@ -260,7 +259,7 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
             "base": base_values(c.fit),
             "heldout_score_gain": c.total,
             "heldout_score_gain_se": c.error,
-            "closure": result.gaps[name].closure,
+            "closure": result.gaps[name].share_closed,
             "closure_ci95": list(result.gaps[name].ci95),
         }
         for name, c in found.candidates.items()
@@ -275,8 +274,8 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "where": [vars(cell) for cell in result.cells],
         "gap": {
             "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
-            "closure": best.closure, "closure_ci95": list(best.ci95),
-            # as if only the fitted noise and scatter could ever remain: a lower bound of the closure
+            "closure": best.share_closed, "closure_ci95": list(best.ci95),
+            # with a floor of 1, the fitted noise and scatter: a lower bound of the share closed
             "closure_to_unit_variance": _to_unit(best),
         },
         "next_release": next_release(
@@ -288,31 +287,33 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         ],
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
-        "assumptions": [reading_in_words(found.base)],
+        "assumptions": [reading_sentence(found.base)],
         "sanity": sanity,
     }  # fmt: skip
 
 
-def reading_in_words(base: Fit) -> str:
-    """Which reading of the paper's rolling resistance the data chose."""
+def reading_sentence(base: Fit) -> str:
+    """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
     if base.model.setup.contact[..., INDENTATION].any():
         return (
-            "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
-            "until the block is clear of the original surface."
+            "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+            "rolling spring acts until the block is clear of the original surface."
         )
     return (
-        "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
-        "only while the ground presses."
+        "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+        "rolling spring acts only while the ground presses on the block."
     )
 
 
 def _to_unit(gap: Gap) -> float:
-    """Closure against a floor of 1; 0 where there is no gap to close."""
-    return (gap.base - gap.augmented) / (gap.base - 1.0) if gap.closure != 0.0 and gap.base > 1.0 else 0.0
+    """Share of the gap closed with a floor of 1; 0 where there is no gap."""
+    return (
+        (gap.base - gap.augmented) / (gap.base - 1.0) if gap.share_closed != 0.0 and gap.base > 1.0 else 0.0
+    )
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:
-    """The effects beside the verdict, in the order in which they were found, each with the parameters of all so far."""
+    """The effects beside the verdict, in the order found, each with the parameters of all effects up to it."""
     return [
         {
             "effect": c.effect.name,

@@ -1,11 +1,10 @@
-"""What no effect of the catalogue may explain, sought with the law's own levers: does the law, what happens before an
-impact, or what comes out of it depend on something that it should not?
+"""Discrepancies: dependences in the residuals of a model that no effect of the catalogue may explain.
 
-A regression that knows no mechanics (`leftover`) needs many impacts to find a pattern in six channels. Here a pattern
-is sought in a few numbers that move all channels together: the five parameters of the law, the six of the incident
-state and the outcomes themselves, each as a linear function of one group of measured things (place, orientation, number
-of the impact, ...). One Newton step answers for each pair of lever and group what it gains on releases that it did not
-see, beside the model's own parameters, which stay free.
+A regression without mechanics (`residual_regression`) needs many impacts to find a pattern in six channels. Here the
+search uses *levers*, a few numbers that move all channels together: the five parameters of the law, the six of the
+incident state, and the outcomes themselves. Each lever may be a linear function of one *group* of measured quantities
+(place, orientation, number of the impact, ...). One Newton step gives for each pair of lever and group the gain on
+held-out releases. The model's own parameters stay free in it.
 """
 
 from __future__ import annotations
@@ -24,20 +23,26 @@ from rock2d.diagnosis.significance import standard_error
 
 Array = np.ndarray
 
-COEFFICIENT_WIDTHS = (0.02, 0.1, 0.4)  # standard deviations of the coefficients that are tried
+COEFFICIENT_WIDTHS = (0.02, 0.1, 0.4)  # standard deviations of the coefficients, to be tried
 FLIGHT_COEFFICIENT_WIDTHS = (0.1, 1.0, 10.0)  # in standard deviations of a flight's bend
 OWN_PARAMETER_WIDTH = 10.0  # of the model's own parameters
 LARGEST_RESIDUAL_Z = 8.0  # standard deviations
-FLIGHT_LEVER = "flight"  # names of dependences of flights begin with it
+FLIGHT_LEVER = "flight"  # the accelerations of flights
 STATE_STEP = 0.003  # in units of the block's size and √(gravity × size)
 
 
 @dataclass
 class Discrepancy:
-    """What a dependence ("lever of group") would gain: log likelihood of held-out releases (releases,)."""
+    """A dependence of a lever on a group of quantities, and its gain in log likelihood on held-out releases
+    (releases,)."""
 
-    name: str
+    lever: str
+    group: str
     gain: Array
+
+    @property
+    def name(self) -> str:
+        return f"{self.lever} of {self.group}"
 
     @property
     def total(self) -> float:
@@ -50,7 +55,7 @@ class Discrepancy:
 
 
 def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:
-    """Every dependence that was sought, the one that gains most first."""
+    """Every dependence that was tried, the one that gains most first."""
     found = _of_impacts(fit, data) + _of_flights(fit, data)
     return sorted(found, key=lambda d: -d.total)
 
@@ -75,11 +80,11 @@ def _of_impacts(fit: Fit, data: Data) -> list[Discrepancy]:
     for group, features in data.impact_groups(world).items():
         for lever, slope in levers.items():
             if group == CONSTANT and lever != "incident state":
-                # the law is fitted; and what falls on the other side of an edge shifts outcomes to one side
+                # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
                 continue
             x = (slope[..., None] * features[:, None, None, :]).reshape(*r.shape, -1)
             gain = known * _best_gain(z, own, x, weight, fold)
-            found.append(Discrepancy(f"{lever} of {group}", _by_release(data.impact_release, gain, data)))
+            found.append(Discrepancy(lever, group, _by_release(data.impact_release, gain, data)))
     return found
 
 
@@ -101,7 +106,7 @@ def _by_state(fit: Fit, data: Data) -> Array:
 
 
 def _best_gain(z: Array, own: Array, x: Array, weight: Array, fold: Array) -> Array:
-    """(n,) held-out gain in log likelihood of the columns `x` (n, d, k) beside `own`, with the best of the widths."""
+    """(n,) held-out gain in log likelihood of the columns `x` (n, d, k) beside `own` (n, d, p), with the best width."""
     both = np.concatenate([own, x], axis=2)
     free = own.shape[2]
     moments = [_moments(z[fold == k], both[fold == k], weight[fold == k]) for k in range(FOLDS)]
@@ -131,7 +136,7 @@ def _log_likelihood(z: Array) -> Array:
 
 
 def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
-    """Accelerations along x, y and theta, each a linear function of one group of measured things."""
+    """Accelerations along x, y and theta, each a linear function of one group of measured quantities."""
     if not len(data.flight_release):
         return []
     z = np.clip(np.nan_to_num(fit.residuals.flights[:, :, 0]), -LARGEST_RESIDUAL_Z, LARGEST_RESIDUAL_Z)
@@ -153,7 +158,7 @@ def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
                     after = np.log1p((z[test, c] - x[test] @ step) ** 2 / FLIGHT_STUDENT_DF)
                     gains[i, test] += 0.5 * (FLIGHT_STUDENT_DF + 1) * (before - after)
         best = gains[gains.sum(axis=1).argmax()]
-        found.append(Discrepancy(f"{FLIGHT_LEVER} of {group}", _by_release(data.flight_release, best, data)))
+        found.append(Discrepancy(FLIGHT_LEVER, group, _by_release(data.flight_release, best, data)))
     return found
 
 

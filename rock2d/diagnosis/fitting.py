@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,9 +21,13 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters, to_sca
 Array = np.ndarray
 
 MOST_ITERATIONS = 15
+MOST_DAMPINGS = 5  # of a step that gains nothing
+START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
+WIDE_SCAN = 10.0  # factor on the variance of the second scan
 SCAN_VALUES = 9  # values of a parameter that a scan tries
 MOST_RESCANS = 3
+RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 COARSE_CONVERGED_GAIN = 2.0  # the same for an effect that gained nothing on some of the releases
 EXPLORED_GAIN = (
@@ -39,8 +44,16 @@ LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the base law that fo
 
 @dataclass
 class Fit:
-    """A fitted model: parameters, their covariance, the soil's scatter, and what is left; `free` unless its parameters
-    were found elsewhere."""
+    """A fitted model.
+
+    Attributes
+    ----------
+    p, p_covariance : (P,) parameters on the scale of `Model`, (P, P) their covariance
+    scatter : (k,) standard deviations of the soil
+    slope : derivatives of the residuals at p
+    residuals : at p
+    free : whether the parameters were fitted to this model; False where they were taken from another one
+    """
 
     model: Model
     p: Array
@@ -76,12 +89,12 @@ class Fit:
 
 
 def some_releases(data: Data) -> Array:
-    """(releases,) mask of as many releases, evenly from every series, as have about EXPLORED_IMPACTS impacts."""
+    """(releases,) mask of some releases, evenly from every series, with about EXPLORED_IMPACTS impacts in all."""
     return data.order % max(1, len(data.impact_release) // EXPLORED_IMPACTS) == 0
 
 
 def newton_step(curve: Array, grad: Array, p: Array, low: Array, high: Array) -> Array:
-    """(P,) step to subtract from `p`; a parameter at its bound that would pass it stays, and the others go without."""
+    """(P,) step to subtract from `p`. A parameter at its bound that would pass it stays; the others step without it."""
     free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
     step = np.zeros_like(p)
     step[free] = np.linalg.solve(curve[np.ix_(free, free)], grad[free])
@@ -89,10 +102,10 @@ def newton_step(curve: Array, grad: Array, p: Array, low: Array, high: Array) ->
 
 
 def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | None) -> Array:
-    """Parameters after a walk over a grid of each of the effects' parameters in turn.
+    """Best parameters of a grid search over the effects' parameters, one after another.
 
-    An effect can be so strong that the base law misses altogether where it acts, and no slope leads there. With the
-    `slope` of a fit nearby the base law follows each step.
+    An effect can be so strong that the residuals of the base law have no useful slope towards it. With the `slope` of a
+    fit nearby, the parameters of the base law follow each step of the grid.
     """
     low, high = model.bounds()
     parameters = [q for own in model.parameters for q in own]
@@ -141,38 +154,38 @@ def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | 
 def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
     """Fit a model with more effects than `base` has (which come first).
 
-    Some releases show the way (`explore`); from where it leads all of them are fitted. An effect that is worth it has
-    its noise worked out anew: where the base is far off, so is the way in which it passes noise on.
+    Parameters are explored on some releases first (`explore`); the fit to all of them starts there. For an effect that
+    gains enough, the covariance of the noise is computed again: that of a base far from the truth is wrong, too.
     """
-    start = np.concatenate([base.p, model.start()[len(base.p) :]])
+    start = _extended(base, model)
     some = some_releases(data)
     if some.all():
         found = explore(model, data, base)
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
-        way = explore(model, data.only(some), part)
-        worth = way.total() > part.total() + EXPLORED_GAIN
+        explored = explore(model, data.only(some), part)
+        useful = explored.total() > part.total() + EXPLORED_GAIN
         found = fit(
             model,
             data,
-            way.p if worth else start,
+            explored.p if useful else start,
             old=base,
-            enough=CONVERGED_GAIN if worth else COARSE_CONVERGED_GAIN,
+            enough=CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN,
         )
     if found.total() > base.total() + REFIT_GAIN:
         found = fit(model, data, found.p)
     if found.total() < base.total():
-        # what some releases liked the others do not: from the base, none can end below it
+        # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
         found = max((found, fit(model, data, start, old=base, enough=COARSE_CONVERGED_GAIN)), key=Fit.total)
     return found
 
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:
-    """The best of the fits from `base`, and from where `scan` leads with the variance as it is and with ten times as
-    much, which sees misses from afar; then again around the best, if it is worth it."""
-    start = np.concatenate([base.p, model.start()[len(base.p) :]])
+    """The best of several short fits: from `base`, and from two scans around it, one of them with a larger variance, which
+    reacts to large residuals. If the best one gains enough, scans around it follow."""
+    start = _extended(base, model)
     starts = [start]
-    for wide, slope in ((1.0, base.slope), (10.0, None)):
+    for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
         found = scan(model, data, start, wide * base.covariance(), slope)
         if not any(np.allclose(found, p) for p in starts):
             starts.append(found)
@@ -182,77 +195,123 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
         if np.allclose(again, best.p):
             break
         other = fit(model, data, again, old=best, rounds=EXPLORING_ITERATIONS)
-        if other.total() < best.total() + 1.0:
+        if other.total() < best.total() + RESCAN_GAIN:
             break
         best = other
     return best
 
 
-def fit(model: Model, data: Data, start: Array | None = None, keep: tuple[Array, Array] | None = None,
-        old: Fit | None = None, rounds: int = MOST_ITERATIONS, enough: float = CONVERGED_GAIN) -> Fit:  # fmt: skip
-    """Fit a model to the impacts and flights in `keep` (two boolean arrays; all by default).
+def fit(
+    model: Model,
+    data: Data,
+    start: Array | None = None,
+    old: Fit | None = None,
+    rounds: int = MOST_ITERATIONS,
+    enough: float = CONVERGED_GAIN,
+) -> Fit:
+    """Fit a model by damped Newton steps; the soil's scatter is fitted in turn with the parameters.
 
-    `old`: a fit whose noise covariance and scatter are taken as a start, and its slopes while the fit is near it.
+    Parameters
+    ----------
+    start : parameters to start from; default the base as it stands, without effects
+    old : a fit whose noise covariance and scatter are the start, and whose slopes are used near its parameters
+    rounds : most iterations
+    enough : gain in log likelihood of an iteration below which the fit has converged
     """
     low, high = model.bounds()
+    posterior = _Posterior(model, data, *prior(model))
     p = np.clip(model.start() if start is None else start, low, high)
-    if keep is None:
-        keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    centre, tight = prior(model)
-    begin, residuals = p, model_residuals(model, p, data)
-    own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
-    scatter = np.full(own + extra, 0.05)
-    if old is not None:
-        known = len(old.scatter) - extra
-        scatter[: min(known, own)] = old.scatter[: min(known, own)]
-        scatter[own:] = old.scatter[known:]
+    begin, at = p, _Point(p, model_residuals(model, p, data))
+    scatter = _start_scatter(model, data, old)
+    everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     slope: Slopes | None = old.slope if old is not None else None
-    damping = 1e-3
-    near = (
-        np.concatenate([old.p, model.start()[len(old.p) :]])
-        if old is not None
-        else np.full(model.size, np.inf)
-    )
-
-    def cost(r: Residuals, q: Array, covariance: Array) -> float:
-        return float(
-            -log_likelihood(r.impacts, covariance)[keep[0]].sum()
-            - flight_log_likelihood(r.flights)[keep[1]].sum()
-            + 0.5 * (tight * (q - centre) ** 2).sum()
-        )
-
-    curve = np.eye(model.size)
+    known_at = _extended(old, model) if old is not None else np.full(model.size, np.inf)
+    damping, curve = 1e-3, np.eye(model.size)
     for round in range(rounds):
-        # the noise of a start far away is not that of the end
-        stale = old is None and (round == 0 or (round == 2 and np.abs(p - begin).max() > NOISE_UPDATE_CHANGE))
-        noise = None if slope is None or stale else slope.covariance
-        known = old.slope if old is not None and np.abs(p - near).max() < DERIVATIVES_REUSE_CHANGE else None
-        slope = slopes(model, p, data, residuals, scatter, noise, known)
-        part = Slopes(
-            slope.impacts[keep[0]], slope.flights, slope.scatter[keep[0]], slope.covariance[keep[0]]
+        # the noise is computed again when the fit has moved far from its start
+        moved = round == 2 and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
+        noise = None if slope is None or (old is None and (round == 0 or moved)) else slope.covariance
+        near = old is not None and np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
+        slope = slopes(
+            model, at.p, data, at.residuals, scatter, noise, old.slope if old is not None and near else None
         )
-        scatter = fit_scatter(residuals.impacts[keep[0]], part, np.maximum(scatter, 3e-3))
+        scatter = fit_scatter(at.residuals.impacts, slope, np.maximum(scatter, SMALLEST_START_SCATTER))
         covariance = spread(slope, scatter)
-        curve, grad = normal_equations(residuals, slope, covariance, keep)
-        grad = grad + tight * (p - centre)
-        grad[discrete(model)] = 0.0  # chosen, not fitted
-        now = cost(residuals, p, covariance)
-        gain = 0.0
-        for _ in range(5):
-            regular = curve + np.diag(tight + damping * np.diag(curve))
-            ahead = np.clip(p - newton_step(regular, grad, p, low, high), low, high)
-            if grad @ (p - ahead) < 0.2 * enough:  # a parabola promises half of it
-                break
-            trial = model_residuals(model, ahead, data)
-            gain = now - cost(trial, ahead, covariance)
-            if gain > 0.0:
-                p, residuals = ahead, trial
-                damping = max(damping / 10, 1e-6)
-                break
-            damping *= 10
+        curve, grad = normal_equations(at.residuals, slope, covariance, everything)
+        grad = grad + posterior.tight * (at.p - posterior.centre)
+        grad[discrete(model)] = 0.0  # a scan chooses them
+        at, damping, gain = _advance(posterior, at, covariance, curve, grad, damping, enough)
         if gain < enough:
             break
     assert slope is not None
     for i, k in enumerate(scatters(model)):
-        p[k] = scatter[len(BASE_WIDTH) + i]
-    return Fit(model, p, np.linalg.inv(curve + np.diag(tight)), scatter, slope, residuals)
+        at.p[k] = scatter[len(BASE_WIDTH) + i]
+    p_covariance = np.linalg.inv(curve + np.diag(posterior.tight))
+    return Fit(model, at.p, p_covariance, scatter, slope, at.residuals)
+
+
+class _Point(NamedTuple):
+    """Parameters and the residuals there."""
+
+    p: Array
+    residuals: Residuals
+
+
+class _Posterior(NamedTuple):
+    """Model, data, and the prior of the parameters: its centre and 1 / variance."""
+
+    model: Model
+    data: Data
+    centre: Array
+    tight: Array
+
+    def cost(self, at: _Point, covariance: Array) -> float:
+        """Minus the log posterior, to a constant."""
+        return float(
+            -log_likelihood(at.residuals.impacts, covariance).sum()
+            - flight_log_likelihood(at.residuals.flights).sum()
+            + 0.5 * (self.tight * (at.p - self.centre) ** 2).sum()
+        )
+
+
+def _advance(
+    posterior: _Posterior,
+    at: _Point,
+    covariance: Array,
+    curve: Array,
+    grad: Array,
+    damping: float,
+    enough: float,
+) -> tuple[_Point, float, float]:
+    """One damped Newton step: (point, damping, gain). The damping grows until the step gains; the gain is not positive
+    where none does."""
+    model, data, _, tight = posterior
+    low, high = model.bounds()
+    now, gain = posterior.cost(at, covariance), 0.0
+    for _ in range(MOST_DAMPINGS):
+        regular = curve + np.diag(tight + damping * np.diag(curve))
+        ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
+        if grad @ (at.p - ahead) < 0.2 * enough:  # the gain of a parabola is half of it
+            break
+        trial = _Point(ahead, model_residuals(model, ahead, data))
+        gain = now - posterior.cost(trial, covariance)
+        if gain > 0.0:
+            return trial, max(damping / 10, 1e-6), gain
+        damping *= 10
+    return at, damping, gain
+
+
+def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
+    """Scatter of the soil, of the effects that scatter, and of the noise that is fitted, from which a fit starts."""
+    own, extra = len(BASE_WIDTH) + len(model.scatter_effects), data.extra_scatter().shape[-1]
+    scatter = np.full(own + extra, START_SCATTER)
+    if old is not None:
+        known = len(old.scatter) - extra
+        scatter[: min(known, own)] = old.scatter[: min(known, own)]
+        scatter[own:] = old.scatter[known:]
+    return scatter
+
+
+def _extended(fit: Fit, model: Model) -> Array:
+    """Parameters of a model with more effects than `fit` has (which come first): the further ones are neutral."""
+    return np.concatenate([fit.p, model.start()[len(fit.p) :]])

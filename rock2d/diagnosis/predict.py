@@ -1,8 +1,9 @@
-"""A diagnosed model on another experiment of the same set-up: every stretch from one flight to the next."""
+"""Prediction with a diagnosed model of another experiment with the same set-up: every segment of its film."""
 
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,11 +27,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
+OLD_LAW_KEYS = {"rolling_in_crater": "rolling_in_indentation"}
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
 def read_model(path: str | Path) -> dict[str, Any]:
-    """diagnosis.json, checked for what a prediction needs; raises `InputError`."""
+    """Content of diagnosis.json, checked for what a prediction needs.
+
+    Raises InputError if it cannot be used; warns if it has keys with old names.
+    """
     path = Path(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -47,7 +52,17 @@ def read_model(path: str | Path) -> dict[str, Any]:
                 f"expected base parameters {', '.join(BASE_NAMES)}; this diagnosis has none to predict with",
                 path,
             )
-    return content
+    return _with_current_keys(content, path)
+
+
+def _with_current_keys(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content with the current name of each key that had another one."""
+    law = content.get("law", {})
+    for old, key in OLD_LAW_KEYS.items():
+        if old in law:
+            warnings.warn(f"{path}: law.{old} is an old name of law.{key}", stacklevel=3)
+            law = {key: law[old]} | {name: value for name, value in law.items() if name != old}
+    return {**content, "law": law}
 
 
 def _positive(value: Any) -> bool:
@@ -96,16 +111,16 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
-    # the same part of the series: both experiments are taken to span it
+    # both experiments are assumed to cover the same series of releases
     block = film.release_block
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
     world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
-    return pd.DataFrame(_stretches(film, data, world, flights), columns=list(COLUMNS))
+    return pd.DataFrame(_segments(film, data, world, flights), columns=list(COLUMNS))
 
 
-def _stretches(film: Film, data: FilmSegments, world: World, flights: Array) -> dict[str, Array]:
-    """Rows of all stretches that begin with one of `flights`."""
+def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> dict[str, Array]:
+    """Rows of all segments that begin with one of `flights`."""
     own, scale = data.segmentation.flights, world.view.time_scale
     ends = np.searchsorted(film.release, own.release[flights], side="right")
     following = {int(before): i for i, before in enumerate(own.follows) if before >= 0}

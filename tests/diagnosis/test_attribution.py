@@ -1,4 +1,4 @@
-"""What a diagnosis says of films whose hidden effect is known; the engine is the same, so the answers must be exact."""
+"""Diagnoses of films whose hidden effect is known. The engine is the same, so the answers must be exact."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def test_result_does_not_depend_on_the_number_of_processes():
     assert one == two
 
 
-def test_a_law_that_an_effect_has_led_to_is_the_bases():
-    """A base left at a poor law would make any effect look good, whose fit finds the law on its way."""
+def test_a_better_law_found_with_an_effect_becomes_the_base():
+    """With a poor base any effect would look good, because its fit finds the better law."""
     experiment = film(world(), 12, seed=2)
     setup, start = setup_world(experiment), base_start(experiment)
     data = FilmData.of(load_film(experiment), setup)
@@ -100,7 +100,7 @@ def test_a_law_that_an_effect_has_led_to_is_the_bases():
     assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
 
 
-def test_an_interrupted_diagnosis_goes_on_and_says_the_same(tmp_path):
+def test_an_interrupted_diagnosis_continues_with_the_same_result(tmp_path):
     experiment = film(world(), 8, seed=3)
     effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
 
@@ -109,7 +109,7 @@ def test_an_interrupted_diagnosis_goes_on_and_says_the_same(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose(experiment, effects=effects, folder=tmp_path, step=stop_after_one)
+        diagnose(experiment, effects=effects, folder=tmp_path, on_progress=stop_after_one)
     kept = list(tmp_path.rglob("*.npz"))
     assert [path.stem.rsplit("_", 1)[0] for path in kept] == ["angle_offset"]
     before = kept[0].stat().st_mtime_ns

@@ -16,7 +16,7 @@ from rock2d.diagnosis.report import page
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.sanity import Sanity
+from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from tests.kinematics.synthetic_films import film, series_order, world
@@ -50,9 +50,9 @@ class Page(HTMLParser):
 def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
     """A diagnosis with coarse fits, which take the soil's scatter as given: a page need not be right to be whole."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "fit_scatter", lambda left, slope, start: start)
-        patch.setattr(fitting, "GRID", 3)
-        patch.setattr(fitting, "RESCANS", 0)
+        patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
+        patch.setattr(fitting, "SCAN_VALUES", 3)
+        patch.setattr(fitting, "MOST_RESCANS", 0)
         return diagnose(experiment, effects=effects)
 
 
@@ -99,7 +99,7 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
     gap = content["gap"]
-    assert text.closure(gap["closure"], gap["closure_ci95"]) in page.text
+    assert text.share_closed(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
     for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "takes for granted"):
         assert words in page.text
@@ -121,14 +121,18 @@ def test_what_cannot_be_diagnosed_gets_advice_only(written):
     result = quick(experiment, **EFFECTS)
     assert result.found is None
     page, text = written(result)
-    assert "too poor to diagnose" in page.text and result.sanity.faults[0] in page.text
+    assert "too poor to diagnose" in page.text and result.sanity.faults[0].message in page.text
     assert "Film more releases" in page.text
     assert not {"img", "video", "script"} & set(page.tags) and "<script>" not in text
 
 
 def test_remarks_are_shown_and_escaped(written):
     experiment = film(world(), 2)
-    result = Diagnosis(experiment, Sanity(["a <b>fault</b>"], ["a <i>remark</i>"]), setup_world(experiment))
+    result = Diagnosis(
+        experiment,
+        Sanity([Fault("length_unit", "a <b>fault</b>")], ["a <i>remark</i>"]),
+        setup_world(experiment),
+    )
     page, _ = written(result)
     assert "a <b>fault</b>" in page.text and "a <i>remark</i>" in page.text
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.derivatives import slopes, spread
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -62,7 +64,7 @@ def test_states_are_unbiased_and_as_sure_as_they_say(view):
     data = FilmData.of(read, true)
     exact = load_film(clean)
     exact.noise = read.noise
-    truth = replace(data, cut=replace(data.segmentation, film=exact)).states(true).middle
+    truth = replace(data, segmentation=replace(data.segmentation, film=exact)).states(true).middle
     error = data.states(true).middle - truth
     covariance = data.true_covariance(true, np.arange(len(truth)), np.zeros(len(truth)), truth)
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -78,7 +80,7 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
         experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
     )
     setup = setup_world(experiment)
-    count = [len(FilmData.of(load_film(e), setup).cut.flights) for e in (experiment, raised)]
+    count = [len(FilmData.of(load_film(e), setup).segmentation.flights) for e in (experiment, raised)]
     assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
 
 
@@ -94,16 +96,13 @@ def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
     data = FilmData.of(load_film(experiment), setup_world(experiment))
-    left = data.residuals(true)
+    residuals = data.residuals(true)
     assert len(data.impacts) > 30
-    assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
-    from rock2d.diagnosis.fitting import chi_square, slopes, spread
-    from rock2d.diagnosis.model import Model
-
+    assert (residuals.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
     model = Model(true, base)
-    slope = slopes(model, np.zeros(5), data, left, np.full(5, 0.05))
-    chi2 = chi_square(left.impacts, spread(slope, np.full(5, 1e-4))) / 6
+    slope = slopes(model, np.zeros(5), data, residuals, np.full(5, 0.05))
+    chi2 = chi_square(residuals.impacts, spread(slope, np.full(5, 1e-4))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
 
 

@@ -228,7 +228,7 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked if open_gap]
     closure_axis = axis_over([100 * v for _, c, ci in closures for v in (c, *ci)] + [100.0])
     marks = {
-        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.closure(c, ci))
+        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.share_closed(c, ci))
         for name, c, ci in closures
     }
     return {
@@ -238,7 +238,7 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
         "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
-        "closure_text": text.closure(gap["closure"], gap["closure_ci95"]),
+        "closure_text": text.share_closed(gap["closure"], gap["closure_ci95"]),
         "closures": [(name, strip(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
         "closure_scale": scale(closure_axis),
     }

@@ -80,7 +80,7 @@ def interval(low: float, high: float) -> str:
     return f"{number(low, half)} to {number(high, half)}"
 
 
-def closure(value: float, ci95: Sequence[float]) -> str:
+def share_closed(value: float, ci95: Sequence[float]) -> str:
     """Share of the gap that a model closes, with its interval."""
     low, high = (round(100 * v) for v in ci95)
     if low == high == 0 and value == 0.0:
@@ -151,7 +151,7 @@ def key_figures(
         tiles.append(Tile("Gap", f"{gap['base']:.2f}", f"noise and soil alone make {gap['noise_floor']:.2f}"))
         tiles.append(Tile("Nearest to an effect", spoken(ranked[0]), f"{gain} on releases that no fit saw"))
         return tiles
-    closed = closure(gap["closure"], gap["closure_ci95"])
+    closed = share_closed(gap["closure"], gap["closure_ci95"])
     if verdict == "unknown":
         tiles.append(
             Tile("Gap closed", closed, f"by the best that was tried, {listed(chain)}; 95 % interval")
@@ -179,7 +179,7 @@ def _gain(scored: Mapping[str, Any]) -> str:
 
 def _closed(content: Mapping[str, Any], effect: str) -> str:
     own = content["effects"][effect]
-    return closure(own["closure"], own["closure_ci95"])
+    return share_closed(own["closure"], own["closure_ci95"])
 
 
 def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
@@ -223,8 +223,8 @@ def what_to_do(content: Mapping[str, Any]) -> list[str]:
     advice = []
     if codes & {sanity.FEW_RELEASES, sanity.FEW_IMPACTS}:
         advice.append(
-            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts between "
-            "two flights are needed to separate causes; about 30 of each block are comfortable."
+            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts "
+            "between two flights are needed to separate causes; about 30 of each block are comfortable."
         )
     if codes & UNIT_FAULTS:
         advice.append("Check the units in the CSV (m, s, rad) and the frame rate in experiment.yaml.")

@@ -85,8 +85,8 @@ class Attribution:
 def fit_base(setup: World, base: Array, data: Data, registered: World | None = None) -> Fit:
     """The paper's law with its own parameters refitted.
 
-    The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the rolling
-    resistance are tried (`ContactParameters.rolling_in_indentation`); the better one stays in the set-up of the model.
+    The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the
+    rolling resistance are tried (`ContactParameters.rolling_in_indentation`); the better one stays in the set-up.
 
     If the film was segmented in another world than the stated one (`registered`), the law is fitted there and used
     without a further fit on the stated set-up, where blocks would fall into the ground. The gains of effects over such
@@ -196,7 +196,7 @@ def _next(
     workers: int,
     on_progress: Callable[[str], None],
 ) -> Candidate | None:
-    """The effect that gains most beside those of the chain. Tried are those that gained most alone and scatter nothing."""
+    """The effect that gains most beside those of the chain, of the effects without scatter that gained most alone."""
     names = tuple(c.effect.name for c in chain)
     others = [c for c in candidates.values() if c.effect.name not in names and not c.effect.scatter]
     others = sorted(others, key=lambda c: -c.total)[:FURTHER_EFFECTS_TRIED]

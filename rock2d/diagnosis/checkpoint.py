@@ -1,4 +1,4 @@
-"""Fits on disk, so that an interrupted diagnosis goes on where it stopped: plain arrays, one file each."""
+"""Fits on disk, so that an interrupted diagnosis can continue: plain arrays, one file for each fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = np.ndarray
 
 
 def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
-    """Write a fit and what it leaves of held-out releases; whole or not at all."""
+    """Write a fit and its held-out residuals; whole or not at all."""
     partial = path.with_suffix(".partial")
     with open(partial, "wb") as file:
         np.savez(
@@ -32,7 +32,7 @@ def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
 
 
 def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
-    """What `save_fit` wrote, or None if there is nothing that can be read."""
+    """Read what `save_fit` wrote; None if there is no readable file."""
     try:
         with np.load(path, allow_pickle=False) as found:
             a = dict(found)
@@ -45,7 +45,7 @@ def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
 
 
 def fingerprint(*arrays: Array) -> str:
-    """What the fits of a folder belong to: the data, and the code that made them."""
+    """Identifier of the data and of the code that fits belong to."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -1,9 +1,9 @@
-"""Models tried against each other on releases that their fits did not see.
+"""Cross-validation: the score of a model on held-out releases.
 
-The releases are split into folds. A model fitted to all of them is moved, for each fold, by one Newton step to what it
-would be without that fold (its parameters hardly move, so one step is exact enough), and then simulated on the fold.
-Where the releases say too little and the step becomes a leap, it is halved until it costs the other folds next to
-nothing.
+The releases are split into folds. For each fold, one Newton step takes the model from its fit to all releases to the
+fit without that fold. The parameters change little, so one step is accurate enough. The model is then simulated on the
+fold. Where the releases determine the parameters poorly and the step is too long, it is halved until its cost on the
+other folds is small.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ Array = np.ndarray
 
 FOLDS = 4
 ACCEPTED_COST = 1.0  # log likelihood that a step may cost the folds that it is fitted to
-MOST_HALVINGS = 6  # of a step that leads nowhere; then none is taken
+MOST_HALVINGS = 6  # of a step; without success no step is taken
 
 
 @dataclass
 class HeldOut:
-    """What a model leaves unexplained on releases that it was not fitted to.
+    """Residuals and scores of a model on held-out releases.
 
     Attributes
     ----------
-    left : residuals of all impacts and flights, each predicted by the fit without its fold
+    residuals : of all impacts and flights, each predicted by the fit without its fold
     score : (releases,) log likelihood of each release
     """
 
@@ -55,7 +55,7 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
         keep = impact_fold != k, flight_fold != k
         curve, grad = normal_equations(fit.residuals, fit.slope, covariance, keep)
         grad += tight * (fit.p - centre)
-        grad[discrete(fit.model)] = 0.0  # chosen, not fitted
+        grad[discrete(fit.model)] = 0.0  # a scan chose them
         step = newton_step(curve + np.diag(tight), grad, fit.p, low, high)
         before = _cost(fit.residuals, covariance, keep, fit.p - centre, tight)
         for _ in range(MOST_HALVINGS):
@@ -74,7 +74,7 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
 def _cost(
     residuals: Residuals, covariance: Array, keep: tuple[Array, Array], off: Array, tight: Array
 ) -> float:
-    """Minus the log posterior of the impacts and flights in `keep`, of parameters `off` the prior's centre."""
+    """Minus the log posterior of the impacts and flights in `keep`; `off` is the distance from the prior's centre."""
     impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
     return float(0.5 * (tight * off**2).sum() - impacts[keep[0]].sum() - flights[keep[1]].sum())
 

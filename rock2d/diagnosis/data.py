@@ -1,4 +1,4 @@
-"""What models are fitted to, and the residuals of a model."""
+"""The data of a fit (measured segments), and the residuals of a model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Residuals:
 
 
 class Data(Protocol):
-    """Measured segments that models are fitted to: `film_data.FilmData` or `table_data.TableData`."""
+    """Measured segments that models are fitted to: `film_data.FilmData` or `impact_table_data.TableData`."""
 
     order: Array  # (releases,) place of each release in its block's series
 
@@ -54,7 +54,7 @@ class Data(Protocol):
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
-        """What a world leaves unexplained; `shift` (6,) or (n, 6) is added to the states before the impacts."""
+        """Residuals in a world; `shift` (6,) or (n, 6) is added to the states before the impacts."""
 
     def incident(self, world: World) -> Array:
         """(n, 6) states before the impacts."""
@@ -66,21 +66,21 @@ class Data(Protocol):
         """(n, d, d) covariance of the residuals of impacts from the measurement after them."""
 
     def extra_scatter(self) -> Array:
-        """(n, d, k) directions of noise whose size is not known and is fitted with the soil's."""
+        """(n, d, k) directions of noise whose size is fitted together with the soil's scatter."""
 
     def impact_features(self, world: World) -> Array:
-        """(n, features) what is known of each impact before it happens."""
+        """(n, features) of each impact, known before it happens."""
 
     def impact_groups(self, world: World) -> dict[str, Array]:
-        """Name -> (n, features): groups of what each impact may depend on, standardised."""
+        """Name -> (n, features): groups of quantities that an impact may depend on, standardised."""
 
     def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
-        """How much each flight (m,) bends under an acceleration; groups of what that may depend on, as above."""
+        """Bend of each flight (m,) under an acceleration; groups of quantities that it may depend on, as above."""
 
     def flight_features(self, world: World) -> Array:
-        """(m, features) what is known of each flight."""
+        """(m, features) of each flight."""
 
 
 def model_residuals(model: Model, p: Array, data: Data, shift: Array | None = None) -> Residuals:
-    """Everything that the model at p leaves unexplained."""
+    """Residuals of the model at p; see `Data.residuals`."""
     return data.residuals(model.world(p, data.impact_order), shift)

@@ -8,6 +8,7 @@ import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals, model_residuals
 from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, from_scale, scatters
+from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
 
@@ -16,12 +17,20 @@ DIFFERENCE_STEP = 0.02  # of a parameter's scale
 
 @dataclass
 class Slopes:
-    """Derivatives of the residuals: by parameters, by the state before (n, 6, 6), by the soil's scatter (n, 6, k)."""
+    """Derivatives of the residuals.
 
-    impacts: Array  # (n, 6, parameters)
-    flights: Array  # (m, 3, degrees, parameters)
+    Attributes
+    ----------
+    impacts : (n, d, P) of impacts by parameters
+    flights : (m, 3, degrees, P) of flights by parameters
+    scatter : (n, d, k) of impacts by the soil's scatter
+    covariance : (n, d, d) of the measurement noise in the residuals of impacts
+    """
+
+    impacts: Array
+    flights: Array
     scatter: Array
-    covariance: Array  # (n, 6, 6) of measurement noise
+    covariance: Array
 
 
 def slopes(
@@ -33,8 +42,15 @@ def slopes(
     covariance: Array | None = None,
     known: Slopes | None = None,
 ) -> Slopes:
-    """Derivatives at p by differences; `covariance` of measurement noise is worked out, at this scatter `soil`,
-    unless given. `known`: derivatives at the same place by the first parameters."""
+    """Derivatives at p by differences.
+
+    Parameters
+    ----------
+    at : residuals at p
+    soil : (k,) scatter at which the covariance of the noise is computed
+    covariance : of the noise, if it is known
+    known : derivatives by the first parameters at the same place, if they are known
+    """
     (n, d), size = at.impacts.shape, model.size
     by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
     _, high = model.bounds()
@@ -50,7 +66,7 @@ def slopes(
         by_flights[..., k] = (ahead.flights - at.flights) / step
     columns = [by_impacts[..., : len(BASE_WIDTH)]]
     for i, effect in enumerate(model.effects):
-        if effect.scatter:  # the same amount at every impact
+        if effect.scatter:  # differentiated by the same amount at every impact
             amounts = [list(v) for v in model.values(p)]
             amounts[i] = [from_scale(model.parameters[i][0], DIFFERENCE_STEP)]
             moved = data.residuals(model.world(p, data.impact_order, amounts))
@@ -62,18 +78,18 @@ def slopes(
 
 
 def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
-    """(n, d, d) of the residuals, from the noise of the measured states before and after, and from what the soil's
-    scatter (5,) does beyond its slope.
+    """(n, d, d) covariance of the residuals, from the noise of the measured states before and after, and from the
+    second-order part of the soil's scatter (5,).
 
-    To second order: near an edge of what may happen (a corner that lands just before or after another) the state
-    before says less of the state after than its slope there promises. Of r = a x + b x² the variance is a² + 2 b² if x
-    is normal.
+    Second order matters where a small change of the state before changes the impact, for example which corner lands
+    first. There the slope alone understates the variance of the state after. For r = a x + b x² with a standard normal
+    x, the variance is a² + 2 b².
     """
     before = data.state_noise(model.world(p, data.impact_order))
     sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
     slope, bend = [], []
-    for k in range(6):
-        shift = sigma[k] * (np.arange(6) == k)
+    for k in range(STATE_SIZE):
+        shift = sigma[k] * (np.arange(STATE_SIZE) == k)
         ahead, behind = model_residuals(model, p, data, shift), model_residuals(model, p, data, -shift)
         slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
         bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
@@ -94,6 +110,6 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
 
 
 def spread(slope: Slopes, scatter: Array) -> Array:
-    """(n, 6, 6) covariances at standard deviations `scatter` (k,) of the soil."""
+    """(n, d, d) covariances at standard deviations `scatter` (k,) of the soil."""
     wide = slope.scatter * scatter
     return slope.covariance + wide @ wide.transpose(0, 2, 1)

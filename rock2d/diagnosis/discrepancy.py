@@ -20,6 +20,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import FLIGHT_STUDENT_DF, IMPACT_STUDENT_DF, chi_square
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import standard_error
+from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 
 Array = np.ndarray
 
@@ -95,8 +96,8 @@ def _by_state(fit: Fit, data: Data) -> Array:
     pace = np.sqrt(world.gravity_m_s2 * size)
     units = STATE_STEP * np.column_stack([size, size, np.ones_like(size), pace, pace, pace / size])
     columns = []
-    for k in range(6):
-        shift = units * (np.arange(6) == k)
+    for k in range(STATE_SIZE):
+        shift = units * (np.arange(STATE_SIZE) == k)
         ahead, behind = (
             model_residuals(fit.model, fit.p, data, shift),
             model_residuals(fit.model, fit.p, data, -shift),
@@ -149,7 +150,7 @@ def _of_flights(fit: Fit, data: Data) -> list[Discrepancy]:
         gains = np.zeros((len(FLIGHT_COEFFICIENT_WIDTHS), len(z)))
         for k in range(FOLDS):
             train, test = fold != k, fold == k
-            for c in range(3):
+            for c in range(POSE_SIZE):
                 heavy = weight[train, c, None] * x[train]
                 curve, grad = heavy.T @ x[train], heavy.T @ z[train, c]
                 before = np.log1p(z[test, c] ** 2 / FLIGHT_STUDENT_DF)

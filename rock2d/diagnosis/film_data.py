@@ -120,7 +120,7 @@ class FilmData(FilmSegments):
         )
 
     def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
-        """How much each flight (m,) bends under an acceleration, and groups of what accelerations may depend on."""
+        """Bend of each flight (m,) under an acceleration, and groups of quantities that accelerations may depend on."""
         x, y, theta, vx, vy, w = self.states(world).middle.T
         speed = np.hypot(vx, vy)
         groups = {

@@ -181,8 +181,8 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
 
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:
-    """The best of several short fits: from `base`, and from two scans around it, one of them with a larger variance, which
-    reacts to large residuals. If the best one gains enough, scans around it follow."""
+    """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
+    reacts to large residuals. If the best fit gains enough, scans around it follow."""
     start = _extended(base, model)
     starts = [start]
     for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):

@@ -1,8 +1,8 @@
 """The sim-to-real gap: how large it is, which share of it an effect closes, and where it lies, on held-out releases.
 
-The *gap* of a model is the mean square of its held-out residuals, in standard deviations of noise and the soil's scatter
-(one number for each channel of every impact and flight, clipped). The *noise floor* is the mean square that remains
-after a flexible regression has subtracted everything that it can predict.
+The *gap* of a model is the mean square of its held-out residuals, in standard deviations of noise and the soil's
+scatter (one number for each channel of every impact and flight, clipped). The *noise floor* is the mean square that
+remains after a flexible regression has subtracted everything that it can predict.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
 
 
 def share_closed_by_regression(data: Data, found: Attribution) -> float:
-    """Share of the gap that a flexible regression on top of the base law closes, without effects; 0 where there is no gap."""
+    """Share of the gap that a flexible regression on top of the base law closes, without effects; 0 without a gap."""
     floors = _floors(data, found.base_regressed, found.best_regressed).sum(axis=1)
     _, _, base, flexible = floors
     return float((base - flexible) / (base - floors.min())) if base > floors.min() else 0.0

@@ -23,7 +23,10 @@ PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it
 
 
 def log_likelihood(r: Array, covariance: Array) -> Array:
-    """(n,) of impacts; Student, to a constant. NaN rows count as very improbable."""
+    """(n,) log likelihood of the residuals r (n, d) of impacts, to a constant: Student with a covariance (n, d, d).
+
+    Rows with NaN count as very improbable.
+    """
     d = r.shape[1]
     chi2 = chi_square(r, covariance)
     return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(
@@ -32,19 +35,19 @@ def log_likelihood(r: Array, covariance: Array) -> Array:
 
 
 def chi_square(r: Array, covariance: Array) -> Array:
-    """(n,) of impacts, at most LARGEST_CHI_SQUARE, which is also what an impact that cannot be simulated gets."""
+    """(n,) chi-square of impacts, at most LARGEST_CHI_SQUARE. An impact that cannot be simulated gets that value."""
     tame = np.nan_to_num(r, nan=0.0, posinf=0.0, neginf=0.0)
     chi2 = np.einsum("ni,ni->n", tame, np.linalg.solve(covariance, tame[..., None])[..., 0])
     return np.where(np.isfinite(r).all(axis=1) & (chi2 < LARGEST_CHI_SQUARE), chi2, LARGEST_CHI_SQUARE)
 
 
 def flight_log_likelihood(r: Array) -> Array:
-    """(m,) of flights."""
+    """(m,) log likelihood of the residuals r (m, 3, degrees) of flights, to a constant."""
     return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
 
 
 def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
-    """(k,) standard deviations of the soil that make the impacts most probable."""
+    """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d)."""
     from scipy.optimize import minimize
 
     good = np.isfinite(r).all(axis=1)

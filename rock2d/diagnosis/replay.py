@@ -1,6 +1,6 @@
-"""Simulated again as it was filmed: from a measured flight on, at the camera's instants and in its frame.
+"""Filmed releases simulated again: from a measured flight on, at the camera's instants and in its frame.
 
-Poses are those that the camera records, with the sign of a mirrored axis put right, so that measured and simulated ones
+Poses are those that the camera records, with the sign of a mirrored axis corrected, so that measured and simulated ones
 lie on the same cross-section.
 """
 
@@ -46,7 +46,7 @@ class Releases:
 
 
 def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
-    """Every release that has a flight; where there are more frames in all than `most_frames`, one in so many."""
+    """Every release that has a flight; if there are more frames in all than `most_frames`, every k-th of them."""
     film, flights = data.film, data.segmentation.flights
     first = np.flatnonzero(flights.follows < 0)
     ends = np.searchsorted(film.release, flights.release[first], side="right")
@@ -66,7 +66,7 @@ def simulated_releases(
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
 
-    The soil varies from impact to impact; few impacts of a release matter, so it is drawn once for each.
+    The soil varies from impact to impact. Few impacts of a release matter, so one soil is drawn for each release.
     """
     order = data.order[film.release]
     if not repetitions:
@@ -80,10 +80,10 @@ def simulated_releases(
 
 
 def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
-    """The world with a soil of its own for each of n releases."""
+    """The world with another soil for each of n releases."""
     rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
     draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
-    draw[..., 1] += draw[..., 0]  # the scatter is that of k_ul / k_l
+    draw[..., 1] += draw[..., 0]  # from k_ul / k_l to k_ul
     rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
     rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
     return replace(world, contact=rows)

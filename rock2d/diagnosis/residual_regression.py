@@ -1,8 +1,8 @@
-"""What any model could still explain: a flexible regression of the residuals on everything measured.
+"""A flexible regression of the residuals on everything measured: what any model could still explain.
 
-An effect is only the right one if it leaves nothing that can be predicted. A ridge regression on the terms that forces
-would make, then extremely randomised trees on what is residuals, are fitted on some releases and judged on others; they
-know no mechanics, so that what they find is the lower bound of the gap that some cause would close.
+The residuals of the right effect cannot be predicted. A ridge regression on the terms that forces would cause, and then
+extremely randomised trees on its residuals, are fitted on some releases and judged on others. They contain no
+mechanics, so the share of the gap that they close is a lower bound of what some cause would close.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Array = np.ndarray
 
 TREES = 120
 LARGEST_RESIDUAL_SD = 5.0  # residuals in units of their standard deviation
-FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight: what accelerations and their change leave
+FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight, the effect of accelerations and of their change
 
 
 @dataclass
@@ -29,7 +29,7 @@ class RegressedResiduals:
     Attributes
     ----------
     impacts, flights : (n, 6) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
-    impacts_remaining, flights_remaining : the same less what was predicted
+    impacts_remaining, flights_remaining : the same minus the prediction
     """
 
     impacts: Array
@@ -41,7 +41,7 @@ class RegressedResiduals:
 def regress(
     world: World, data: Data, residuals: Residuals, covariance: Array, seed: int = 0
 ) -> RegressedResiduals:
-    """Predict what is left of impacts and flights from what was measured of them; `world` is where it is measured."""
+    """Predict residuals of impacts and flights from their features in a world."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
     impacts = clipped(residuals.impacts / scale)
     flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
@@ -61,7 +61,7 @@ def regress(
 
 
 def clipped(z: Array) -> Array:
-    """Residuals in standard deviations, at most LARGEST_RESIDUAL_SD; what could not be simulated counts as that."""
+    """Residuals in standard deviations, clipped to LARGEST_RESIDUAL_SD; NaN counts as that."""
     return np.clip(np.nan_to_num(z, nan=LARGEST_RESIDUAL_SD), -LARGEST_RESIDUAL_SD, LARGEST_RESIDUAL_SD)
 
 

@@ -1,7 +1,7 @@
-"""Where blocks come to rest: the end of every film predicted from the last measured flight.
+"""Rest prediction: the end of every film predicted from the last measured flight.
 
-Rests enter no fit (a long roll on the ground says little about impacts and much about chance), so that they are held
-out by construction. They tell where else the gap shows.
+Rests enter no fit, because a long roll on the ground depends little on impacts and much on chance. So they are always
+held out. They show where else the gap appears.
 """
 
 from __future__ import annotations
@@ -12,15 +12,17 @@ import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-REST_FRAMES = 10  # last frames of a film whose mean is where the block lies
-SCATTER_STEP = 0.02
+REST_FRAMES = 10  # last frames of a film; their mean is the pose at rest
+SCATTER_STEP = 0.02  # of a parameter's scale, for differences
 
 
 @dataclass
@@ -54,7 +56,7 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     """(n, 3) variances of the ends, from the noise of the last flights and the soil's scatter."""
     at = _residuals(data, rests, _world(data, rests, fit, fit.p))
     variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
-    for k, sigma in enumerate(fit.scatter[:5]):
+    for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
         ahead = _residuals(
             data, rests, _world(data, rests, fit, fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k))
         )
@@ -63,9 +65,9 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     block = data.segmentation.flights.block[rests.flight]
     states = drift(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
     noise = data.true_covariance(world, rests.flight, start, states)
-    for k in range(6):
+    for k in range(STATE_SIZE):
         sigma_state = np.sqrt(noise[:, k, k])
-        ahead = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(6) == k))
+        ahead = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
         variance += np.nan_to_num(ahead - at) ** 2
     return variance
 

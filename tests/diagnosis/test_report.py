@@ -1,4 +1,4 @@
-"""The report: one page that needs no network, says the verdict, and runs nothing that stands in a name."""
+"""The report: one page that needs no network, states the verdict, and never runs code from a name."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Page(HTMLParser):
 
 
 def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
-    """A diagnosis with coarse fits, which take the soil's scatter as given: a page need not be right to be whole."""
+    """A diagnosis with coarse fits that do not fit the scatter of the soil: enough to test the page."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
         patch.setattr(fitting, "SCAN_VALUES", 3)
@@ -101,7 +101,12 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     gap = content["gap"]
     assert text.share_closed(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
-    for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "takes for granted"):
+    for words in (
+        "Where the simulation is wrong",
+        "Passing frequency",
+        "uphill face",
+        "Assumptions of this diagnosis",
+    ):
         assert words in page.text
     assert page.tags.count("img") == 7  # the cross-section and six impacts
     video = (tmp_path / "side_by_side.webm").read_bytes()
@@ -113,7 +118,7 @@ def test_none_and_unknown_name_no_cause(diagnosed, written, verdict, words):
     page, _ = written(with_verdict(diagnosed, verdict))
     assert words in page.text
     assert "This explains the gap" not in page.text
-    assert "The impacts that the base law misses most" in page.text
+    assert "The impacts with the largest residuals of the base law" in page.text
 
 
 def test_what_cannot_be_diagnosed_gets_advice_only(written):

@@ -289,8 +289,8 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
     else:
         lines.append(
             "Each row of the table is one impact, simulated from the state before it. The noise of the velocities is "
-            "not stated; it is fitted together with the scatter of the soil. On hard ground the data determine only the "
-            "ratios of the stiffnesses."
+            "not stated; it is fitted together with the scatter of the soil. On hard ground the data determine only "
+            "the ratios of the stiffnesses."
         )
     lines.append(
         "Releases are numbered in the order filmed, and the series of each block begins on fresh ground. Effects that "

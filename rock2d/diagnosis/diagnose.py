@@ -34,6 +34,7 @@ from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_vari
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.columns import X
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -155,7 +156,7 @@ def locate(
         fitted = best.model.world(
             best.p, data.impact_order
         )  # the stated set-up would put a mirrored film on the wrong side
-        below = _zone_below(cross_section, data.states(fitted).middle[:, 0])
+        below = _zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight):
@@ -163,7 +164,7 @@ def locate(
             taken = rest_squares(data, rests, found.base, variance) - rest_squares(
                 data, rests, best, variance
             )
-            own = _zone_below(cross_section, rests.pose[:, 0])
+            own = _zone_below(cross_section, rests.pose[:, X])
             columns = ([0], [1], [2])
             parts.append(
                 Part(
@@ -181,7 +182,7 @@ def locate(
 
 def _zone_below(cross_section: CrossSection, x: Array) -> Array:
     """(n,) zone of the ground below positions x."""
-    facet = np.searchsorted(cross_section.points_m[1:, 0], x)
+    facet = np.searchsorted(cross_section.points_m[1:, X], x)
     return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]
 
 
@@ -219,68 +220,55 @@ def base_values(fit: Fit) -> dict[str, float]:
 
 def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     """The content of diagnosis.json (schema 1)."""
-    names = list(catalogue())
-    found = result.found
     head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
     sanity = {
         "faults": [fault.message for fault in result.sanity.faults],
         "fault_codes": [fault.code for fault in result.sanity.faults],
         "remarks": result.sanity.remarks,
     }
-    if found is None:
-        suspects = result.sanity.suspects or ["none", *names]
-        probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
-        for name in suspects:  # nothing was tried, so all are equally likely
-            probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
-        empty = {
-            "unit": GAP_UNIT,
-            "base": None,
-            "augmented": None,
-            "noise_floor": None,
-            "closure": None,
-            "closure_ci95": None,
-        }
-        return head | {
-            "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
-            "gap": empty, "next_release": "", "sanity": sanity,
-        }  # fmt: skip
-    assert result.data is not None and result.gaps is not None and result.cells is not None
-    # an effect that only widens the scatter closes a gap of spread; the gap of means counts unless it is the verdict
-    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    first = max(named, key=lambda name: found.candidates[name].total)
-    best = (
-        result.gaps["+".join(c.effect.name for c in found.chain)]
-        if first == found.best
-        else result.gaps[first]
-    )
-    effects = {
-        name: {
-            "parameters": effect_values(c.fit)[name],
-            "base": base_values(c.fit),
-            "heldout_score_gain": c.total,
-            "heldout_score_gain_se": c.error,
-            "closure": result.gaps[name].share_closed,
-            "closure_ci95": list(result.gaps[name].ci95),
-        }
-        for name, c in found.candidates.items()
-    }
-    return head | {
+    body = _faulty_json(result) if result.found is None else _found_json(result)
+    return head | body | {"sanity": sanity}
+
+
+def _faulty_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that could not be diagnosed."""
+    names = list(catalogue())
+    suspects = result.sanity.suspects or ["none", *names]
+    probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
+    for name in suspects:  # nothing was tried, so all are equally likely
+        probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
+    gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
+    return {
+        "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
+        "gap": {"unit": GAP_UNIT} | gap, "next_release": "",
+    }  # fmt: skip
+
+
+def _found_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that was diagnosed."""
+    names, found, data = list(catalogue()), result.found, result.data
+    assert found is not None and data is not None and result.gaps is not None and result.cells is not None
+    zones = result.experiment.cross_section.zone_names
+    return {
         "base": base_values(found.base),
         "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
         "verdict": found.verdict,
         "group": found.group if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
-        "effects": effects,
-        "where": [vars(cell) for cell in result.cells],
-        "gap": {
-            "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
-            "closure": best.share_closed, "closure_ci95": list(best.ci95),
-            # with a floor of 1, the fitted noise and scatter: a lower bound of the share closed
-            "closure_to_unit_variance": _to_unit(best),
+        "effects": {
+            name: {
+                "parameters": effect_values(c.fit)[name],
+                "base": base_values(c.fit),
+                "heldout_score_gain": c.total,
+                "heldout_score_gain_se": c.error,
+                "closure": result.gaps[name].share_closed,
+                "closure_ci95": list(result.gaps[name].ci95),
+            }
+            for name, c in found.candidates.items()
         },
-        "next_release": next_release(
-            result.data, result.setup, found, result.cells, result.experiment.cross_section.zone_names
-        ),
+        "where": [vars(cell) for cell in result.cells],
+        "gap": _gap_json(found, result.gaps),
+        "next_release": next_release(data, result.setup, found, result.cells, zones),
         "unexplained": [
             {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
             for d in found.unexplained
@@ -288,8 +276,29 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
         "assumptions": [reading_sentence(found.base)],
-        "sanity": sanity,
+    }
+
+
+def _gap_json(found: Attribution, gaps: Mapping[str, Gap]) -> dict[str, Any]:
+    """The gap that the best model closes.
+
+    An effect that only widens the scatter closes a gap of spread. Unless it is the verdict, the gap of the best effect
+    that shifts means is reported.
+    """
+    first = reported_effect(found)
+    best = gaps["+".join(c.effect.name for c in found.chain)] if first == found.best else gaps[first]
+    return {
+        "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
+        "closure": best.share_closed, "closure_ci95": list(best.ci95),
+        # with a floor of 1, the fitted noise and scatter: a lower bound of the share closed
+        "closure_to_unit_variance": _to_unit(best),
     }  # fmt: skip
+
+
+def reported_effect(found: Attribution) -> str:
+    """The effect whose gap is reported."""
+    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    return max(named, key=lambda name: found.candidates[name].total)
 
 
 def reading_sentence(base: Fit) -> str:

@@ -15,10 +15,12 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
-# plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
+# positions of the base parameters: k_l, k_ul / k_l, k_t, tan phi, k_r
+BASE_K_L, BASE_RATIO, BASE_K_T, BASE_MU, BASE_K_R = range(5)
+# plausible logarithmic width of the base parameters about their start
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
 LARGEST_LOG_K_L = 4.5  # logarithm of k_l / start; stiffer ground takes long to simulate and looks the same
-STIFFNESS_PARAMETERS = [0, 2]  # positions in the base parameters: k_l (and with it k_ul), k_t
+STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
 STIFFNESS_HEADROOM = 2.0  # logarithmic, by which effects may raise them
 SMALLEST_STIFFNESS_RATIO = 1.02  # of unloading to loading stiffness
 
@@ -60,7 +62,7 @@ class Model:
         low = [to_scale(p, p.low) for own in self.parameters for p in own]
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
         most = 3 * BASE_WIDTH
-        most[0] = LARGEST_LOG_K_L
+        most[BASE_K_L] = LARGEST_LOG_K_L
         if self.beside is not None:
             # a useless effect could drift to a rigid ground, whose simulation takes very long
             known = np.maximum(self.beside[STIFFNESS_PARAMETERS], 0.0)
@@ -69,7 +71,7 @@ class Model:
 
     def law(self, p: Array) -> Array:
         """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""
-        k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[:5])
+        k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[: len(BASE_WIDTH)])
         return np.array([k_l, k_l * max(ratio, SMALLEST_STIFFNESS_RATIO), k_t, mu, k_r])
 
     def values(self, p: Array) -> list[list[float]]:

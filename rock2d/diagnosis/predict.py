@@ -15,6 +15,7 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.columns import THETA, X, Y
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import FEW_RELEASES, check_film
@@ -142,7 +143,7 @@ def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> d
     )  # fmt: skip
     samples = result.samples
     for k in range(1, room):  # where a block has left the cross-section, its last pose stays
-        gone = ~np.isfinite(samples[:, k, 0])
+        gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = samples[gone, k - 1]
     poses = world.view.record(centroid_poses(world, own.block[flights], samples))
     segment = np.zeros(len(flights), np.int64)
@@ -158,7 +159,7 @@ def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> d
         "block": names[film.release_block[film.release[index]]],
         "segment": np.repeat(segment, counts),
         "t_s": film.t_s[index],
-        "x_m": pose[:, 0],
-        "y_m": pose[:, 1],
-        "theta_rad": pose[:, 2],
+        "x_m": pose[:, X],
+        "y_m": pose[:, Y],
+        "theta_rad": pose[:, THETA],
     }

@@ -12,8 +12,9 @@ import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.model import BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
+from rock2d.diagnosis.model import BASE_K_L, BASE_RATIO, BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
 from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.kinematics.columns import X
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
@@ -83,7 +84,7 @@ def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
     """The world with another soil for each of n releases."""
     rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
     draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
-    draw[..., 1] += draw[..., 0]  # from k_ul / k_l to k_ul
+    draw[..., BASE_RATIO] += draw[..., BASE_K_L]  # from k_ul / k_l to k_ul
     rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
     rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
     return replace(world, contact=rows)
@@ -105,7 +106,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
         time_limit_s=np.nanmax(times, axis=1) + 1e-9, times_s=np.where(np.isfinite(times), times, np.inf),
     ).samples  # fmt: skip
     for k in range(1, samples.shape[1]):
-        gone = ~np.isfinite(samples[:, k, 0])
+        gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = samples[gone, k - 1]
     poses = world.view.record(centroid_poses(world, block, samples)) * signs
     return np.where(np.isfinite(t_s)[..., None], poses, np.nan)

@@ -18,6 +18,7 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.effects.changes import image
 from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.kinematics.columns import X, Y
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
 
@@ -36,12 +37,12 @@ def below_ground(world: World, film: Film) -> float:
     import shapely
 
     points = world.cross_section.points_m
-    low = float(points[:, 1].min()) - 10 * float(np.ptp(points, axis=0).max())
-    ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
+    low = float(points[:, Y].min()) - 10 * float(np.ptp(points, axis=0).max())
+    ground = shapely.Polygon([*points, (points[-1, X], low), (points[0, X], low)])
     shapely.prepare(ground)
     step = max(1, len(film.t_s) // 20000)
     pose = world.view.true(film.pose[::step])
-    return float(shapely.contains_xy(ground, pose[:, 0], pose[:, 1]).mean())
+    return float(shapely.contains_xy(ground, pose[:, X], pose[:, Y]).mean())
 
 
 def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[World, str] | None:

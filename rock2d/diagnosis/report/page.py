@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import Releases, measured_releases, simulated_releases
 from rock2d.diagnosis.report import parameters, tables, text
@@ -134,7 +134,7 @@ def _sections(
     }
     context |= _where(result, content, models)
     on_progress("which")
-    context |= _which(content) | _how_far(content, chain or [tables.reported_effect(result.found)]) | {
+    context |= _which(content) | _how_far(content, chain or [reported_effect(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
         "assumptions": text.assumptions(result, content, chain),

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis, effect_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models
 from rock2d.diagnosis.report.text import in_degrees, interval, number
 
@@ -68,14 +68,14 @@ def _law_values(fit: Fit) -> list[Value]:
     law, covariance = fit.model.law(fit.p), fit.p_covariance
     sd = np.sqrt(np.diagonal(covariance)[: len(LAW)])
     undetermined = sd > UNDETERMINED_WIDTH * BASE_WIDTH
-    sd = sd.copy()
-    sd[1] = np.sqrt(
-        max(covariance[0, 0] + covariance[1, 1] + 2.0 * covariance[0, 1], 0.0)
+    sd, k, r = sd.copy(), BASE_K_L, BASE_RATIO
+    sd[BASE_RATIO] = np.sqrt(
+        max(covariance[k, k] + covariance[r, r] + 2.0 * covariance[k, r], 0.0)
     )  # k_ul = k_l × ratio
     out = []
     for i, value in enumerate(law):
         low, high = value * np.exp([-1.96 * sd[i], 1.96 * sd[i]])
-        if i == 3:
+        if i == BASE_MU:
             value, low, high = np.rad2deg(np.arctan([value, low, high]))
         text = number(float(value), None if undetermined[i] else 0.5 * float(high - low))
         out.append(Value(text, UNDETERMINED_TEXT if undetermined[i] else interval(float(low), float(high))))

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.cross_validation import HeldOut
-from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import squares
@@ -62,12 +61,6 @@ def compared_models(result: Diagnosis) -> Models:
     name = reported_effect(found)
     best = found.final if name == found.best else found.candidates[name]
     return Models(found.base, found.base_held_out, best.fit, best.held_out)
-
-
-def reported_effect(found: Attribution) -> str:
-    """The effect whose gap is reported."""
-    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    return max(named, key=lambda name: found.candidates[name].total)
 
 
 def signs_of(result: Diagnosis) -> Signs:

@@ -32,10 +32,8 @@ PRIOR = {"none": 0.25, "unknown": 0.15}  # probabilities of the prior
 PRIOR_CATALOGUE = 0.6
 LARGEST_Z = 30.0  # standard errors; more count as this
 LARGEST_DEPENDENCE_Z = 6.0  # the same for one of many dependences
-FAINT_LOG_GAIN, CLEAR_LOG_GAIN = (
-    2.5,
-    5.0,
-)  # logarithms of gains: chance or a rough law may give the one, not the other
+# logarithms of gains: chance or a rough law may give the one, not the other
+FAINT_LOG_GAIN, CLEAR_LOG_GAIN = 2.5, 5.0
 FAINT_Z, CLEAR_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
 
 

@@ -106,12 +106,14 @@ def _material(result: Diagnosis) -> str:
     assert table is not None
     counts = table.groupby("block")["release"].nunique()
     blocks = ", ".join(f"{counts[name]} {text.spoken(name)}" for name in experiment.blocks if name in counts)
-    text = f"{table['release'].nunique()} releases ({blocks})"
+    material = f"{table['release'].nunique()} releases ({blocks})"
     if result.data is not None:
-        text += f", {len(result.data.impact_release)} impacts"
+        material += f", {len(result.data.impact_release)} impacts"
     if isinstance(result.data, FilmData):
-        text += f", {len(result.data.segmentation.flights)} flights"
-    return text + (f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else "")
+        material += f", {len(result.data.segmentation.flights)} flights"
+    return material + (
+        f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
+    )
 
 
 def _sections(

@@ -13,6 +13,7 @@ import pytest
 from rock2d.diagnosis import fitting
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.report import page
+from rock2d.diagnosis.report.text import share_closed
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
@@ -99,7 +100,7 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
     gap = content["gap"]
-    assert text.share_closed(gap["closure"], gap["closure_ci95"]) in page.text
+    assert share_closed(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
     for words in (
         "Where the simulation is wrong",

@@ -345,7 +345,7 @@ def _inline(figure: Figure) -> str:
     """A figure as SVG for the data URI of an img element. Its text is drawn as paths, so no font is needed."""
     import matplotlib
 
-    text = io.BytesIO()
+    image = io.BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
-        figure.savefig(text, format="svg", dpi=150, metadata={"Date": None})
-    return base64.b64encode(text.getvalue()).decode()
+        figure.savefig(image, format="svg", dpi=150, metadata={"Date": None})
+    return base64.b64encode(image.getvalue()).decode()

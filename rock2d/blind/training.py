@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.scoring import read_results
-from rock2d.diagnosis.classification import ANY, KNOWN, LAPSE, PRIOR, UNSEEN, WHICH, chance
+from rock2d.diagnosis.classification import ANY, KNOWN, PRIOR, PRIOR_SHARE, UNSEEN, WHICH, chance
 from rock2d.files.folders import write_whole
 
 Array = np.ndarray
@@ -136,7 +136,7 @@ def unseen(cases: Iterable[LabelledResult], some: dict[str, Any]) -> float:
     none = np.array([label["label"] == "none" for label, _ in looked])
 
     def cost(share: float) -> float:
-        p = (1.0 - LAPSE) * nothing * (1.0 - share) + LAPSE * PRIOR["none"]
+        p = (1.0 - PRIOR_SHARE) * nothing * (1.0 - share) + PRIOR_SHARE * PRIOR["none"]
         return float(-np.log(np.where(none, p, 1.0 - p)).sum())
 
     return round(float(minimize_scalar(cost, bounds=(0.0, 0.9), method="bounded").x), 4)

@@ -1,10 +1,10 @@
-"""From what the trial of the effects found to probabilities over the catalogue, "none" and "unknown".
+"""Classification: from the scores of the attribution to probabilities over the catalogue, "none" and "unknown".
 
-Three questions, each answered by a logistic regression on a few statistics of the trial (`statistics`): is there any
-effect at all; if so, is it one of the catalogue; if so, which. The regressions are trained on films of a foreign
-engine (`rock2d blind train`) whose causes are known; `weights.json` holds their coefficients, and which share of the
-films in which nothing shows hides something all the same. As no regression knows all that can happen, a small share of
-the probability stays with what was to be expected beforehand.
+Three logistic regressions on a few statistics of the attribution (`statistics`) answer three questions: is there an
+effect at all; if so, is it one of the catalogue; if so, which one. They are trained on films of the independent reality
+engine (`rock2d blind train`) whose causes are known. `weights.json` holds their coefficients and the share of films
+with an effect among those in which nothing is visible. A small share of the probability always follows the prior,
+because the training cannot contain every case.
 """
 
 from __future__ import annotations
@@ -13,69 +13,57 @@ import functools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.residual_regression import Leftover
-
-if TYPE_CHECKING:
-    from rock2d.diagnosis.attribution import Candidate
-    from rock2d.diagnosis.discrepancy import Discrepancy
+from rock2d.diagnosis.candidate import Candidate
+from rock2d.diagnosis.discrepancy import FLIGHT_LEVER, Discrepancy
+from rock2d.diagnosis.residual_regression import RegressedResiduals
+from rock2d.diagnosis.significance import significance, standard_error
 
 Array = np.ndarray
 
 WEIGHTS = Path(__file__).with_name("weights.json")
 ANY, KNOWN, WHICH = "any", "known", "which"  # the three questions
-UNSEEN = "unseen"  # share of what looks like nothing and is something too faint to show
-FLIGHT = "flight"  # what dependences of flights are called
-LAPSE = 0.02  # probability that the statistics say nothing of a case: nothing is ever surer than that
-PRIOR = {"none": 0.25, "unknown": 0.15}  # what then is to be expected
-ONE_OF_THEM = 0.6
-MOST_Z = 30.0  # standard errors beyond which more tells nothing new
-PLAIN_Z = 6.0  # the same for one among many dependences
-FAINT_LOG, DOUBTLESS_LOG = (
-    2.5,
-    5.0,
-)  # logarithms of gains: chance or a rough law may give the one, not the other
-FAINT_Z, DOUBTLESS_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
+UNSEEN = "unseen"  # share of films with an effect that is too faint to be visible
+PRIOR_SHARE = 0.02  # of the probability follows the prior
+PRIOR = {"none": 0.25, "unknown": 0.15}  # probabilities of the prior
+PRIOR_CATALOGUE = 0.6
+LARGEST_Z = 30.0  # standard errors; more count as this
+LARGEST_DEPENDENCE_Z = 6.0  # the same for one of many dependences
+# logarithms of gains: chance or a rough law may give the one, not the other
+FAINT_LOG_GAIN, CLEAR_LOG_GAIN = 2.5, 5.0
+FAINT_Z, CLEAR_Z = 1.5, 4.0  # of the largest of many gains: chance often gives the one, never the other
 
 
-def standard_error(per_release: Array) -> float:
-    """Standard error of a sum over releases."""
-    return float(per_release.std() * np.sqrt(len(per_release)))
+def predictable(found: RegressedResiduals) -> float:
+    """Mean square per residual that the regression predicts."""
+    taken = (found.impacts**2 - found.impacts_remaining**2).sum() + (
+        found.flights**2 - found.flights_remaining**2
+    ).sum()
+    return float(taken / (found.impacts.size + found.flights.size))
 
 
-def significance(found: Candidate | Discrepancy) -> float:
-    """Gain of an effect or of a dependence in standard errors."""
-    return found.total / max(found.error, 1.0)
-
-
-def predictable(left: Leftover) -> float:
-    """Mean square per statistic that the regression takes away."""
-    taken = (left.impacts**2 - left.impacts_left**2).sum() + (left.flights**2 - left.flights_left**2).sum()
-    return float(taken / (left.impacts.size + left.flights.size))
-
-
-def mean_square(left: Leftover) -> float:
-    """Mean square of what a model leaves, in units of noise and scatter."""
+def mean_square(found: RegressedResiduals) -> float:
+    """Mean square of the residuals, in units of noise and scatter."""
     return float(
-        ((left.impacts**2).sum() + (left.flights**2).sum()) / (left.impacts.size + left.flights.size)
+        ((found.impacts**2).sum() + (found.flights**2).sum()) / (found.impacts.size + found.flights.size)
     )
 
 
 def statistics(
     candidates: Mapping[str, Candidate],
     best: str,
-    base_left: Leftover,
-    best_left: Leftover,
-    base_hidden: Sequence[Discrepancy],
-    best_hidden: Sequence[Discrepancy],
+    base_regressed: RegressedResiduals,
+    best_regressed: RegressedResiduals,
+    base_dependences: Sequence[Discrepancy],
+    best_dependences: Sequence[Discrepancy],
 ) -> dict[str, Any]:
-    """What the three questions are answered from: {"case": {name: value}, "effects": {effect: {name: value}}}.
+    """The statistics of the three regressions: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
-    `base_left`, `best_left`: what the base and the last model leave;
-    `base_hidden`, `best_hidden`: the dependences beside each that no effect stands for, the strongest first.
+    `base_regressed`, `best_regressed`: residuals of the base and of the last model;
+    `base_dependences`, `best_dependences`: dependences in the residuals of each, the strongest first.
     """
     winner = candidates[best]
     effects = {}
@@ -83,48 +71,48 @@ def statistics(
         behind = winner.total - other.total
         spread = max(standard_error(winner.gain - other.gain), 1.0)
         effects[name] = {
-            "behind_z": min(behind / spread, MOST_Z),
+            "behind_z": min(behind / spread, LARGEST_Z),
             "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
             "behind_log": float(np.log1p(max(behind, 0.0))),
             "scatter": float(other.effect.scatter),
             "gain": other.total,
             "error": other.error,
         }
-    hidden, still = base_hidden[0], best_hidden[0]
-    left, gap = predictable(best_left), predictable(base_left)
-    base, final = mean_square(base_left), mean_square(best_left)
-    reducible = max(base - final + max(left, 0.0), gap, 1e-9)
-    flights = np.mean(best_left.flights**2) if best_left.flights.size else 1.0
+    strongest, remaining_dependence = base_dependences[0], best_dependences[0]
+    remaining, gap = predictable(best_regressed), predictable(base_regressed)
+    base, final = mean_square(base_regressed), mean_square(best_regressed)
+    reducible = max(base - final + max(remaining, 0.0), gap, 1e-9)
+    flights = np.mean(best_regressed.flights**2) if best_regressed.flights.size else 1.0
     gain_z = significance(winner)
-    in_flight = [significance(d) for d in best_hidden if d.name.startswith(FLIGHT)]
-    in_impacts = [significance(d) for d in best_hidden if not d.name.startswith(FLIGHT)]
+    in_flight = [significance(d) for d in best_dependences if d.lever == FLIGHT_LEVER]
+    in_impacts = [significance(d) for d in best_dependences if d.lever != FLIGHT_LEVER]
     case = {
-        "gain_z": float(np.clip(gain_z, 0.0, MOST_Z)),
-        "gain_seen": seen(gain_z),
-        "gain_size": float(np.clip(log_gain(winner.total), FAINT_LOG, DOUBTLESS_LOG) - FAINT_LOG),
-        "hidden_seen": seen(significance(hidden)),
-        "left_hidden_z": float(np.clip(significance(still), 0.0, MOST_Z)),
-        "left_hidden_over_gain": log_gain(still.total) - log_gain(winner.total),
-        "left_flight_z": float(np.clip(max(in_flight, default=0.0), 0.0, PLAIN_Z)),
-        "left_impact_z": float(np.clip(max(in_impacts, default=0.0), 0.0, PLAIN_Z)),
-        "left_share": float(np.clip(left / reducible, 0.0, 1.0)),
+        "gain_z": float(np.clip(gain_z, 0.0, LARGEST_Z)),
+        "gain_seen": visible(gain_z),
+        "gain_size": float(np.clip(log_gain(winner.total), FAINT_LOG_GAIN, CLEAR_LOG_GAIN) - FAINT_LOG_GAIN),
+        "hidden_seen": visible(significance(strongest)),
+        "left_hidden_z": float(np.clip(significance(remaining_dependence), 0.0, LARGEST_Z)),
+        "left_hidden_over_gain": log_gain(remaining_dependence.total) - log_gain(winner.total),
+        "left_flight_z": float(np.clip(max(in_flight, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),
+        "left_impact_z": float(np.clip(max(in_impacts, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),
+        "left_share": float(np.clip(remaining / reducible, 0.0, 1.0)),
         "flights_log": float(np.log(max(flights, 1e-3))),
         "scatter": float(winner.effect.scatter),
     }
     dependences = {
         when: {d.name: [d.total, d.error] for d in found}
-        for when, found in (("base", base_hidden), ("best", best_hidden))
+        for when, found in (("base", base_dependences), ("best", best_dependences))
     }
     return {"case": case, "effects": effects, "dependences": dependences}
 
 
-def seen(z: float) -> float:
-    """Standard errors above what chance often gives, up to where there is no doubt left."""
-    return float(np.clip(z, FAINT_Z, DOUBTLESS_Z) - FAINT_Z)
+def visible(z: float) -> float:
+    """Standard errors above what chance often gives, up to where there is no doubt."""
+    return float(np.clip(z, FAINT_Z, CLEAR_Z) - FAINT_Z)
 
 
 def log_gain(total: float) -> float:
-    """Gain in log likelihood on a scale on which trifles are alike."""
+    """Gain in log likelihood on a logarithmic scale; 0 for no gain or a loss."""
     return float(np.log(max(total, 0.0) + 1.0))
 
 
@@ -150,9 +138,9 @@ def probabilities(found: Mapping[str, Any], known: Mapping[str, Any] | None = No
         p = chance(known[WHICH], values)
         odds[name] = p / (1.0 - p)
     total = sum(odds.values())
-    expected = PRIOR | dict.fromkeys(odds, ONE_OF_THEM / len(odds))
+    expected = PRIOR | dict.fromkeys(odds, PRIOR_CATALOGUE / len(odds))
     faint = (1.0 - some) * known[UNSEEN] / (1.0 - PRIOR["none"])
     out = {"none": (1.0 - some) * (1.0 - known[UNSEEN])}
     out["unknown"] = some * (1.0 - catalogued) + faint * expected["unknown"]
     out |= {name: some * catalogued * o / total + faint * expected[name] for name, o in odds.items()}
-    return {name: (1.0 - LAPSE) * p + LAPSE * expected[name] for name, p in out.items()}
+    return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in out.items()}

@@ -16,7 +16,7 @@ from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import make_folder, write_whole
 
-PARTIAL = ".fits"  # folder of finished fits, removed at the end
+FITS = ".fits"  # folder of finished fits, removed at the end
 
 
 def run_diagnosis(
@@ -45,7 +45,7 @@ def run_diagnosis(
         bar.total = len(names) + 1
 
         def step(name: str) -> None:
-            bar.total = max(bar.total or 0, bar.n + 1)  # effects beside the best one come on top
+            bar.total = max(bar.total or 0, bar.n + 1)  # effects beside the best one add models
             bar.set_description(name)
             bar.update()
 
@@ -56,12 +56,12 @@ def run_diagnosis(
                 bar.write(f"about {seconds:.0f} s with {processes} processes", file=sys.stderr)
 
         result = diagnose(
-            read, seed=seed, workers=processes, folder=out / PARTIAL, step=step, forecast=forecast
+            read, seed=seed, workers=processes, folder=out / FITS, on_progress=step, on_forecast=forecast
         )
     content = diagnosis_json(result)
     write_report(result, content, out, progress=progress)
     write_whole(out / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
-    shutil.rmtree(out / PARTIAL, ignore_errors=True)
+    shutil.rmtree(out / FITS, ignore_errors=True)
     for line in summary(result, content):
         report(line)
     report(f"written: {out / 'diagnosis.json'}, {out / 'report.html'}")
@@ -71,16 +71,16 @@ def run_diagnosis(
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines."""
     if result.found is None:
-        return ["not diagnosed: " + "; ".join(result.sanity.faults)]
+        return ["not diagnosed: " + "; ".join(fault.message for fault in result.sanity.faults)]
     verdict = content["verdict"]
     lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
     if len(content["group"]) > 1:
-        lines.append("not told apart: " + ", ".join(content["group"]))
+        lines.append("not separated: " + ", ".join(content["group"]))
     gap = content["gap"]
     low, high = gap["closure_ci95"]
-    closed = f"closure {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
+    closed = f"share closed {100 * gap['closure']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
     if gap["closure"] == 0.0 and high == 0.0:
-        closed = "none that stands out of chance"
+        closed = "no significant gap"
     lines.append(
         f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
     )

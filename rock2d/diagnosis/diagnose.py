@@ -1,4 +1,4 @@
-"""A whole diagnosis: from an experiment folder to diagnosis.json."""
+"""A whole diagnosis: from an experiment to the content of diagnosis.json."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
-from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.fitting import Fit, residuals
+from rock2d.diagnosis.data import model_residuals
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import (
     FLIGHT_CHANNELS,
     GAP_UNIT,
@@ -25,7 +26,7 @@ from rock2d.diagnosis.gap import (
     impact_part,
     where,
 )
-from rock2d.diagnosis.impact_table_data import TableData, table_data
+from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
@@ -33,8 +34,9 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
+from rock2d.kinematics.columns import X
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.sanity import FEWEST_IMPACTS, Sanity, check_film, check_table
+from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import INDENTATION
 from rock2d.scene.cross_section import CrossSection
@@ -42,13 +44,16 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-UNTRIED = 0.5  # probability of "unknown" for a film of which nothing could be tried
-LOOKS_BASE, LOOKS_EFFECT = 400, 220  # at all impacts, that fits of the base and of an effect take on average
+UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
+BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
+    400,
+    220,
+)  # at all impacts, that fits of the base and of an effect take on average
 
 
 @dataclass
 class Diagnosis:
-    """Everything found about an experiment. `data` and what follows are None where it could not be diagnosed."""
+    """Everything found about an experiment. From `data` on, fields are None if it could not be diagnosed."""
 
     experiment: Experiment
     sanity: Sanity
@@ -70,19 +75,19 @@ def diagnose(
     effects: Mapping[str, Effect] | None = None,
     workers: int = 1,
     folder: Path | None = None,
-    step: Callable[[str], None] = lambda name: None,
-    forecast: Callable[[float], None] = lambda seconds: None,
+    on_progress: Callable[[str], None] = lambda name: None,
+    on_forecast: Callable[[float], None] = lambda seconds: None,
 ) -> Diagnosis:
     """Diagnose an experiment.
 
     Parameters
     ----------
-    seed : of the bootstrap and the regression's trees
-    effects : those to try; default the whole catalogue
-    workers : processes that fit effects; the result does not depend on it
-    folder : where finished fits are kept, so that an interrupted diagnosis goes on
-    step : hears the name of each model when it is done
-    forecast : hears beforehand how many seconds it will take, roughly
+    seed : of the bootstrap
+    effects : to try; default the whole catalogue
+    workers : number of processes that fit effects; the result does not depend on it
+    folder : for finished fits, so that an interrupted diagnosis can continue
+    on_progress : called with the name of each model when it is done
+    on_forecast : called at the start with a rough number of seconds that the diagnosis will take
     """
     setup = setup_world(experiment)
     data: FilmData | TableData
@@ -91,32 +96,29 @@ def diagnose(
         result = Diagnosis(experiment, check_film(experiment, film), setup)
         if result.sanity.faults:
             return result
-        data = film_data(film, result.sanity.seen or setup)
+        data = FilmData.of(film, result.sanity.registered or setup)
         keys = [film.t_s, film.pose, film.release]
     else:
-        data = table_data(experiment)
+        data = TableData.of(experiment)
         result = Diagnosis(experiment, check_table(experiment, data), setup)
         keys = [data.before, data.after, data.impact_release]
         if result.sanity.faults:
             return result
-    if len(data.impact_release) < FEWEST_IMPACTS:
-        result.sanity.faults.append(
-            f"{len(data.impact_release)} impacts are too few to tell causes apart: at least {FEWEST_IMPACTS} are needed"
-        )
+    check_impacts(len(data.impact_release), result.sanity)
+    if result.sanity.faults:
         return result
     if folder is not None:
         stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
         keys += [experiment.cross_section.points_m, experiment.cross_section.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
-    with threadpool_limits(
-        1
-    ):  # the fits' matrices are small: threads of linear algebra only get in each other's way
+    # the matrices of the fits are small: several threads of linear algebra slow each other down
+    with threadpool_limits(1):
         tried = effects or catalogue()
-        forecast(_cost_s(setup, base_start(experiment), data, len(tried), workers))
-        base = fit_base(setup, base_start(experiment), data, result.sanity.seen)
-        step("base")
-        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=step)
+        on_forecast(_duration_s(setup, base_start(experiment), data, len(tried), workers))
+        base = fit_base(setup, base_start(experiment), data, result.sanity.registered)
+        on_progress("base")
+        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=on_progress)
     result.data, result.found = data, found
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
@@ -124,37 +126,37 @@ def diagnose(
     return result
 
 
-def _cost_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
-    """Expected seconds of all fits, from the time that one look at all impacts takes."""
+def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
+    """Expected seconds of all fits, from the time of one evaluation of all residuals."""
     model = Model(setup, start)
-    residuals(model, model.start(), data)  # the first look may compile
+    model_residuals(model, model.start(), data)  # the first evaluation may compile
     begin = perf_counter()
-    residuals(model, model.start(), data)
-    return (perf_counter() - begin) * (LOOKS_BASE + LOOKS_EFFECT * effects / workers)
+    model_residuals(model, model.start(), data)
+    return (perf_counter() - begin) * (BASE_EVALUATIONS + EFFECT_EVALUATIONS * effects / workers)
 
 
 def locate(
     experiment: Experiment, data: FilmData | TableData, found: Attribution, setup: World
 ) -> list[Cell]:
-    """Where the gap lies; a flight belongs to the zone below its middle, a rest to that below its end."""
+    """Where the gap lies. A flight belongs to the zone below its middle, a rest to the zone below its end."""
     cross_section, blocks = experiment.cross_section, list(experiment.blocks)
     bare = None
     if found.verdict == found.best and not found.chain[0].effect.camera:
-        # The base's parameters have given way to the effect everywhere, and what air does shows in impacts, too:
-        # the law found with the effect, in the air found with it, tells where the ground is wrong.
+        # The parameters of the base have adapted to the effect everywhere, and air forces change impacts, too. The law
+        # found with the effect, in the air found with it, shows where the ground is wrong.
         model, p = found.final.fit.model, found.final.fit.p
         law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
             law = effect.apply(law, values) if effect.phase == "flight" else law
-        bare = data.left(law).impacts
+        bare = data.residuals(law).impacts
     parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release, bare)]
     if isinstance(data, FilmData):
-        flights = data.cut.flights
+        flights = data.segmentation.flights
         best = found.final.fit
-        seen = best.model.world(
+        fitted = best.model.world(
             best.p, data.impact_order
-        )  # in a mirrored film the set-up alone would be on the other side
-        below = _zone_below(cross_section, data.states(seen).middle[:, 0])
+        )  # the stated set-up would put a mirrored film on the wrong side
+        below = _zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight):
@@ -162,7 +164,7 @@ def locate(
             taken = rest_squares(data, rests, found.base, variance) - rest_squares(
                 data, rests, best, variance
             )
-            own = _zone_below(cross_section, rests.pose[:, 0])
+            own = _zone_below(cross_section, rests.pose[:, X])
             columns = ([0], [1], [2])
             parts.append(
                 Part(
@@ -180,7 +182,7 @@ def locate(
 
 def _zone_below(cross_section: CrossSection, x: Array) -> Array:
     """(n,) zone of the ground below positions x."""
-    facet = np.searchsorted(cross_section.points_m[1:, 0], x)
+    facet = np.searchsorted(cross_section.points_m[1:, X], x)
     return cross_section.zone_ids[np.clip(facet, 0, len(cross_section.zones) - 1)]
 
 
@@ -218,95 +220,109 @@ def base_values(fit: Fit) -> dict[str, float]:
 
 def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
     """The content of diagnosis.json (schema 1)."""
-    names = list(catalogue())
-    found = result.found
     head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
-    remarks = {"faults": result.sanity.faults, "remarks": result.sanity.remarks}
-    if found is None:
-        suspects = result.sanity.suspects or ["none", *names]
-        probabilities = {"none": 0.0, "unknown": UNTRIED, **dict.fromkeys(names, 0.0)}
-        for name in suspects:  # nothing was tried: none of them is likelier than another
-            probabilities[name] += (1.0 - UNTRIED) / len(suspects)
-        empty = {
-            "unit": GAP_UNIT,
-            "base": None,
-            "augmented": None,
-            "noise_floor": None,
-            "closure": None,
-            "closure_ci95": None,
-        }
-        return head | {
-            "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
-            "gap": empty, "next_release": "", "sanity": remarks,
-        }  # fmt: skip
-    assert result.data is not None and result.gaps is not None and result.cells is not None
-    # an effect that only widens the scatter closes a gap of spread; unless it is the verdict, the gap is that of means
-    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    first = max(named, key=lambda name: found.candidates[name].total)
-    best = (
-        result.gaps["+".join(c.effect.name for c in found.chain)]
-        if first == found.best
-        else result.gaps[first]
-    )
-    effects = {
-        name: {
-            "parameters": effect_values(c.fit)[name],
-            "base": base_values(c.fit),
-            "heldout_score_gain": c.total,
-            "heldout_score_gain_se": c.error,
-            "closure": result.gaps[name].closure,
-            "closure_ci95": list(result.gaps[name].ci95),
-        }
-        for name, c in found.candidates.items()
+    sanity = {
+        "faults": [fault.message for fault in result.sanity.faults],
+        "fault_codes": [fault.code for fault in result.sanity.faults],
+        "remarks": result.sanity.remarks,
     }
-    return head | {
+    body = _faulty_json(result) if result.found is None else _found_json(result)
+    return head | body | {"sanity": sanity}
+
+
+def _faulty_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that could not be diagnosed."""
+    names = list(catalogue())
+    suspects = result.sanity.suspects or ["none", *names]
+    probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
+    for name in suspects:  # nothing was tried, so all are equally likely
+        probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
+    gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
+    return {
+        "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
+        "gap": {"unit": GAP_UNIT} | gap, "next_release": "",
+    }  # fmt: skip
+
+
+def _found_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that was diagnosed."""
+    names, found, data = list(catalogue()), result.found, result.data
+    assert found is not None and data is not None and result.gaps is not None and result.cells is not None
+    zones = result.experiment.cross_section.zone_names
+    return {
         "base": base_values(found.base),
         "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
         "verdict": found.verdict,
         "group": found.group if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
-        "effects": effects,
-        "where": [vars(cell) for cell in result.cells],
-        "gap": {
-            "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
-            "closure": best.closure, "closure_ci95": list(best.ci95),
-            # as if only the fitted noise and scatter could ever remain: a lower bound of the closure
-            "closure_to_unit_variance": _to_unit(best),
+        "effects": {
+            name: {
+                "parameters": effect_values(c.fit)[name],
+                "base": base_values(c.fit),
+                "heldout_score_gain": c.total,
+                "heldout_score_gain_se": c.error,
+                "closure": result.gaps[name].share_closed,
+                "closure_ci95": list(result.gaps[name].ci95),
+            }
+            for name, c in found.candidates.items()
         },
-        "next_release": next_release(
-            result.data, result.setup, found, result.cells, result.experiment.cross_section.zone_names
-        ),
+        "where": [vars(cell) for cell in result.cells],
+        "gap": _gap_json(found, result.gaps),
+        "next_release": next_release(data, result.setup, found, result.cells, zones),
         "unexplained": [
             {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
             for d in found.unexplained
         ],
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
-        "assumptions": [reading_in_words(found.base)],
-        "sanity": remarks,
+        "assumptions": [reading_sentence(found.base)],
+    }
+
+
+def _gap_json(found: Attribution, gaps: Mapping[str, Gap]) -> dict[str, Any]:
+    """The gap that the best model closes.
+
+    An effect that only widens the scatter closes a gap of spread. Unless it is the verdict, the gap of the best effect
+    that shifts means is reported.
+    """
+    first = reported_effect(found)
+    best = gaps["+".join(c.effect.name for c in found.chain)] if first == found.best else gaps[first]
+    return {
+        "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
+        "closure": best.share_closed, "closure_ci95": list(best.ci95),
+        # with a floor of 1, the fitted noise and scatter: a lower bound of the share closed
+        "closure_to_unit_variance": _to_unit(best),
     }  # fmt: skip
 
 
-def reading_in_words(base: Fit) -> str:
-    """Which reading of the paper's rolling resistance the data chose."""
+def reported_effect(found: Attribution) -> str:
+    """The effect whose gap is reported."""
+    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    return max(named, key=lambda name: found.candidates[name].total)
+
+
+def reading_sentence(base: Fit) -> str:
+    """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
     if base.model.setup.contact[..., INDENTATION].any():
         return (
-            "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
-            "until the block is clear of the original surface."
+            "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+            "rolling spring acts until the block is clear of the original surface."
         )
     return (
-        "Of two readings of the paper's rolling resistance the data chose the one in which the rolling spring acts "
-        "only while the ground presses."
+        "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+        "rolling spring acts only while the ground presses on the block."
     )
 
 
 def _to_unit(gap: Gap) -> float:
-    """Closure against a floor of 1; 0 where there is no gap to close."""
-    return (gap.base - gap.augmented) / (gap.base - 1.0) if gap.closure != 0.0 and gap.base > 1.0 else 0.0
+    """Share of the gap closed with a floor of 1; 0 where there is no gap."""
+    return (
+        (gap.base - gap.augmented) / (gap.base - 1.0) if gap.share_closed != 0.0 and gap.base > 1.0 else 0.0
+    )
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:
-    """The effects beside the verdict, in the order in which they were found, each with the parameters of all so far."""
+    """The effects beside the verdict, in the order found, each with the parameters of all effects up to it."""
     return [
         {
             "effect": c.effect.name,

@@ -1,4 +1,4 @@
-"""A model to be fitted: the paper's law with some effects, its parameters on scales that an optimiser likes."""
+"""A model to be fitted: the base law with some effects, its parameters on dimensionless scales of similar size."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 BASE_NAMES = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
-# plausible logarithmic width of the base parameters about their start: k_l, k_ul / k_l, k_t, tan phi, k_r
+# positions of the base parameters: k_l, k_ul / k_l, k_t, tan phi, k_r
+BASE_K_L, BASE_RATIO, BASE_K_T, BASE_MU, BASE_K_R = range(5)
+# plausible logarithmic width of the base parameters about their start
 BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
-RIGID = 4.5  # logarithm of k_l: stiffer takes long to simulate, and looks the same
-STIFFNESSES = [0, 2]  # of the base parameters: k_l and, with it, k_ul; k_t
-HEADROOM = 2.0  # logarithmic, of these
-LEAST_RATIO = 1.02  # of unloading to loading stiffness
+LARGEST_LOG_K_L = 4.5  # logarithm of k_l / start; stiffer ground takes long to simulate and looks the same
+STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
+STIFFNESS_HEADROOM = 2.0  # logarithmic, by which effects may raise them
+SMALLEST_STIFFNESS_RATIO = 1.02  # of unloading to loading stiffness
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Model:
     """Base law and effects; `world(p)` is the world at parameters p: first the five of the base, then the effects'.
 
     p is dimensionless: logarithms relative to `base`, and effect parameters in units of their plausible range.
-    `beside`: parameters of the fit that effects are added to, if any; its stiffnesses are not left far behind.
+    `beside`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
     """
 
     setup: World
@@ -51,7 +53,7 @@ class Model:
         return [e for e in self.effects if e.scatter]
 
     def start(self) -> Array:
-        """Parameters of the base as it stands, without effects."""
+        """Parameters of `base`, with neutral effects."""
         neutral = [to_scale(p, p.neutral) for own in self.parameters for p in own]
         return np.concatenate([np.zeros(len(BASE_WIDTH)), neutral])
 
@@ -60,17 +62,17 @@ class Model:
         low = [to_scale(p, p.low) for own in self.parameters for p in own]
         high = [to_scale(p, p.high) for own in self.parameters for p in own]
         most = 3 * BASE_WIDTH
-        most[0] = RIGID
+        most[BASE_K_L] = LARGEST_LOG_K_L
         if self.beside is not None:
-            # an effect that explains nothing would end as a rigid ground, whose simulation takes for ever
-            known = np.maximum(self.beside[STIFFNESSES], 0.0)
-            most[STIFFNESSES] = np.minimum(most[STIFFNESSES], known + HEADROOM)
+            # a useless effect could drift to a rigid ground, whose simulation takes very long
+            known = np.maximum(self.beside[STIFFNESS_PARAMETERS], 0.0)
+            most[STIFFNESS_PARAMETERS] = np.minimum(most[STIFFNESS_PARAMETERS], known + STIFFNESS_HEADROOM)
         return np.concatenate([-3 * BASE_WIDTH, low]), np.concatenate([most, high])
 
     def law(self, p: Array) -> Array:
         """(5,) k_l, k_ul, k_t, tan phi, k_r at p."""
-        k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[:5])
-        return np.array([k_l, k_l * max(ratio, LEAST_RATIO), k_t, mu, k_r])
+        k_l, ratio, k_t, mu, k_r = self.base * np.exp(p[: len(BASE_WIDTH)])
+        return np.array([k_l, k_l * max(ratio, SMALLEST_STIFFNESS_RATIO), k_t, mu, k_r])
 
     def values(self, p: Array) -> list[list[float]]:
         """Values of each effect's parameters at p."""
@@ -81,7 +83,7 @@ class Model:
         return out
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
-        """The world at p for releases of these places in their series; `amounts` instead of the effects' values."""
+        """The world at p for releases at these places in their series; `amounts` replace the values of the effects."""
         rows = self.setup.contact.copy()
         rows[..., [K_L, K_UL, K_T, MU, K_R]] = self.law(p)
         world = replace(self.setup, contact=rows, order=order)
@@ -92,7 +94,7 @@ class Model:
 
 
 def is_factor(p: Parameter) -> bool:
-    """Whether a parameter is a factor, which lives on a logarithmic scale."""
+    """Whether a parameter is a factor, which has a logarithmic scale."""
     return p.neutral == 1.0 and p.low > 0.0
 
 

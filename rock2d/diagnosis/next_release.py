@@ -1,4 +1,4 @@
-"""Which release would best tell two explanations apart: the one whose outcome they predict most differently."""
+"""The next release: the one for which the two best explanations predict the most different outcomes."""
 
 from __future__ import annotations
 
@@ -6,18 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution, Candidate
-from rock2d.diagnosis.fitting import Data
+from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.candidate import Candidate
+from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
+from rock2d.kinematics.columns import LINEAR_VELOCITY, OMEGA
+from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-FEW = 3  # impacts of a kind below which it is not proposed
-# releases that differ from the filmed ones: in words, factor on speed, spin added in √(g / size)
+FEWEST_IMPACTS_OF_A_KIND = 3  # impacts on which a proposal must rest
+# releases that differ from the filmed ones: text, factor on speed, spin added in √(g / size)
 VARIANTS = (
     ("as filmed", 1.0, 0.0),
-    ("half as fast again", 1.5, 0.0),
+    ("1.5 times as fast", 1.5, 0.0),
     ("two thirds as fast", 0.67, 0.0),
     ("with more clockwise spin", 1.0, -1.0),
     ("with more counter-clockwise spin", 1.0, 1.0),
@@ -27,10 +30,10 @@ VARIANTS = (
 def next_release(
     data: Data, setup: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
 ) -> str:
-    """In words: what to film next to split the best effect from its closest rival."""
+    """Sentence that says what to film next to separate the best effect from its closest rival."""
     if found.verdict == "unknown":
         if not cells:
-            return "More releases of every block: what is there cannot be told from noise yet."
+            return "More releases of every block: these data cannot separate the gap from noise."
         cell = cells[0]
         return (
             f"More releases that show {_place(cell)}: most of the gap lies there, "
@@ -39,23 +42,28 @@ def next_release(
     first = found.candidates[found.best]
     rivals = [c for c in found.candidates.values() if c is not first and not c.effect.scatter]
     if not rivals or first.effect.scatter:
-        return "More releases of every block: a scatter is told from a shift by their number."
+        return "More releases of every block: only many releases separate a scatter from a shift."
     second = max(rivals, key=lambda c: c.total)
     names = f"{first.effect.name} and {second.effect.name}"
-    best, words = 0.0, ""
+    best, proposal = 0.0, ""
     for text, faster, spin in VARIANTS:
         distance = _distance(data, setup, first, second, faster, spin)
         for block in range(len(setup.blocks)):
             for zone in range(len(zones)):
                 own = (data.impact_block == block) & (data.impact_zone == zone) & np.isfinite(distance)
-                if own.sum() >= FEW and (typical := float(np.median(distance[own]))) > best:
-                    pace = float(np.median(np.hypot(*data.incident(setup)[own, 3:5].T))) * faster
+                if (
+                    own.sum() >= FEWEST_IMPACTS_OF_A_KIND
+                    and (typical := float(np.median(distance[own]))) > best
+                ):
+                    pace = float(np.median(np.hypot(*data.incident(setup)[own, LINEAR_VELOCITY].T))) * faster
                     best = typical
-                    words = f"a {list(setup.blocks)[block]} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
-    if not words:
-        return f"Longer flights: no impact tells {names} apart."
+                    name = list(setup.blocks)[block]
+                    proposal = f"a {name} that strikes the {zones[zone]} at {pace:.2g} m/s ({text})"
+    if not proposal:
+        return f"Longer flights: no impact separates {names}."
     lead = "" if found.verdict != "none" else "No effect stands out. "
-    return f"{lead}{words[0].upper()}{words[1:]}: there {names} differ by {best:.2g} standard deviations in one impact."
+    difference = f"there {names} differ by {best:.2g} standard deviations in one impact."
+    return f"{lead}{proposal[0].upper()}{proposal[1:]}: {difference}"
 
 
 def _place(cell: Cell) -> str:
@@ -69,12 +77,14 @@ def _distance(
 ) -> Array:
     """(n,) standard deviations between what two models predict of each impact."""
     size = np.array([b.radius_m for b in setup.blocks.values()])[data.impact_block]
-    shift = np.zeros((len(size), 6))
-    shift[:, 3:5] = (faster - 1.0) * data.incident(setup)[:, 3:5]
-    shift[:, 5] = spin * np.sqrt(setup.gravity_m_s2 / size)
-    left = [data.left(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)]
-    difference = np.nan_to_num(left[0] - left[1])
+    shift = np.zeros((len(size), STATE_SIZE))
+    shift[:, LINEAR_VELOCITY] = (faster - 1.0) * data.incident(setup)[:, LINEAR_VELOCITY]
+    shift[:, OMEGA] = spin * np.sqrt(setup.gravity_m_s2 / size)
+    residuals = [
+        data.residuals(c.fit.model.world(c.fit.p, data.impact_order), shift).impacts for c in (first, second)
+    ]
+    difference = np.nan_to_num(residuals[0] - residuals[1])
     covariance = first.fit.covariance()
     chi2 = np.einsum("ni,ni->n", difference, np.linalg.solve(covariance, difference[..., None])[..., 0])
-    finite = np.isfinite(left[0]).all(axis=1) & np.isfinite(left[1]).all(axis=1)
+    finite = np.isfinite(residuals[0]).all(axis=1) & np.isfinite(residuals[1]).all(axis=1)
     return np.where(finite, np.sqrt(np.maximum(chi2, 0.0)), np.nan)

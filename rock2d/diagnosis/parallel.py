@@ -1,4 +1,4 @@
-"""Models tried in several processes, each on one thread: fits are independent, and the same whatever the number."""
+"""Fits of models in several processes, each with one thread. The result does not depend on their number."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rock2d.diagnosis.checkpoint import load_fit, save_fit
-from rock2d.diagnosis.cross_validation import HeldOut, hold_out
-from rock2d.diagnosis.fitting import Data, Fit, fit_effects
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.fitting import Fit, fit_effects
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.scene.world import World
@@ -20,28 +21,28 @@ Result = tuple[Fit, HeldOut]
 
 @dataclass
 class Job:
-    """What every process needs: the set-up, the data and the fit to start from."""
+    """Set-up, data and the fit to start from; every process needs them."""
 
     setup: World
     data: Data
     start: Fit
-    folder: Path | None = None  # where fits are kept, if anywhere
+    folder: Path | None = None  # for finished fits, if they are kept
 
 
 _job: Job | None = None
 
 
 def one_thread() -> None:
-    """Keep this process to one thread: where several work, threads of their own only get in each other's way.
+    """Limit this process to one thread, because the threads of several processes slow each other down.
 
-    It ends with the process that started it, however that ends.
+    The process ends with the one that started it, in whatever way that ends.
     """
     import multiprocessing
     import os
     import threading
 
     import numba
-    import scipy.linalg  # noqa: F401  brings a BLAS of its own, whose threads are only limited if it is there
+    import scipy.linalg  # noqa: F401  loads its own BLAS, whose threads can only be limited once it is loaded
     from threadpoolctl import threadpool_limits
 
     numba.set_num_threads(1)
@@ -67,7 +68,7 @@ def _try_own(names: tuple[str, ...]) -> Result:
 
 
 def try_effects(job: Job, names: tuple[str, ...]) -> Result:
-    """Fit the model with these effects and hold it out, or read it if that was done before."""
+    """Fit the model with these effects and cross-validate it, or read the result if it exists."""
     known = catalogue()
     model = Model(job.setup, job.start.model.base, [known[name] for name in names], job.start.p)
     start = hashlib.sha256(job.start.p.tobytes()).hexdigest()[:8]
@@ -75,10 +76,10 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
     if path is not None and (found := load_fit(path, model)) is not None:
         return found
     fitted = fit_effects(model, job.data, job.start)
-    out = hold_out(fitted, job.data)
+    out = cross_validate(fitted, job.data)
     if path is not None:
         save_fit(path, fitted, out)
-        # read back, so that a resumed diagnosis sums the very same arrays in the same order
+        # read back, so that a resumed diagnosis uses arrays with the same memory layout
         return load_fit(path, model) or (fitted, out)
     return fitted, out
 
@@ -86,7 +87,7 @@ def try_effects(job: Job, names: tuple[str, ...]) -> Result:
 def try_all(
     job: Job, models: Sequence[tuple[str, ...]], workers: int, on_progress: Callable[[str], None]
 ) -> dict[tuple[str, ...], Result]:
-    """Every model (a tuple of effects' names) with its result; `on_progress` hears each as it is done."""
+    """Every model (a tuple of effects' names) with its result; `on_progress` is called with each when it is done."""
     results: dict[tuple[str, ...], Result] = {}
     for names, result in _run(job, models, workers):
         results[names] = result

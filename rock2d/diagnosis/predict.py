@@ -1,25 +1,26 @@
-"""A diagnosed model on another experiment of the same set-up: every stretch from one flight to the next."""
+"""Prediction with a diagnosed model of another experiment with the same set-up: every segment of its film."""
 
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.film_data import FilmData, film_data
-from rock2d.diagnosis.impact_prediction import tracked
 from rock2d.diagnosis.model import BASE_NAMES
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.columns import THETA, X, Y
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.sanity import FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -27,11 +28,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
+OLD_LAW_KEYS = {"rolling_in_crater": "rolling_in_indentation"}
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
 def read_model(path: str | Path) -> dict[str, Any]:
-    """diagnosis.json, checked for what a prediction needs; raises `InputError`."""
+    """Content of diagnosis.json, checked for what a prediction needs.
+
+    Raises InputError if it cannot be used; warns if it has keys with old names.
+    """
     path = Path(path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -48,7 +53,17 @@ def read_model(path: str | Path) -> dict[str, Any]:
                 f"expected base parameters {', '.join(BASE_NAMES)}; this diagnosis has none to predict with",
                 path,
             )
-    return content
+    return _with_current_keys(content, path)
+
+
+def _with_current_keys(content: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The content with the current name of each key that had another one."""
+    law = content.get("law", {})
+    for old, key in OLD_LAW_KEYS.items():
+        if old in law:
+            warnings.warn(f"{path}: law.{old} is an old name of law.{key}", stacklevel=3)
+            law = {key: law[old]} | {name: value for name, value in law.items() if name != old}
+    return {**content, "law": law}
 
 
 def _positive(value: Any) -> bool:
@@ -90,24 +105,24 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
         )
     setup, film = setup_world(experiment), load_film(experiment)
     sanity = check_film(experiment, film)
-    fatal = [fault for fault in sanity.faults if "releases are too few" not in fault]
+    fatal = [fault for fault in sanity.faults if fault.code != FEW_RELEASES]
     if fatal:
-        raise InputError(fatal[0], experiment.folder)
-    data = film_data(film, sanity.seen or setup)
+        raise InputError(fatal[0].message, experiment.folder)
+    data = FilmSegments.of(film, sanity.registered or setup)
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
-    # the same part of the series: both experiments are taken to span it
+    # both experiments are assumed to cover the same series of releases
     block = film.release_block
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
-    world = diagnosed_world(content, setup, order[data.cut.flights.release[flights]], base_only)
-    return pd.DataFrame(_stretches(film, data, world, flights), columns=list(COLUMNS))
+    world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
+    return pd.DataFrame(_segments(film, data, world, flights), columns=list(COLUMNS))
 
 
-def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict[str, Array]:
-    """Rows of all stretches that begin with one of `flights`."""
-    own, scale = data.cut.flights, world.view.time_scale
+def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> dict[str, Array]:
+    """Rows of all segments that begin with one of `flights`."""
+    own, scale = data.segmentation.flights, world.view.time_scale
     ends = np.searchsorted(film.release, own.release[flights], side="right")
     following = {int(before): i for i, before in enumerate(own.follows) if before >= 0}
     for i, flight in enumerate(flights):
@@ -128,9 +143,9 @@ def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict
     )  # fmt: skip
     samples = result.samples
     for k in range(1, room):  # where a block has left the cross-section, its last pose stays
-        gone = ~np.isfinite(samples[:, k, 0])
+        gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = samples[gone, k - 1]
-    poses = world.view.record(tracked(world, own.block[flights], samples))
+    poses = world.view.record(centroid_poses(world, own.block[flights], samples))
     segment = np.zeros(len(flights), np.int64)
     for i in range(1, len(flights)):
         if own.release[flights[i]] == own.release[flights[i - 1]]:
@@ -144,7 +159,7 @@ def _stretches(film: Film, data: FilmData, world: World, flights: Array) -> dict
         "block": names[film.release_block[film.release[index]]],
         "segment": np.repeat(segment, counts),
         "t_s": film.t_s[index],
-        "x_m": pose[:, 0],
-        "y_m": pose[:, 1],
-        "theta_rad": pose[:, 2],
+        "x_m": pose[:, X],
+        "y_m": pose[:, Y],
+        "theta_rad": pose[:, THETA],
     }

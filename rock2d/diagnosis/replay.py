@@ -1,6 +1,6 @@
-"""Simulated again as it was filmed: from a measured flight on, at the camera's instants and in its frame.
+"""Filmed releases simulated again: from a measured flight on, at the camera's instants and in its frame.
 
-Poses are those that the camera records, with the sign of a mirrored axis put right, so that measured and simulated ones
+Poses are those that the camera records, with the sign of a mirrored axis corrected, so that measured and simulated ones
 lie on the same cross-section.
 """
 
@@ -12,10 +12,10 @@ import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.impact_prediction import tracked
-from rock2d.diagnosis.model import BASE_WIDTH, LEAST_RATIO
+from rock2d.diagnosis.model import BASE_K_L, BASE_RATIO, BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.columns import X
+from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -47,8 +47,8 @@ class Releases:
 
 
 def measured_releases(data: FilmData, signs: Signs, most_frames: int) -> Releases:
-    """Every release that has a flight; where there are more frames in all than `most_frames`, one in so many."""
-    film, flights = data.film, data.cut.flights
+    """Every release that has a flight; if there are more frames in all than `most_frames`, every k-th of them."""
+    film, flights = data.film, data.segmentation.flights
     first = np.flatnonzero(flights.follows < 0)
     ends = np.searchsorted(film.release, flights.release[first], side="right")
     step = int(np.ceil((ends - flights.first[first]).sum() / most_frames))
@@ -67,7 +67,7 @@ def simulated_releases(
     """Poses (n, k, 3) of the releases of `film`; with `repetitions` (repetitions, n, k, 3), each with a soil drawn from
     the fitted scatter and with the film's noise.
 
-    The soil varies from impact to impact; few impacts of a release matter, so it is drawn once for each.
+    The soil varies from impact to impact. Few impacts of a release matter, so one soil is drawn for each release.
     """
     order = data.order[film.release]
     if not repetitions:
@@ -81,12 +81,12 @@ def simulated_releases(
 
 
 def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
-    """The world with a soil of its own for each of n releases."""
+    """The world with another soil for each of n releases."""
     rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
     draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
-    draw[..., 1] += draw[..., 0]  # the scatter is that of k_ul / k_l
+    draw[..., BASE_RATIO] += draw[..., BASE_K_L]  # from k_ul / k_l to k_ul
     rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
-    rows[..., K_UL] = np.maximum(rows[..., K_UL], LEAST_RATIO * rows[..., K_L])
+    rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
     return replace(world, contact=rows)
 
 
@@ -97,7 +97,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     a block has left the cross-section its last pose stays.
     """
     scale, middle = world.view.time_scale, data.basis.middle[flights]
-    block = data.cut.flights.block[flights]
+    block = data.segmentation.flights.block[flights]
     starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
     times = (t_s - start_s[:, None]) * scale
     ensemble, tables = world_ensemble(world)
@@ -106,7 +106,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
         time_limit_s=np.nanmax(times, axis=1) + 1e-9, times_s=np.where(np.isfinite(times), times, np.inf),
     ).samples  # fmt: skip
     for k in range(1, samples.shape[1]):
-        gone = ~np.isfinite(samples[:, k, 0])
+        gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = samples[gone, k - 1]
-    poses = world.view.record(tracked(world, block, samples)) * signs
+    poses = world.view.record(centroid_poses(world, block, samples)) * signs
     return np.where(np.isfinite(t_s)[..., None], poses, np.nan)

@@ -1,8 +1,8 @@
-"""What any model could still explain: a flexible regression of the residuals on everything measured.
+"""A flexible regression of the residuals on everything measured: what any model could still explain.
 
-An effect is only the right one if it leaves nothing that can be predicted. A ridge regression on the terms that forces
-would make, then extremely randomised trees on what is left, are fitted on some releases and judged on others; they
-know no mechanics, so that what they find is the lower bound of the gap that some cause would close.
+The residuals of the right effect cannot be predicted. A ridge regression on the terms that forces would cause, and then
+extremely randomised trees on its residuals, are fitted on some releases and judged on others. They contain no
+mechanics, so the share of the gap that they close is a lower bound of what some cause would close.
 """
 
 from __future__ import annotations
@@ -12,49 +12,57 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import FOLDS, folds
-from rock2d.diagnosis.fitting import Data, Residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
 TREES = 120
-CLIP = 5.0  # residuals in units of their standard deviation
-FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight: what accelerations and their change leave
+LARGEST_RESIDUAL_SD = 5.0  # residuals in units of their standard deviation
+FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight, the effect of accelerations and of their change
 
 
 @dataclass
-class Leftover:
+class RegressedResiduals:
     """Whitened residuals before and after the regression, on releases that it was not fitted to.
 
     Attributes
     ----------
     impacts, flights : (n, 6) and (m, 3 × FLIGHT_DEGREES) residuals in standard deviations, clipped
-    impacts_left, flights_left : the same less what was predicted
+    impacts_remaining, flights_remaining : the same minus the prediction
     """
 
     impacts: Array
-    impacts_left: Array
+    impacts_remaining: Array
     flights: Array
-    flights_left: Array
+    flights_remaining: Array
 
 
-def regress(world: World, data: Data, left: Residuals, covariance: Array, seed: int = 0) -> Leftover:
-    """Predict what is left of impacts and flights from what was measured of them; `world` is where it is measured."""
+def regress(
+    world: World, data: Data, residuals: Residuals, covariance: Array, seed: int = 0
+) -> RegressedResiduals:
+    """Predict residuals of impacts and flights from their features in a world."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    impacts = clipped(left.impacts / scale)
-    flights = clipped(left.flights[:, :, :FLIGHT_DEGREES]).reshape(len(left.flights), 3 * FLIGHT_DEGREES)
+    impacts = clipped(residuals.impacts / scale)
+    flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
+        len(residuals.flights), 3 * FLIGHT_DEGREES
+    )
     fold = folds(data)
-    impacts_left, flights_left = impacts.copy(), flights.copy()
+    impacts_remaining, flights_remaining = impacts.copy(), flights.copy()
     if len(impacts):
-        impacts_left -= _cross_predict(data.impact_features(world), impacts, fold[data.impact_release], seed)
+        impacts_remaining -= _cross_predict(
+            data.impact_features(world), impacts, fold[data.impact_release], seed
+        )
     if len(flights):
-        flights_left -= _cross_predict(data.flight_features(world), flights, fold[data.flight_release], seed)
-    return Leftover(impacts, impacts_left, flights, flights_left)
+        flights_remaining -= _cross_predict(
+            data.flight_features(world), flights, fold[data.flight_release], seed
+        )
+    return RegressedResiduals(impacts, impacts_remaining, flights, flights_remaining)
 
 
 def clipped(z: Array) -> Array:
-    """Residuals in standard deviations, at most CLIP; what could not be simulated counts as that."""
-    return np.clip(np.nan_to_num(z, nan=CLIP), -CLIP, CLIP)
+    """Residuals in standard deviations, clipped to LARGEST_RESIDUAL_SD; NaN counts as that."""
+    return np.clip(np.nan_to_num(z, nan=LARGEST_RESIDUAL_SD), -LARGEST_RESIDUAL_SD, LARGEST_RESIDUAL_SD)
 
 
 def _cross_predict(features: Array, target: Array, fold: Array, seed: int) -> Array:

@@ -1,7 +1,7 @@
-"""Where blocks come to rest: the end of every film predicted from the last measured flight.
+"""Rest prediction: the end of every film predicted from the last measured flight.
 
-Rests enter no fit (a long roll on the ground says little about impacts and much about chance), so that they are held
-out by construction. They tell where else the gap shows.
+Rests enter no fit, because a long roll on the ground depends little on impacts and much on chance. So they are always
+held out. They show where else the gap appears.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.impact_prediction import tracked
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.film_segments import STATE_SIZE
+from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-STILL = 10  # last frames of a film whose mean is where the block lies
-STEP = 0.02
+REST_FRAMES = 10  # last frames of a film; their mean is the pose at rest
+SCATTER_STEP = 0.02  # of a parameter's scale, for differences
 
 
 @dataclass
@@ -35,47 +36,49 @@ class Rests:
 
 def find_rests(data: FilmData) -> Rests:
     """Ends of the releases that touch the ground after their last flight."""
-    film, flights = data.film, data.cut.flights
+    film, flights = data.film, data.segmentation.flights
     last = np.array([f for f in range(len(flights)) if f not in set(flights.follows)], np.int64)
     ends = np.searchsorted(film.release, flights.release[last], side="right")
-    use = (ends - flights.last[last] > 3 * STILL) & np.isfinite(data.start_s[last])
+    use = (ends - flights.last[last] > 3 * REST_FRAMES) & np.isfinite(data.start_s[last])
     last, ends = last[use], ends[use]
-    pose = np.array([film.pose[end - STILL : end].mean(axis=0) for end in ends]).reshape(-1, 3)
-    middle = np.array([film.t_s[end - STILL : end].mean() for end in ends])
+    pose = np.array([film.pose[end - REST_FRAMES : end].mean(axis=0) for end in ends]).reshape(-1, 3)
+    middle = np.array([film.t_s[end - REST_FRAMES : end].mean() for end in ends])
     return Rests(last, middle - data.basis.middle[last] - data.start_s[last], pose)
 
 
 def rest_squares(data: FilmData, rests: Rests, fit: Fit, covariance: Array) -> Array:
     """(n, 3) squares of simulated - measured x, y, theta at the end, over their variance; clipped."""
-    left = _left(data, rests, _world(data, rests, fit, fit.p))
-    return clipped(left / np.sqrt(covariance)) ** 2
+    residuals = _residuals(data, rests, _world(data, rests, fit, fit.p))
+    return clipped(residuals / np.sqrt(covariance)) ** 2
 
 
 def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     """(n, 3) variances of the ends, from the noise of the last flights and the soil's scatter."""
-    at = _left(data, rests, _world(data, rests, fit, fit.p))
+    at = _residuals(data, rests, _world(data, rests, fit, fit.p))
     variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
-    for k, sigma in enumerate(fit.scatter[:5]):
-        ahead = _left(data, rests, _world(data, rests, fit, fit.p + STEP * (np.arange(len(fit.p)) == k)))
-        variance += np.nan_to_num((ahead - at) * sigma / STEP) ** 2
+    for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
+        ahead = _residuals(
+            data, rests, _world(data, rests, fit, fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k))
+        )
+        variance += np.nan_to_num((ahead - at) * sigma / SCATTER_STEP) ** 2
     world, start = _world(data, rests, fit, fit.p), data.start_s[rests.flight]
-    block = data.cut.flights.block[rests.flight]
+    block = data.segmentation.flights.block[rests.flight]
     states = drift(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
     noise = data.true_covariance(world, rests.flight, start, states)
-    for k in range(6):
+    for k in range(STATE_SIZE):
         sigma_state = np.sqrt(noise[:, k, k])
-        ahead = _left(data, rests, world, sigma_state[:, None] * (np.arange(6) == k))
+        ahead = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
         variance += np.nan_to_num(ahead - at) ** 2
     return variance
 
 
 def _world(data: FilmData, rests: Rests, fit: Fit, p: Array) -> World:
-    return fit.model.world(p, data.order[data.cut.flights.release[rests.flight]])
+    return fit.model.world(p, data.order[data.segmentation.flights.release[rests.flight]])
 
 
-def _left(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0) -> Array:
+def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0) -> Array:
     """(n, 3) simulated - recorded pose at the end of the film."""
-    scale, block = world.view.time_scale, data.cut.flights.block[rests.flight]
+    scale, block = world.view.time_scale, data.segmentation.flights.block[rests.flight]
     starts = (
         drift(world, block, data.states(world).middle[rests.flight], data.start_s[rests.flight] * scale)
         + shift
@@ -85,4 +88,4 @@ def _left(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0
         ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
         time_limit_s=rests.wait_s * scale + 1e-9, times_s=rests.wait_s[:, None] * scale,
     )  # fmt: skip
-    return world.view.record(tracked(world, block, result.samples))[:, 0] - rests.pose
+    return world.view.record(centroid_poses(world, block, result.samples))[:, 0] - rests.pose

@@ -1,9 +1,10 @@
-"""Filmed releases as flights, contacts and rests, with the noise of the film estimated from the flights themselves."""
+"""Filmed releases as flights, contacts and rests. The noise of the film is estimated from the flights."""
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,17 +20,25 @@ from rock2d.engines.geometry import (
     polygon_depth,
 )
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.segmentation import CONTACT, FLIGHT, LOOSE, REST, SPIN_LOOSE, partition
+from rock2d.kinematics.columns import POSITION, THETA, X, Y
+from rock2d.kinematics.segmentation import (
+    ACCELERATION_SD,
+    CONTACT,
+    FLIGHT,
+    REST,
+    SPIN_ACCELERATION_SD,
+    partition,
+)
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-SHORTEST = 8  # frames of a flight
-WINDOW = 12  # frames over which the noise is first looked at
-CLEAR = 0.1  # block radii that a flight must rise above the ground to be one
-JUMP = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
-TRIM = 2  # frames left out next to a contact
-LAGS = 6  # frames over which noise is taken to be correlated
+FEWEST_FLIGHT_FRAMES = 8
+NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
+FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
+IMPACT_VELOCITY_CHANGE = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
+CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
+NOISE_LAGS = 6  # frames over which the noise may be correlated
 
 
 @dataclass
@@ -60,7 +69,8 @@ class Film:
 
 @dataclass
 class Flights:
-    """All flights in the order of time: (n,) arrays; frames `first` to `last` - 1 of the film, ends trimmed."""
+    """All flights in the order of time: (n,) arrays. A flight has the frames `first` to `last` - 1 of the film; the
+    frames next to a contact are left out."""
 
     release: Array
     block: Array
@@ -73,7 +83,7 @@ class Flights:
 
 
 @dataclass
-class Cut:
+class Segmentation:
     """A film, its flights, and the kind of each frame (CONTACT, FLIGHT, REST)."""
 
     film: Film
@@ -82,7 +92,7 @@ class Cut:
 
 
 def load_film(experiment: Experiment) -> Film:
-    """Frames of an experiment with trajectories; lost frames are left out, angles unwrapped."""
+    """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped."""
     table = experiment.trajectories
     assert table is not None
     table = table.dropna().sort_values(["release", "t_s"], kind="stable")
@@ -92,7 +102,7 @@ def load_film(experiment: Experiment) -> Film:
     blocks = table["block"].map({name: i for i, name in enumerate(block_names)}).to_numpy()
     pose = table[["x_m", "y_m", "theta_rad"]].to_numpy(float).copy()
     for a, b in zip(starts, np.append(starts[1:], len(release)), strict=True):
-        pose[a:b, 2] = np.unwrap(pose[a:b, 2])
+        pose[a:b, THETA] = np.unwrap(pose[a:b, THETA])
     stated = np.array([experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad])
     film = Film(
         table["t_s"].to_numpy(float),
@@ -110,25 +120,30 @@ def load_film(experiment: Experiment) -> Film:
 
 
 def _first_noise(film: Film) -> Array:
-    """Noise from the residuals of parabolas over short windows; contact spoils few of them."""
-    n = len(film.t_s) // WINDOW * WINDOW
-    if n < 4 * WINDOW:
+    """Noise from the residuals of parabolas over short windows. The median ignores the few windows with contact."""
+    n = len(film.t_s) // NOISE_WINDOW_FRAMES * NOISE_WINDOW_FRAMES
+    if n < 4 * NOISE_WINDOW_FRAMES:
         return np.maximum(film.stated_noise, 1e-6)
-    windows = film.pose[:n].reshape(-1, WINDOW, 3)
-    t = film.t_s[:n].reshape(-1, WINDOW)
-    release = film.release[:n].reshape(-1, WINDOW)
-    even = np.ptp(t, axis=1) < 1.5 * (WINDOW - 1) * np.median(np.diff(film.t_s)[np.diff(film.release) == 0])
+    windows = film.pose[:n].reshape(-1, NOISE_WINDOW_FRAMES, 3)
+    t = film.t_s[:n].reshape(-1, NOISE_WINDOW_FRAMES)
+    release = film.release[:n].reshape(-1, NOISE_WINDOW_FRAMES)
+    even = np.ptp(t, axis=1) < 1.5 * (NOISE_WINDOW_FRAMES - 1) * np.median(
+        np.diff(film.t_s)[np.diff(film.release) == 0]
+    )
     windows = windows[even & (release[:, 0] == release[:, -1])]
     if len(windows) < 4:
         return np.maximum(film.stated_noise, 1e-6)
-    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, WINDOW), 3))[0]
+    basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
     residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
-    variance = (residual**2).sum(axis=1) / (WINDOW - 3)
+    variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
     return np.maximum(np.sqrt(np.median(variance, axis=0)), 1e-9)
 
 
-def cut_film(world: World, film: Film) -> Cut:
-    """Cut every release into flights, contacts and rests in a world, and estimate the noise from the flights."""
+def segment_film(world: World, film: Film) -> Segmentation:
+    """Divide every release into flights, contacts and rests in a world, and estimate the noise from the flights.
+
+    Sets `film.noise` and `film.long_noise`.
+    """
     blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
@@ -141,79 +156,111 @@ def cut_film(world: World, film: Film) -> Cut:
         size, t, pose = blocks[block].radius_m, film.t_s[a:b], world.view.true(film.pose[a:b])
         lengths = world.view.true_per_recorded(pose.mean(axis=0)[None], np.eye(2))
         noise = film.noise * np.append(lengths, 1.0)
-        curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
-        loose = 0.5 * np.array([LOOSE * g, LOOSE * g, SPIN_LOOSE * g / size]) / noise
-        kind, number = partition(t - t[0], (pose - pose[0]) / noise, curvature, loose, SHORTEST)
         gap = clearances(arrays[block], ground, pose)
-        stretches = _true_flights(kind, number, t, pose, gap, size, g, noise)
+        recording = _Recording(t, pose, gap, noise, size, g)
+        kind, number = _partition(recording)
         kinds[a:b] = np.where(kind == REST, REST, CONTACT)
         before = -1
-        for i, j in stretches:
+        for i, j in _true_flights(recording, kind, number):
             kinds[a + i : a + j] = FLIGHT
-            # what still touches its indentation is not free, though nothing may press on it
-            free = np.flatnonzero(gap[i:j] > 2.0 * noise[1])
-            cut_in = max(TRIM, int(free[0]) if len(free) else 0) if i > 0 else 0
-            cut_out = max(TRIM, j - i - 1 - int(free[-1]) if len(free) else 0) if j < b - a else 0
-            while j - i - cut_in - cut_out < SHORTEST:
-                cut_in, cut_out = max(cut_in - 1, 0), max(cut_out - 1, 0)
-            found.append((r, block, a + i + cut_in, a + j - cut_out, before))
+            first, last = _trimmed(recording, i, j)
+            found.append((r, block, a + first, a + last, before))
             before = len(found) - 1
     columns = np.array(found, np.int64).reshape(-1, 5).T
-    cut = Cut(film, Flights(*columns), kinds)
+    segmentation = Segmentation(film, Flights(*columns), kinds)
     if len(found):
-        film.noise, film.long_noise = _flight_noise(film, cut.flights)
-    return cut
+        film.noise, film.long_noise = _flight_noise(film, segmentation.flights)
+    return segmentation
 
 
-def _true_flights(
-    kind: Array, number: Array, t: Array, pose: Array, gap: Array, size: float, g: float, noise: Array
-) -> list[tuple[int, int]]:
-    """Stretches (first, last) of frames that are flights: mended where one was cut in mid-air, and only those that rise
-    above the ground: a hop within the indentation is still contact. Where the ground lies higher than stated, blocks
-    do not come down to it: then it is their lower end that flights rise above."""
+class _Recording(NamedTuple):
+    """Frames of one release: instants (n,), true poses (n, 3), heights above the ground (n,), noise (3,) in true
+    units, size of the block and gravity."""
+
+    t_s: Array
+    pose: Array
+    gap_m: Array
+    noise: Array
+    size_m: float
+    gravity_m_s2: float
+
+
+def _partition(recording: _Recording) -> tuple[Array, Array]:
+    """Kind (n,) and number of the segment (n,) of each frame; see `segmentation.partition`."""
+    t, pose, _, noise, size, g = recording
+    curvature = np.array([0.0, -0.5 * g, 0.0]) / noise
+    spread = np.array([ACCELERATION_SD * g, ACCELERATION_SD * g, SPIN_ACCELERATION_SD * g / size])
+    return partition(
+        t - t[0], (pose - pose[0]) / noise, curvature, 0.5 * spread / noise, FEWEST_FLIGHT_FRAMES
+    )
+
+
+def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
+    """First and last (exclusive) frame of the flight i to j without the frames that may still be in contact.
+
+    A block that still touches its indentation does not fly freely, though the ground may not press on it.
+    """
+    gap, noise = recording.gap_m, recording.noise
+    free = np.flatnonzero(gap[i:j] > 2.0 * noise[Y])
+    head = max(CONTACT_MARGIN_FRAMES, int(free[0]) if len(free) else 0) if i > 0 else 0
+    tail = max(CONTACT_MARGIN_FRAMES, j - i - 1 - int(free[-1]) if len(free) else 0) if j < len(gap) else 0
+    while j - i - head - tail < FEWEST_FLIGHT_FRAMES:
+        head, tail = max(head - 1, 0), max(tail - 1, 0)
+    return i + head, j - tail
+
+
+def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tuple[int, int]]:
+    """Segments (first, last) of frames that are flights.
+
+    Two parts of one flight that was divided in mid-air are joined. A segment counts as a flight only if it rises above
+    the ground: a hop within the indentation is contact. Where the ground lies higher than stated, blocks do not come
+    down to it. Then a flight must rise above its own lower end.
+    """
+    t, pose, gap, noise, size, g = recording
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
         frames = np.flatnonzero(number == k)
         flights.append((int(frames[0]), int(frames[-1]) + 1))
-    mended: list[tuple[int, int]] = []
+    joined: list[tuple[int, int]] = []
     for i, j in flights:
-        if mended:
-            h, m = mended[-1]
-            aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[0])
-            if i - m <= 2 and aloft and _jump(t, pose, (h, m), (i, j)) < JUMP * np.sqrt(g * size):
-                mended[-1] = (h, j)
+        if joined:
+            h, m = joined[-1]
+            aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
+            change = IMPACT_VELOCITY_CHANGE * np.sqrt(g * size)
+            if i - m <= 2 and aloft and _velocity_change(t, pose, (h, m), (i, j)) < change:
+                joined[-1] = (h, j)
                 continue
-        mended.append((i, j))
-    rises = max(CLEAR * size, 5.0 * noise[1])
+        joined.append((i, j))
+    rises = max(FLIGHT_RISE_RADII * size, 5.0 * noise[Y])
     whole = (0, len(gap))
-    ground = [0.0 if ends == whole else max(min(gap[ends[0]], gap[ends[1] - 1]), 0.0) for ends in mended]
+    ground = [0.0 if ends == whole else max(min(gap[ends[0]], gap[ends[1] - 1]), 0.0) for ends in joined]
     return [
         (i, j)
-        for (i, j), low in zip(mended, ground, strict=True)
+        for (i, j), low in zip(joined, ground, strict=True)
         if np.quantile(gap[i:j], 0.75) > low + rises
     ]
 
 
-def _jump(t: Array, pose: Array, before: tuple[int, int], after: tuple[int, int]) -> float:
-    """Change of velocity in m/s between two stretches where they meet."""
+def _velocity_change(t: Array, pose: Array, before: tuple[int, int], after: tuple[int, int]) -> float:
+    """Change of velocity in m/s between two segments at the instant where they meet."""
     velocity = []
     for (i, j), at in ((before, t[before[1] - 1]), (after, t[after[0]])):
-        fit = np.polynomial.polynomial.polyfit(t[i:j] - at, pose[i:j, :2], 2)
+        fit = np.polynomial.polynomial.polyfit(t[i:j] - at, pose[i:j, POSITION], 2)
         velocity.append(fit[1])
     return float(np.hypot(*(velocity[1] - velocity[0])))
 
 
 def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
-    """Noise of a frame, and that of long averages, from what cubics leave of the flights."""
-    lagged, pairs, freedom, used = np.zeros((LAGS + 1, 3)), np.zeros(LAGS + 1), 0.0, 0
+    """Noise of a frame, and of averages over many frames, from the residuals of cubics fitted to the flights."""
+    lagged, pairs, freedom, used = np.zeros((NOISE_LAGS + 1, 3)), np.zeros(NOISE_LAGS + 1), 0.0, 0
     for a, b in zip(flights.first, flights.last, strict=True):
         n = b - a
-        if n < 2 * LAGS:
+        if n < 2 * NOISE_LAGS:
             continue
         t = film.t_s[a:b]
         basis = np.linalg.qr(np.vander((t - t[0]) / (t[-1] - t[0]) - 0.5, 4))[0]
         r = film.pose[a:b] - basis @ (basis.T @ film.pose[a:b])
-        for k in range(LAGS + 1):
+        for k in range(NOISE_LAGS + 1):
             lagged[k] += (r[k:] * r[: n - k]).sum(axis=0)
             pairs[k] += n - k
         freedom += n - 4
@@ -221,7 +268,7 @@ def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
     if freedom < 50:
         return film.noise, film.noise
     variance = lagged[0] / freedom
-    # of white noise, too, four parameters leave a little negative correlation
+    # four fitted parameters give even white noise a small negative correlation
     correlation = lagged[1:] / pairs[1:, None] / variance + 4.0 * used / (freedom + 4.0 * used)
     sigma = np.sqrt(variance)
     return sigma, sigma * np.sqrt(np.maximum(1.0 + 2.0 * correlation.sum(axis=0), 1.0))

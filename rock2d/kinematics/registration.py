@@ -1,8 +1,9 @@
-"""The set-up as a film shows it, roughly, where what is stated of it would put the blocks inside the ground.
+"""Rough correction of camera or cross-section, so that a film can be segmented.
 
-A film can only be cut into flights and impacts on a ground that the blocks come down to. A camera that is scaled or
-turned, or a cross-section that was built otherwise than surveyed, is found here well enough for the cut and for a first
-fit of the law; the diagnosis then works it out, beside every other cause.
+A film can be divided into flights and impacts only on a ground that the blocks come down to. If the stated set-up puts
+the blocks inside the ground, a camera that is scaled or turned, or a cross-section that was built otherwise than
+surveyed, may explain it. The correction found here is good enough for the segmentation and for a first fit of the law.
+The diagnosis then finds the cause among all effects.
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.effects.changes import image
 from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.kinematics.columns import X, Y
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
 
 Array = np.ndarray
 
-AXES = 21  # places of the camera's axis that are tried along x and y each, within the image's width
-TURNS = 9  # values of each parameter of the cross-section that are tried
-MOST_FRAMES = 5000  # of all releases that their lowest points are sought in
-UNSURE = 0.03  # of scale and tilt (rad) as gravity tells them
-CLEAR = 0.05  # share of the frames with the centre in the ground that may be
-SEATED = 0.5  # block radii between the ground and where most releases come down, at most
+CAMERA_GRID = 21  # positions of the camera's axis that are tried along x and y each, within the image's width
+CROSS_SECTION_GRID = 9  # values of each parameter of the cross-section that are tried
+MOST_FRAMES = 5000  # of all releases, among which their lowest points are searched
+GRAVITY_UNCERTAINTY = 0.03  # of scale and tilt (rad) as read from the recorded gravity
+POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
+LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points of most releases
 
 
 def below_ground(world: World, film: Film) -> float:
@@ -35,19 +37,19 @@ def below_ground(world: World, film: Film) -> float:
     import shapely
 
     points = world.cross_section.points_m
-    low = float(points[:, 1].min()) - 10 * float(np.ptp(points, axis=0).max())
-    ground = shapely.Polygon([*points, (points[-1, 0], low), (points[0, 0], low)])
+    low = float(points[:, Y].min()) - 10 * float(np.ptp(points, axis=0).max())
+    ground = shapely.Polygon([*points, (points[-1, X], low), (points[0, X], low)])
     shapely.prepare(ground)
     step = max(1, len(film.t_s) // 20000)
     pose = world.view.true(film.pose[::step])
-    return float(shapely.contains_xy(ground, pose[:, 0], pose[:, 1]).mean())
+    return float(shapely.contains_xy(ground, pose[:, X], pose[:, Y]).mean())
 
 
-def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | None:
-    """The camera or the cross-section for which most releases come down to the ground and no farther, and what it says;
+def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[World, str] | None:
+    """The world in which most releases come down to the ground and no farther, and a text that says what differs in it;
     None if there is none.
 
-    fall : (2,) acceleration in m/s² of flights as recorded, None if it is not known
+    gravity : (2,) acceleration in m/s² of flights as recorded, None if it is not known
     """
     step = max(1, len(film.t_s) // MOST_FRAMES)
     frames = [film.pose[film.release == r][::step] for r in range(len(film.release_names))]
@@ -63,43 +65,47 @@ def seated(world: World, film: Film, fall: Array | None) -> tuple[World, str] | 
         ]
         return float(np.median(gaps))
 
-    best, words = min([*_cameras(world, fall), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
-    return (best, words) if miss(best) < SEATED and below_ground(best, film) < CLEAR else None
+    best, text = min([*_cameras(world, gravity), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
+    return (
+        (best, text)
+        if miss(best) < LARGEST_GAP_RADII and below_ground(best, film) < POSSIBLE_BELOW_GROUND
+        else None
+    )
 
 
-def _cameras(world: World, fall: Array | None) -> Iterator[tuple[World, str]]:
-    """Worlds seen by a camera that records gravity as it was recorded, aimed anywhere; none if no effect of the
-    catalogue could be so large."""
-    if fall is None:
+def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]:
+    """Worlds with a camera whose tilt and scale give the recorded gravity, for many positions of its axis; none if
+    they are beyond the ranges of the catalogue."""
+    if gravity is None:
         return
     (x, y), width = image(world.cross_section)
-    scale = float(np.hypot(*fall)) / max(world.gravity_m_s2, 1e-9)
-    tilt = float(np.arctan2(fall[0], -fall[1]))
+    scale = float(np.hypot(*gravity)) / max(world.gravity_m_s2, 1e-9)
+    tilt = float(np.arctan2(gravity[0], -gravity[1]))
     for name, value in (("scale_error", scale), ("camera_tilt", tilt)):
         size = catalogue()[name].parameters[0]
-        if not size.low - UNSURE <= value <= size.high + UNSURE:
+        if not size.low - GRAVITY_UNCERTAINTY <= value <= size.high + GRAVITY_UNCERTAINTY:
             return
-    words = (
+    text = (
         f"an image turned by {np.degrees(tilt):.1f}° (camera_tilt) and {scale:.3f} times as large as stated "
         "(scale_error)"
     )
-    grid = width * np.linspace(-1.0, 1.0, AXES)
+    grid = width * np.linspace(-1.0, 1.0, CAMERA_GRID)
     for right in grid:
         for up in grid:
-            yield replace(world, view=View(tilt, scale, centre_m=(x + right, y + up))), words
+            yield replace(world, view=View(tilt, scale, centre_m=(x + right, y + up))), text
 
 
 def _cross_sections(world: World) -> Iterator[tuple[World, str]]:
-    """Worlds on a cross-section that was built otherwise than surveyed."""
+    """Worlds with a cross-section that was built otherwise than surveyed."""
     effect = catalogue()["geometry_error"]
     what, unit = ("facing", "ditch"), "embankment heights"
     if world.cross_section.embankment is None:
         what, unit = ("ground", "ground"), "block sizes"
-    turns, rises = (np.linspace(p.low, p.high, TURNS) for p in effect.parameters)
+    turns, rises = (np.linspace(p.low, p.high, CROSS_SECTION_GRID) for p in effect.parameters)
     for turn, rise in itertools.product(turns, rises):
-        words = (
+        text = (
             f"a {what[0]} turned by about {np.degrees(turn):.0f}° and a {what[1]} raised by about {rise:.2f} {unit} "
             "(geometry_error)"
         )
         with contextlib.suppress(ValueError):  # a cross-section that would cross itself
-            yield effect.apply(world, [turn, rise]), words
+            yield effect.apply(world, [turn, rise]), text

@@ -1,27 +1,51 @@
-"""Where a filmed release is cut into flights and rests, by optimal partition, compiled.
+"""The segmentation of a filmed release into flights, rests and contact, by optimal partition, compiled.
 
-A flight is a stretch of frames that one parabola explains, a rest one that a fixed pose explains; what neither
-explains at a fair price is contact. The price is chi-square, so noise decides, not a threshold on speed. The
-accelerations of a flight are free within a prior, so that drag, a tilted camera or a wrong scale do not cut it.
+A flight is a range of frames that one parabola explains. A rest is one that a fixed pose explains. All other frames are
+contact. The cost is chi-square plus a fixed cost for each segment, so the noise decides and not a threshold on speed.
+The accelerations of a flight are free within a prior, so drag, a tilted camera or a wrong scale do not split it.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.compiled import njit
 
 CONTACT, FLIGHT, REST = 0, 1, 2
-STRETCH_PRICE = 25.0  # chi-square that a further flight or rest must save
-FRAME_PRICE = 9.0  # chi-square of a frame that nothing explains; a good frame costs 3
-LOOSE = 0.15  # prior, 1 sigma, of a flight's acceleration about gravity, in units of gravity
-SPIN_LOOSE = 3.0  # the same of its angular acceleration, in units of 1 rad per (sqrt(size / g))²
+SEGMENT_COST = 25.0  # chi-square that one more flight or rest must save
+UNEXPLAINED_FRAME_COST = 9.0  # chi-square of a frame of contact; a frame of a flight costs 3 on average
+ACCELERATION_SD = 0.15  # prior, 1 sigma, of a flight's acceleration about gravity, in units of gravity
+SPIN_ACCELERATION_SD = 3.0  # the same of its angular acceleration, in units of 1 rad per (sqrt(size / g))²
+
+
+class TimeSums(NamedTuple):
+    """Sums over the frames of a segment: their number and the powers 1 to 4 of the time."""
+
+    n: int
+    t1: float
+    t2: float
+    t3: float
+    t4: float
+
+
+class DataSums(NamedTuple):
+    """Sums over the frames of a segment: the data times the powers 0 to 2 of the time, and the squared data."""
+
+    y0: float
+    y1: float
+    y2: float
+    yy: float
 
 
 @njit
-def _fit_cost(n, s1, s2, s3, s4, y0, y1, y2, yy, mean, prior):
-    """Smallest chi-square of y = a + b t + c t² with c ~ N(mean, prior²); sums are over unit-variance data."""
-    # take out the mean curvature
+def _parabola_cost(time, data, mean, prior):
+    """Smallest chi-square of y = a + b t + c t² with c ~ N(mean, prior²), from `TimeSums` and `DataSums` of data with
+    unit variance."""
+    n, s1, s2, s3, s4 = time
+    y0, y1, y2, yy = data
+    # subtract the mean curvature
     z0, z1, z2 = y0 - mean * s2, y1 - mean * s3, y2 - mean * s4
     zz = yy - 2.0 * mean * y2 + mean * mean * s4
     w = s4 + 1.0 / (prior * prior)
@@ -61,14 +85,15 @@ def _sums(t, data):
 
 
 @njit
-def partition(t, data, curvature, loose, shortest):
-    """Cut n frames into flights, rests and contact.
+def partition(t, data, curvature, curvature_sd, fewest_frames):
+    """Divide n frames into flights, rests and contact.
 
     t : (n,) time in s from the first frame
     data : (n, 3) x, y, theta in units of their noise
-    curvature, loose : (3,) half the acceleration that a flight has by prior, and its 1 sigma, in units of noise / s²
-    shortest : fewest frames of a flight or rest
-    Returns (n,) kind of each frame and (n,) number of its stretch (contact counts as none: -1).
+    curvature, curvature_sd : (3,) half the acceleration that the prior of a flight expects, and its 1 sigma, in units
+        of noise / s²
+    fewest_frames : of a flight or rest
+    Returns (n,) kind of each frame and (n,) number of its segment (-1 for contact).
     """
     n = t.size
     ts, ds = _sums(t, data)
@@ -78,27 +103,33 @@ def partition(t, data, curvature, loose, shortest):
     alive = np.empty(n + 1, np.int64)
     m = 0
     for j in range(1, n + 1):
-        best[j], came[j], kind[j] = best[j - 1] + FRAME_PRICE, j - 1, CONTACT
-        if j >= shortest:
-            alive[m] = j - shortest
+        best[j], came[j], kind[j] = best[j - 1] + UNEXPLAINED_FRAME_COST, j - 1, CONTACT
+        if j >= fewest_frames:
+            alive[m] = j - fewest_frames
             m += 1
         kept = 0
         for a in range(m):
             i = alive[a]
             count = j - i
-            s1, s2 = ts[j, 0] - ts[i, 0], ts[j, 1] - ts[i, 1]
-            s3, s4 = ts[j, 2] - ts[i, 2], ts[j, 3] - ts[i, 3]
+            time = TimeSums(
+                count, ts[j, 0] - ts[i, 0], ts[j, 1] - ts[i, 1], ts[j, 2] - ts[i, 2], ts[j, 3] - ts[i, 3]
+            )
             flight, rest = 0.0, 0.0
             for c in range(3):
-                y0, y1 = ds[j, 4 * c] - ds[i, 4 * c], ds[j, 4 * c + 1] - ds[i, 4 * c + 1]
-                y2, yy = ds[j, 4 * c + 2] - ds[i, 4 * c + 2], ds[j, 4 * c + 3] - ds[i, 4 * c + 3]
-                flight += _fit_cost(count, s1, s2, s3, s4, y0, y1, y2, yy, curvature[c], loose[c])
-                rest += max(yy - y0 * y0 / count, 0.0)
+                k = 4 * c
+                sums = DataSums(
+                    ds[j, k] - ds[i, k],
+                    ds[j, k + 1] - ds[i, k + 1],
+                    ds[j, k + 2] - ds[i, k + 2],
+                    ds[j, k + 3] - ds[i, k + 3],
+                )
+                flight += _parabola_cost(time, sums, curvature[c], curvature_sd[c])
+                rest += max(sums.yy - sums.y0 * sums.y0 / count, 0.0)
             cost = min(flight, rest)
-            if best[i] + cost + STRETCH_PRICE < best[j]:
-                best[j] = best[i] + cost + STRETCH_PRICE
+            if best[i] + cost + SEGMENT_COST < best[j]:
+                best[j] = best[i] + cost + SEGMENT_COST
                 came[j], kind[j] = i, FLIGHT if flight <= rest else REST
-            # a start that is dearer than contact from here on will never be the best again
+            # a start that costs more than contact up to here can never become the best again
             if best[i] + cost <= best[j]:
                 alive[kept] = i
                 kept += 1

@@ -1,4 +1,4 @@
-"""The world of an experiment before anything is known of it: its set-up with the paper's law."""
+"""The world of an experiment before any fit: its stated set-up with the paper's law."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-# where the search for the base law begins: the paper's Table 4; k_l, k_ul / k_l, k_t, tan phi, k_r
-START = np.array([1.0e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
-TABLE_MASS_KG = 0.0226  # mean mass of the blocks that Table 4 is for
+# the paper's Table 4, where the fit of the base law starts: k_l, k_ul / k_l, k_t, tan phi, k_r
+TABLE_LAW = np.array([1.0e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
+TABLE_SIZE_M = 0.025  # size of the blocks of Table 4
+TABLE_MASS_KG = 0.0226  # mean mass of the blocks of Table 4
 
 
 def setup_world(experiment: Experiment) -> World:
@@ -22,7 +23,7 @@ def setup_world(experiment: Experiment) -> World:
 
 
 def base_start(experiment: Experiment) -> Array:
-    """Where the fit of the base law begins: Table 4, scaled to the blocks' mass and gravity.
+    """Start of the fit of the base law: Table 4, scaled to the blocks' mass and gravity.
 
     With lengths in units of the block's size L and times in units of √(L / g), stiffness scales with m g / L; the
     rolling stiffness with m g L.
@@ -30,5 +31,7 @@ def base_start(experiment: Experiment) -> Array:
     size = float(np.mean([b.size_m for b in experiment.blocks.values()]))
     mass = float(np.mean([b.mass_kg for b in experiment.blocks.values()]))
     weight = mass / TABLE_MASS_KG * experiment.gravity_m_s2 / 9.81
-    scale = np.array([weight * 0.025 / size, 1.0, weight * 0.025 / size, 1.0, weight * size / 0.025])
-    return START * scale
+    scale = np.array(
+        [weight * TABLE_SIZE_M / size, 1.0, weight * TABLE_SIZE_M / size, 1.0, weight * size / TABLE_SIZE_M]
+    )
+    return TABLE_LAW * scale

@@ -116,19 +116,32 @@ class Block:
         return -(np.sin(theta)[..., None] * x + np.cos(theta)[..., None] * y).min(axis=-1)
 
 
+def poses_at(poses: Array, point_m: Sequence[float] | Array) -> Array:
+    """Poses (..., 3: x, y, theta) of another point of the body, at `point_m` (2,) or (..., 2) in its axes from the one
+    whose poses are given. `Block.centre_of_mass_m` leads from the centroid to the centre of mass, its negative back."""
+    out = np.array(poses, float)
+    rx, ry = _turned(point_m, out[..., 2])
+    out[..., 0] += rx
+    out[..., 1] += ry
+    return out
+
+
 def states_at(states: Array, point_m: Sequence[float] | Array) -> Array:
-    """States (n, 6: x, y, theta, vx, vy, omega) of another point of the body, at `point_m` (2,) or (n, 2) in its axes
-    from the one whose states are given: with `Block.centre_of_mass_m` from centroid to centre of mass (what engines
-    move), with its negative back."""
+    """States (n, 6: x, y, theta, vx, vy, omega) of another point of the body; see `poses_at`."""
     out = np.array(np.atleast_2d(states), float)
-    ex, ey = np.moveaxis(np.asarray(point_m, float), -1, 0)
-    c, s = np.cos(out[:, 2]), np.sin(out[:, 2])
-    rx, ry = c * ex - s * ey, s * ex + c * ey
+    rx, ry = _turned(point_m, out[:, 2])
     out[:, 0] += rx
     out[:, 1] += ry
     out[:, 3] -= out[:, 5] * ry
     out[:, 4] += out[:, 5] * rx
     return out
+
+
+def _turned(point_m: Sequence[float] | Array, theta: Array) -> tuple[Array, Array]:
+    """x and y of points in body axes, in the axes of the ground."""
+    ex, ey = np.moveaxis(np.asarray(point_m, float), -1, 0)
+    c, s = np.cos(theta), np.sin(theta)
+    return c * ex - s * ey, s * ex + c * ey
 
 
 def make_block(

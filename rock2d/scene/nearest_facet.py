@@ -16,13 +16,13 @@ def nearest_facets(at, points):
         for j in range(len(points) - 1):
             x0, x1 = points[j, 0], points[j + 1, 0]
             beside = max(min(x0, x1) - x, x - max(x0, x1))
-            if beside > 0.0 and beside * beside >= best:
+            if beside > 1.000001 * best:  # farther than the best even with rounding
                 continue
             ex, ey = x1 - x0, points[j + 1, 1] - points[j, 1]
             ax, ay = x - x0, y - points[j, 1]
             along = min(max((ax * ex + ay * ey) / (ex * ex + ey * ey), 0.0), 1.0)
-            square = (ax - along * ex) ** 2 + (ay - along * ey) ** 2
-            if square < best:
-                best = square
+            distance = np.hypot(ax - along * ex, ay - along * ey)
+            if distance < best:
+                best = distance
                 found[i] = j
     return found

@@ -1,4 +1,4 @@
-"""What a diagnosis says of films whose hidden effect is known; the engine is the same, so the answers must be exact."""
+"""Diagnoses of films whose hidden effect is known. The engine is the same, so the answers must be exact."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 
 from rock2d.diagnosis.attribution import attribute
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
-from rock2d.diagnosis.film_data import film_data
-from rock2d.diagnosis.fitting import PROMISING, fit
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import REFIT_GAIN, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -29,7 +29,7 @@ RIVALS = (
 def test_base_law_is_recovered():
     experiment = film(world(), RELEASES, seed=2)
     setup = setup_world(experiment)
-    data = film_data(load_film(experiment), setup)
+    data = FilmData.of(load_film(experiment), setup)
     found = fit(Model(setup, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
     law = found.model.law(found.p)
     truth = np.array(
@@ -87,20 +87,20 @@ def test_result_does_not_depend_on_the_number_of_processes():
     assert one == two
 
 
-def test_a_law_that_an_effect_has_led_to_is_the_bases():
-    """A base left at a poor law would make any effect look good, whose fit finds the law on its way."""
+def test_a_better_law_found_with_an_effect_becomes_the_base():
+    """With a poor base any effect would look good, because its fit finds the better law."""
     experiment = film(world(), 12, seed=2)
     setup, start = setup_world(experiment), base_start(experiment)
-    data = film_data(load_film(experiment), setup)
+    data = FilmData.of(load_film(experiment), setup)
     proper = fit(Model(setup, start), data)
     stuck = fit(Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=np.inf)
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
-    assert found.base.total() == pytest.approx(proper.total(), abs=PROMISING)
-    assert max(c.total for c in found.candidates.values()) < PROMISING
+    assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
+    assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
 
 
-def test_an_interrupted_diagnosis_goes_on_and_says_the_same(tmp_path):
+def test_an_interrupted_diagnosis_continues_with_the_same_result(tmp_path):
     experiment = film(world(), 8, seed=3)
     effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
 
@@ -109,7 +109,7 @@ def test_an_interrupted_diagnosis_goes_on_and_says_the_same(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose(experiment, effects=effects, folder=tmp_path, step=stop_after_one)
+        diagnose(experiment, effects=effects, folder=tmp_path, on_progress=stop_after_one)
     kept = list(tmp_path.rglob("*.npz"))
     assert [path.stem.rsplit("_", 1)[0] for path in kept] == ["angle_offset"]
     before = kept[0].stat().st_mtime_ns

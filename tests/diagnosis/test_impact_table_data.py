@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
-from rock2d.diagnosis.impact_table_data import table_data
+from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
@@ -47,8 +47,8 @@ def plain_world() -> World:
 
 def test_true_law_reproduces_the_table():
     experiment = impacts(plain_world(), 40, seed=1, noise=0.0)
-    left = table_data(experiment).left(plain_world()).impacts
-    assert np.quantile(np.abs(left), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
+    residuals = TableData.of(experiment).residuals(plain_world()).impacts
+    assert np.quantile(np.abs(residuals), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 
 def test_only_the_ratio_of_stiffnesses_is_told():
@@ -80,4 +80,4 @@ def test_columns_the_wrong_way_round_are_said():
     pairs = [("vx_m_s", "vx_after_m_s"), ("vy_m_s", "vy_after_m_s"), ("omega_rad_s", "omega_after_rad_s")]
     experiment.impacts = table.rename(columns=dict(pairs) | {b: a for a, b in pairs})
     result = diagnose(experiment)
-    assert "exchanged" in result.sanity.faults[0]
+    assert "exchanged" in result.sanity.faults[0].message

@@ -8,7 +8,7 @@ import pytest
 from rock2d.diagnosis.replay import Releases
 from rock2d.diagnosis.report.bar_charts import Axis, axis_over
 from rock2d.diagnosis.report.practical_indicators import PERCENTILES, Quantity, film_quantities, measure_lines
-from rock2d.diagnosis.report.text import closure, number, percent
+from rock2d.diagnosis.report.text import number, percent, share_closed
 from rock2d.statistics import wilson_interval
 from tests.kinematics.synthetic_films import film, world
 
@@ -107,6 +107,6 @@ def test_numbers_are_said_as_they_are_known():
     assert (
         percent(0.9999) == "more than 99 %" and percent(1e-5) == "less than 1 %" and percent(0.57) == "57 %"
     )
-    assert closure(0.97, (0.951, 0.984)) == "97 % (95 to 98 %)"
-    assert closure(-0.001, (-0.001, 0.012)) == "0 % (0 to 1 %)"
-    assert closure(1.0, (1.0, 1.0)) == "100 %"
+    assert share_closed(0.97, (0.951, 0.984)) == "97 % (95 to 98 %)"
+    assert share_closed(-0.001, (-0.001, 0.012)) == "0 % (0 to 1 %)"
+    assert share_closed(1.0, (1.0, 1.0)) == "100 %"

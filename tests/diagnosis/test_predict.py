@@ -42,7 +42,7 @@ def test_effect_shrinks_the_miss_on_other_releases(content):
     assert np.median(misses(augmented, other.trajectories)) < 0.5 * np.median(
         misses(base, other.trajectories)
     )
-    # the bulk of what is left is the camera's noise and the soil
+    # most of the remaining distance is noise of the camera and scatter of the soil
     assert np.median(misses(augmented, other.trajectories)) < 4 * other.position_noise_m
 
 
@@ -68,6 +68,19 @@ def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
             read_model(path)
     with pytest.raises(InputError, match="no such diagnosis"):
         read_model(tmp_path / "absent.json")
+
+
+def test_an_old_key_is_read_with_a_warning(tmp_path, content):
+    path = tmp_path / "diagnosis.json"
+    old = {**content, "law": {"rolling_in_crater": True}}
+    path.write_text(json.dumps(old), encoding="utf-8")
+    with pytest.warns(
+        UserWarning, match=r"law\.rolling_in_crater is an old name of law\.rolling_in_indentation"
+    ):
+        read = read_model(path)
+    assert read["law"] == {"rolling_in_indentation": True}
+    path.write_text(json.dumps({**content, "law": {"rolling_in_indentation": True}}), encoding="utf-8")
+    assert read == read_model(path)
 
 
 def test_commands_write_what_they_say(tmp_path, content):

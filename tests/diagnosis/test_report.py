@@ -1,4 +1,4 @@
-"""The report: one page that needs no network, says the verdict, and runs nothing that stands in a name."""
+"""The report: one page that needs no network, states the verdict, and never runs code from a name."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import pytest
 from rock2d.diagnosis import fitting
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.report import page
+from rock2d.diagnosis.report.text import share_closed
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.sanity import Sanity
+from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from tests.kinematics.synthetic_films import film, series_order, world
@@ -48,11 +49,11 @@ class Page(HTMLParser):
 
 
 def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
-    """A diagnosis with coarse fits, which take the soil's scatter as given: a page need not be right to be whole."""
+    """A diagnosis with coarse fits that do not fit the scatter of the soil: enough to test the page."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "fit_scatter", lambda left, slope, start: start)
-        patch.setattr(fitting, "GRID", 3)
-        patch.setattr(fitting, "RESCANS", 0)
+        patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
+        patch.setattr(fitting, "SCAN_VALUES", 3)
+        patch.setattr(fitting, "MOST_RESCANS", 0)
         return diagnose(experiment, effects=effects)
 
 
@@ -99,9 +100,14 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
     gap = content["gap"]
-    assert text.closure(gap["closure"], gap["closure_ci95"]) in page.text
+    assert share_closed(gap["closure"], gap["closure_ci95"]) in page.text
     assert "inertia error" in page.text  # the runner-up
-    for words in ("Where the simulation is wrong", "Passing frequency", "uphill face", "takes for granted"):
+    for words in (
+        "Where the simulation is wrong",
+        "Passing frequency",
+        "uphill face",
+        "Assumptions of this diagnosis",
+    ):
         assert words in page.text
     assert page.tags.count("img") == 7  # the cross-section and six impacts
     video = (tmp_path / "side_by_side.webm").read_bytes()
@@ -113,7 +119,7 @@ def test_none_and_unknown_name_no_cause(diagnosed, written, verdict, words):
     page, _ = written(with_verdict(diagnosed, verdict))
     assert words in page.text
     assert "This explains the gap" not in page.text
-    assert "The impacts that the base law misses most" in page.text
+    assert "The impacts with the largest residuals of the base law" in page.text
 
 
 def test_what_cannot_be_diagnosed_gets_advice_only(written):
@@ -121,14 +127,18 @@ def test_what_cannot_be_diagnosed_gets_advice_only(written):
     result = quick(experiment, **EFFECTS)
     assert result.found is None
     page, text = written(result)
-    assert "too poor to diagnose" in page.text and result.sanity.faults[0] in page.text
+    assert "too poor to diagnose" in page.text and result.sanity.faults[0].message in page.text
     assert "Film more releases" in page.text
     assert not {"img", "video", "script"} & set(page.tags) and "<script>" not in text
 
 
 def test_remarks_are_shown_and_escaped(written):
     experiment = film(world(), 2)
-    result = Diagnosis(experiment, Sanity(["a <b>fault</b>"], ["a <i>remark</i>"]), setup_world(experiment))
+    result = Diagnosis(
+        experiment,
+        Sanity([Fault("length_unit", "a <b>fault</b>")], ["a <i>remark</i>"]),
+        setup_world(experiment),
+    )
     page, _ = written(result)
     assert "a <b>fault</b>" in page.text and "a <i>remark</i>" in page.text
 
@@ -146,7 +156,9 @@ def impact_table(result: Diagnosis) -> pd.DataFrame:
     """The impacts of a film as a table."""
     data = result.data
     impacts, states = data.impacts, data.states(result.setup).middle
-    ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    ends = (
+        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    )
     before = drift(result.setup, impacts.block, states[impacts.before], ends)
     after = drift(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
     columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]

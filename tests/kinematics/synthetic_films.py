@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.impact_prediction import tracked
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.states import centroid_poses
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -52,7 +52,7 @@ def film(
         ensemble, states, block_ids=block, table_ids=np.arange(n), time_limit_s=duration_s,
         times_s=t * true.view.time_scale,
     )  # fmt: skip
-    pose = true.view.record(tracked(true, block, result.samples))
+    pose = true.view.record(centroid_poses(true, block, result.samples))
     pose += rng.normal(size=pose.shape) * [noise_m, noise_m, noise_rad]
     table = pd.DataFrame({
         "release": np.repeat(np.arange(n), len(t)), "block": np.repeat(np.array(list(BLOCKS))[block], len(t)),

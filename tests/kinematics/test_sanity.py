@@ -27,7 +27,7 @@ def changed(experiment, **columns):
 
 
 def faults(experiment) -> str:
-    return " ".join(check_film(experiment, load_film(experiment)).faults)
+    return " ".join(fault.message for fault in check_film(experiment, load_film(experiment)).faults)
 
 
 def test_a_sound_film_has_no_faults(plain):
@@ -81,8 +81,8 @@ def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain
     x, y = axis[0] + factor * (t.x_m - axis[0]), axis[1] + factor * (t.y_m - axis[1])
     found = check_film(scaled := changed(plain, x_m=x, y_m=y), load_film(scaled))
     assert not found.faults and "inside the ground" in found.remarks[0]
-    assert found.seen.view.scale == pytest.approx(factor, rel=0.04)
-    back = found.seen.view.true(np.column_stack([x, y, t.theta_rad]))
+    assert found.registered.view.scale == pytest.approx(factor, rel=0.04)
+    back = found.registered.view.true(np.column_stack([x, y, t.theta_rad]))
     assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
 
 
@@ -96,7 +96,7 @@ def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
     experiment = film(true, 8, seed=4, duration_s=1.0)
     found = check_film(experiment, load_film(experiment))
     assert not found.faults and "geometry_error" in found.remarks[0]
-    ditch = [w.cross_section.points_m[1, 1] for w in (true, found.seen)]
+    ditch = [w.cross_section.points_m[1, 1] for w in (true, found.registered)]
     assert ditch[1] == pytest.approx(ditch[0], abs=0.3 * min(b.radius_m for b in true.blocks.values()))
 
 

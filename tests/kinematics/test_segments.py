@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.cross_validation import hold_out
-from rock2d.diagnosis.film_data import film_data
+from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.derivatives import slopes, spread
+from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -47,7 +49,7 @@ def test_noise_is_read_from_the_flights():
     experiment = film(world(), 8, noise_m=2e-4, noise_rad=0.01)
     experiment.position_noise_m = 1e-3  # what the file says is not believed
     read = load_film(experiment)
-    film_data(read, setup_world(experiment))
+    FilmData.of(read, setup_world(experiment))
     assert read.noise == pytest.approx([2e-4, 2e-4, 0.01], rel=0.08)
     assert read.long_noise == pytest.approx(read.noise, rel=0.35)  # white
 
@@ -59,10 +61,10 @@ def test_states_are_unbiased_and_as_sure_as_they_say(view):
     experiment = film(true, 12, seed=3)
     clean = film(true, 12, seed=3, noise_m=0.0, noise_rad=0.0)
     read = load_film(experiment)
-    data = film_data(read, true)
+    data = FilmData.of(read, true)
     exact = load_film(clean)
     exact.noise = read.noise
-    truth = replace(data, cut=replace(data.cut, film=exact)).states(true).middle
+    truth = replace(data, segmentation=replace(data.segmentation, film=exact)).states(true).middle
     error = data.states(true).middle - truth
     covariance = data.true_covariance(true, np.arange(len(truth)), np.zeros(len(truth)), truth)
     sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -78,7 +80,7 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
         experiment, trajectories=experiment.trajectories.assign(y_m=experiment.trajectories.y_m + 0.007)
     )
     setup = setup_world(experiment)
-    count = [len(film_data(load_film(e), setup).cut.flights) for e in (experiment, raised)]
+    count = [len(FilmData.of(load_film(e), setup).segmentation.flights) for e in (experiment, raised)]
     assert 0.8 * count[0] <= count[1] <= 1.2 * count[0]
 
 
@@ -93,17 +95,14 @@ def test_flight_of_the_parabola_is_reversible():
 def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
-    data = film_data(load_film(experiment), setup_world(experiment))
-    left = data.left(true)
+    data = FilmData.of(load_film(experiment), setup_world(experiment))
+    residuals = data.residuals(true)
     assert len(data.impacts) > 30
-    assert (left.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
-    from rock2d.diagnosis.fitting import chi_square, slopes, spread
-    from rock2d.diagnosis.model import Model
-
+    assert (residuals.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
     model = Model(true, base)
-    slope = slopes(model, np.zeros(5), data, left, np.full(5, 0.05))
-    chi2 = chi_square(left.impacts, spread(slope, np.full(5, 1e-4))) / 6
+    slope = slopes(model, np.zeros(5), data, residuals, np.full(5, 0.05))
+    chi2 = chi_square(residuals.impacts, spread(slope, np.full(5, 1e-4))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
 
 
@@ -113,9 +112,9 @@ def test_no_lens_makes_the_noise_look_smaller(edge):
     experiment = film(world(), 12, seed=5, fps=2000.0)
     read = load_film(experiment)
     setup = setup_world(experiment)
-    data = film_data(read, setup)
+    data = FilmData.of(read, setup)
     seen = catalogue()["lens_distortion"].apply(setup, [edge, 1.0, 0.0])
-    plain, through = (data.left(w).flights[:, :2, 2:] for w in (setup, seen))
+    plain, through = (data.residuals(w).flights[:, :2, 2:] for w in (setup, seen))
     long_enough = plain != 0.0  # a short flight has fewer degrees
     assert long_enough.sum() > 50
     assert (through[long_enough] ** 2).mean() == pytest.approx((plain[long_enough] ** 2).mean(), rel=0.07)
@@ -125,8 +124,8 @@ def test_a_step_that_leaps_is_shortened():
     """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
     experiment = film(world(), 12, seed=5)
     setup = setup_world(experiment)
-    data = film_data(load_film(experiment), setup)
+    data = FilmData.of(load_film(experiment), setup)
     found = fit(Model(setup, base_start(experiment)), data)
     flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
-    lost = hold_out(found, data).score.sum() - hold_out(flat, data).score.sum()
+    lost = cross_validate(found, data).score.sum() - cross_validate(flat, data).score.sum()
     assert abs(lost) < 30.0  # 138 if it is taken whole

@@ -191,11 +191,11 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
 
 def _check_sanity(experiment: Experiment, setup: Setup) -> list[str]:
     """Remarks on an experiment; raises `InputError` where frame rate, scale or axes must be wrong."""
-    from rock2d.kinematics.sanity import check_film
+    from rock2d.kinematics.sanity import FEW_RELEASES, check_film
     from rock2d_tracking.tracked_film import film_of
 
     sanity = check_film(experiment, film_of(experiment, setup))
-    wrong = [fault for fault in sanity.faults if "releases are too few" not in fault]
+    wrong = [fault.message for fault in sanity.faults if fault.code != FEW_RELEASES]
     if wrong:
         raise InputError("; ".join(wrong), setup.path)
     if sanity.mirror:
@@ -204,6 +204,6 @@ def _check_sanity(experiment: Experiment, setup: Setup) -> list[str]:
             "is the film upside down (camera: up), or was it filmed from behind?",
             setup.path,
         )
-    if sanity.seen is not None:
+    if sanity.registered is not None:
         raise InputError(sanity.remarks[-1], setup.path)
     return sanity.remarks

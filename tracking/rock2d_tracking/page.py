@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import (
     PAGE_ACCENT,
@@ -20,6 +19,7 @@ from rock2d.graphics.pages import (
     html_page,
     html_table,
 )  # fmt: skip
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d_tracking.tracked_film import TrackedFilm
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def write_page(
     film: TrackedFilm,
     flights: pd.DataFrame,
     impacts: pd.DataFrame,
-    data: FilmData,
+    data: FilmSegments,
     background: Array,
 ) -> None:
     """Write the page; `overlay.webm` lies beside it."""
@@ -83,11 +83,11 @@ def _tracks(frames: pd.DataFrame, background: Array) -> Figure:
     return figure
 
 
-def _flight_residuals(film: TrackedFilm, data: FilmData) -> tuple[Array, Array, Array]:
+def _flight_residuals(film: TrackedFilm, data: FilmSegments) -> tuple[Array, Array, Array]:
     """Residuals of the parabolas in each frame of the flights: (n, 3) in m, m, rad; time within the flight (-1 to 1);
     row of the frame among the trusted ones."""
     residuals, when, rows = [], [], []
-    for a, b in zip(data.cut.flights.first, data.cut.flights.last, strict=True):
+    for a, b in zip(data.segmentation.flights.first, data.segmentation.flights.last, strict=True):
         t = np.linspace(-1.0, 1.0, b - a)
         basis = np.linalg.qr(np.vander(data.film.t_s[a:b] - data.film.t_s[a:b].mean(), 3))[0]
         pose = data.film.pose[a:b]
@@ -97,9 +97,9 @@ def _flight_residuals(film: TrackedFilm, data: FilmData) -> tuple[Array, Array, 
     return np.concatenate(residuals), np.concatenate(when), np.concatenate(rows)
 
 
-def _residuals(film: TrackedFilm, data: FilmData) -> Figure:
+def _residuals(film: TrackedFilm, data: FilmSegments) -> Figure:
     figure, axes = blank_axes(9.0, 2.8, 3)
-    if not len(data.cut.flights):
+    if not len(data.segmentation.flights):
         return figure
     residuals, when, _ = _flight_residuals(film, data)
     scale = [1.0 / _pixel_m(film), 1.0 / _pixel_m(film), 180 / np.pi]
@@ -110,9 +110,9 @@ def _residuals(film: TrackedFilm, data: FilmData) -> Figure:
     return figure
 
 
-def _bias(film: TrackedFilm, data: FilmData) -> Figure:
+def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
     figure, axes = blank_axes(7.0, 2.8, 2)
-    if not len(data.cut.flights):
+    if not len(data.segmentation.flights):
         return figure
     residuals, _, rows = _flight_residuals(film, data)
     seen = film.frames[film.frames["reason"] == ""].sort_values(["release", "t_s"], kind="stable")

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.flights import SHORTEST, Film, cut_film, load_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.setup_file import Setup
@@ -83,7 +83,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
 
 def _moved(release: FollowedRelease) -> bool:
     seen = release.seen
-    if len(seen) < SHORTEST:
+    if len(seen) < FEWEST_FLIGHT_FRAMES:
         return False
     poses = np.array([s.pose[:2] for s in seen])
     return bool(np.ptp(poses, axis=0).max() > SHORTEST_MOTION_PX)
@@ -198,7 +198,7 @@ def film_of(experiment: Experiment, setup: Setup) -> Film:
 
 def with_measured_noise(film: Film, experiment: Experiment) -> Experiment:
     """The experiment with the noise that its own flights show, if it has any; else as it is."""
-    cut = cut_film(setup_world(experiment), film)
+    cut = segment_film(setup_world(experiment), film)
     if not len(cut.flights):
         return experiment
     x, y, theta = cut.film.noise

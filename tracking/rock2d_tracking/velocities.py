@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.film_data import FilmData, film_data
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
@@ -24,7 +24,9 @@ LOW_REBOUND_SIZES = 0.25  # of the block's size: rebound below which a flight te
 STATE_COLUMNS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 
 
-def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFrame, pd.DataFrame, FilmData]:
+def flights_and_impacts(
+    film: Film, experiment: Experiment
+) -> tuple[pd.DataFrame, pd.DataFrame, FilmSegments]:
     """Tables of flights and impacts of a `film` (see `tracked_film.film_of`).
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
@@ -33,17 +35,17 @@ def flights_and_impacts(film: Film, experiment: Experiment) -> tuple[pd.DataFram
     "deep low").
     """
     setup = setup_world(experiment)
-    data = film_data(film, setup)
+    data = FilmSegments.of(film, setup)
     states = data.states(setup)
-    known = np.minimum(states.left.shape[2], data.basis.degrees)
+    known = np.minimum(states.residuals.shape[2], data.basis.degrees)
     # (flights, 3) root mean square of what parabolas leave of x, y and theta, over the noise
-    misfit = np.sqrt((states.left**2).sum(axis=2) / known[:, None])
+    misfit = np.sqrt((states.residuals**2).sum(axis=2) / known[:, None])
     flights = _flights(experiment, data, states.middle, misfit)
     return flights, _impacts(experiment, data, setup, states.middle, misfit), data
 
 
-def _flights(experiment: Experiment, data: FilmData, middle: Array, misfit: Array) -> pd.DataFrame:
-    film, flights = data.film, data.cut.flights
+def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: Array) -> pd.DataFrame:
+    film, flights = data.film, data.segmentation.flights
     error = _errors(data, np.arange(len(flights)), np.zeros(len(flights)), misfit)
     names = list(experiment.blocks)
     table = pd.DataFrame({
@@ -57,7 +59,7 @@ def _flights(experiment: Experiment, data: FilmData, middle: Array, misfit: Arra
     return table
 
 
-def _errors(data: FilmData, which: Array, dt: Array, misfit: Array) -> Array:
+def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array:
     """(n, 6) standard errors of the states of flights `which`, dt after their middle: of the noise, or of what the
     parabola leaves where that is more."""
     error = np.sqrt(np.diagonal(data.state_covariance(which, dt), axis1=1, axis2=2))
@@ -65,9 +67,9 @@ def _errors(data: FilmData, which: Array, dt: Array, misfit: Array) -> Array:
 
 
 def _impacts(
-    experiment: Experiment, data: FilmData, world: World, middle: Array, misfit: Array
+    experiment: Experiment, data: FilmSegments, world: World, middle: Array, misfit: Array
 ) -> pd.DataFrame:
-    film, flights, impacts = data.film, data.cut.flights, data.impacts
+    film, flights, impacts = data.film, data.segmentation.flights, data.impacts
     ends = film.t_s[flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     begins = film.t_s[flights.first[impacts.after]] - data.basis.middle[impacts.after]
     before = drift(world, impacts.block, middle[impacts.before], ends)
@@ -97,9 +99,9 @@ def _impacts(
     return table
 
 
-def _depths(experiment: Experiment, data: FilmData) -> tuple[Array, Array]:
+def _depths(experiment: Experiment, data: FilmSegments) -> tuple[Array, Array]:
     """(n,) deepest seen penetration between the two flights of an impact, and height that the flight after reaches."""
-    film, flights, impacts = data.film, data.cut.flights, data.impacts
+    film, flights, impacts = data.film, data.segmentation.flights, data.impacts
     blocks = list(experiment.blocks.values())
     ground = ground_arrays(experiment.cross_section, 10 * max(b.radius_m for b in blocks))
     arrays = [block_arrays(b) for b in blocks]

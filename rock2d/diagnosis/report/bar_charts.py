@@ -1,7 +1,6 @@
-"""Charts of one line each as inline SVG: markers with intervals, bars, spans.
+"""Bar charts of one row each as inline SVG: markers with intervals, bars, spans.
 
-Positions are percentages, so that a strip fills whatever width the page gives it while markers and strokes keep their
-size.
+Positions are percentages: a chart fills the width that the page gives it, while markers and strokes keep their size.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ import numpy as np
 if TYPE_CHECKING:
     from markupsafe import Markup
 
-LANE_PX = 12  # height of a mark
-# drawn about the origin; each model has a form of its own, so that colour is not needed
+MARK_HEIGHT_PX = 12
+# drawn about the origin; every model has another shape, so the chart can be read without colour
 SHAPES = {
     "measured": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
     "base": "M0,-5L5,0L0,5L-5,0Z",
@@ -34,7 +33,7 @@ class Axis:
     linear_to: float = 0.0
 
     def at(self, value: float) -> float:
-        """Where a value lies, in % of the width; those beyond the ends lie at the ends."""
+        """Position of a value in % of the width; values beyond the ends lie at the ends."""
         low, high, here = (self._bent(v) for v in (self.low, self.high, value))
         return float(np.clip(100.0 * (here - low) / (high - low), 0.0, 100.0))
 
@@ -42,7 +41,7 @@ class Axis:
         return float(np.arcsinh(value / self.linear_to)) if self.linear_to else value
 
     def ticks(self) -> list[float]:
-        """Round values on the axis, few enough to be read."""
+        """At most six round values on the axis."""
         if not self.linear_to:
             from matplotlib.ticker import MaxNLocator
 
@@ -52,13 +51,13 @@ class Axis:
             found = np.concatenate([-powers[::-1], [0.0], powers])
         inside = [float(v) for v in found if self.low <= v <= self.high]
         while len(inside) > 6:
-            keep = inside.index(0.0) % 2 if 0.0 in inside else 0  # zero stays
+            keep = inside.index(0.0) % 2 if 0.0 in inside else 0  # keep zero
             inside = inside[keep::2]
         return inside
 
 
 def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
-    """A linear axis that holds the finite `values`, and zero if asked, with a little room."""
+    """A linear axis over the finite `values`, and over zero if `zero`, with a margin."""
     known = [v for v in values if np.isfinite(v)] + ([0.0] if zero else [])
     low, high = (min(known), max(known)) if known else (0.0, 1.0)
     room = 0.03 * (high - low) or 0.5 * abs(high) or 1.0
@@ -67,9 +66,9 @@ def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
 
 @dataclass(frozen=True)
 class Mark:
-    """One mark of a strip: a point with a whisker from low to high, a bar from zero, or a span with a tick in it.
+    """One mark of a chart: a point with a whisker from low to high, a bar from zero, or a span with a tick in it.
 
-    `model` gives colour and form ("measured" | "base" | "effect" | "plain"); `label` is read aloud and shown on hover.
+    `model` gives colour and shape ("measured" | "base" | "effect" | "plain"); `label` is the tooltip.
     """
 
     model: str
@@ -80,17 +79,17 @@ class Mark:
     kind: str = "point"
 
 
-def strip(axis: Axis, marks: Sequence[Mark]) -> Markup:
-    """A strip with every mark in a lane of its own, top down."""
+def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
+    """A chart with one line for each mark, from the top down."""
     from markupsafe import Markup, escape
 
-    height = LANE_PX * max(len(marks), 1) + 8
+    height = MARK_HEIGHT_PX * max(len(marks), 1) + 8
     parts = []
     for tick in axis.ticks():
         kind, x = "zero" if tick == 0 else "grid", f"{axis.at(tick):.2f}%"
         parts.append(f'<line class="{kind}" x1="{x}" x2="{x}" y1="0" y2="{height}"/>')
     for i, mark in enumerate(marks):
-        y = 4 + LANE_PX * (i + 0.5)
+        y = 4 + MARK_HEIGHT_PX * (i + 0.5)
         low, value, high = (f"{axis.at(v):.2f}%" for v in (mark.low, mark.value, mark.high))
         shape = f'<svg x="{value}" y="{y}" overflow="visible"><path d="{SHAPES[mark.model]}"/></svg>'
         whisker = f'<line class="whisker" x1="{low}" x2="{high}" y1="{y}" y2="{y}"/>'
@@ -110,7 +109,7 @@ def strip(axis: Axis, marks: Sequence[Mark]) -> Markup:
 
 
 def scale(axis: Axis) -> Markup:
-    """The axis' tick labels as a strip."""
+    """The tick labels of the axis, as wide as a chart."""
     from markupsafe import Markup
 
     labels = []

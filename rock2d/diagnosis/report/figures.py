@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: the cross-section with the gap where it lies, and single impacts before and after."""
+"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts before and after."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rock2d.scene.cross_section import CrossSection
 Array = np.ndarray
 
 EFFECT_COLOUR = BLOCK_COLOURS[0]
-# how each model is drawn: colour, line, marker; told apart without colour, too
+# colour, line and marker of each model, distinct also without colour
 MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
     "measured": (MEASURED_COLOUR, "-", "o"),
     "base": (SIMULATED_COLOUR, (0, (5, 1.6)), "D"),
     "effect": (EFFECT_COLOUR, "-", "^"),
 }
-# from, fill, area in pt²: the darker and larger, the worse the miss, in standard deviations
+# smallest residual in standard deviations, fill, area in pt²
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
 MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
 _TEXT_PT, _SMALL_PT = 9.0, 8.0
@@ -34,7 +34,7 @@ _TEXT_PT, _SMALL_PT = 9.0, 8.0
 
 @dataclass
 class Misses:
-    """Where each impact happened and how far a model misses it.
+    """Place of each impact and size of the residuals of a model.
 
     Attributes
     ----------
@@ -54,8 +54,8 @@ def section_figure(
     misses: Misses,
     shares: Mapping[str, float],
 ) -> Figure:
-    """The cross-section with the measured flights (each (k, 2) m) and every impact by how far it is missed; zones are
-    labelled with their share of the gap."""
+    """The cross-section with the measured flights (each (k, 2) m) and the size of the residuals of every impact. Zones
+    are labelled with their share of the gap."""
     from matplotlib.collections import LineCollection
 
     ways = np.vstack([*flights, misses.place_m])
@@ -66,8 +66,8 @@ def section_figure(
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
     view = fitted_view(limits, 1400, round(1400 * high_in / axis_in))
-    said = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
-    names = [said.get(zone, zone) for zone in cross_section.zones]
+    labels = {zone: f"{zone}  {100 * share:.0f} %" for zone, share in shares.items() if share >= 0.005}
+    names = [labels.get(zone, zone) for zone in cross_section.zones]
     labelled = CrossSection(cross_section.points_m, names, cross_section.measure_lines)
     draw_cross_section(axis, labelled, view, ways, axis_in)
     for text in axis.texts:
@@ -102,7 +102,7 @@ def section_figure(
 
 def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
     bounds = [c[0] for c in MISS_CLASSES[1:]]
-    words = [f"missed by < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
+    words = [f"residual < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
     sizes = [
         _handle(
             word, marker="o", ls="none", ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), mew=0.5
@@ -126,7 +126,7 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
 
 @dataclass
 class Segment:
-    """One impact: the measured frames around it and what the models make of it, from the same state.
+    """One impact: the measured frames around it and the predictions of the models from the same state.
 
     Attributes
     ----------
@@ -157,7 +157,9 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     start = segment.measured[0, 0]
     instants = segment.measured[:, 0] - start
     clock, tick = (1e3, "ms") if instants[-1] < 2.0 else (1.0, "s")
-    for name, rows in reversed(segment.models.items()):  # base last: dashes show both where they agree
+    for name, rows in reversed(
+        segment.models.items()
+    ):  # base last: its dashes show both lines where they agree
         colour, line, _ = MODEL_STYLES[name]
         way.plot(*(rows[:, 1:3] * factor).T, color=colour, ls=line, lw=1.6, zorder=3)
         angle.plot(

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one page that a browser opens without a network, and the video beside it."""
+"""The report of a diagnosis: one page that a browser opens without a network, and a video."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import Releases, measured_releases, simulated_releases
 from rock2d.diagnosis.report import parameters, tables, text
-from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, scale, strip
+from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.practical_indicators import (
     Quantity,
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-Report = Callable[[str], None]
+Progress = Callable[[str], None]
 
 PAGE, VIDEO = "report.html", "side_by_side.webm"
-FOLDED = 0.005  # probability below which a name is folded away
-FEW_CELLS = 8  # places shown before the rest is folded away
-MOST_FRAMES = 150_000  # of the film that practice terms are read from
+FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
+SHOWN_CELLS = 8  # places; the others are folded away
+MOST_FRAMES = 150_000  # of the film for the practical indicators
 MOST_RELEASES = 4_000  # simulated for them
 LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
 VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
@@ -51,16 +51,16 @@ def write_report(result: Diagnosis, content: dict[str, Any], folder: Path, *, pr
 
     with tqdm(desc="report", unit="part", disable=not progress) as bar:
 
-        def report(part: str) -> None:
+        def on_progress(part: str) -> None:
             bar.set_postfix_str(part)
             bar.update()
 
-        page = report_page(result, content, folder, report)
+        page = report_page(result, content, folder, on_progress)
     write_whole(folder / PAGE, page)
 
 
 def report_page(
-    result: Diagnosis, content: dict[str, Any], folder: Path, report: Report = lambda part: None
+    result: Diagnosis, content: dict[str, Any], folder: Path, on_progress: Progress = lambda part: None
 ) -> str:
     """The page as text; the video is written into `folder` and into the page."""
     import jinja2
@@ -77,7 +77,7 @@ def report_page(
     context |= _verdict(result, content, chain)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
-            context |= _evidence(result, content, models, chain, folder, report)
+            context |= _sections(result, content, models, chain, folder, on_progress)
     return environment.from_string(template).render(context)
 
 
@@ -100,7 +100,7 @@ def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> di
 
 
 def _material(result: Diagnosis) -> str:
-    """What was diagnosed, in numbers."""
+    """Numbers of releases, impacts and flights that were diagnosed."""
     experiment = result.experiment
     table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
     assert table is not None
@@ -110,24 +110,24 @@ def _material(result: Diagnosis) -> str:
     if result.data is not None:
         material += f", {len(result.data.impact_release)} impacts"
     if isinstance(result.data, FilmData):
-        material += f", {len(result.data.cut.flights)} flights"
+        material += f", {len(result.data.segmentation.flights)} flights"
     return material + (
         f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
     )
 
 
-def _evidence(
+def _sections(
     result: Diagnosis,
     content: dict[str, Any],
     models: tables.Models,
     chain: list[str],
     folder: Path,
-    report: Report,
+    on_progress: Progress,
 ) -> dict[str, Any]:
-    """Everything below the verdict."""
+    """All sections below the verdict."""
     assert result.found is not None and result.data is not None
     labels = {"measured": "measured", "base": "base law", "effect": f"with {text.listed(chain)}"}
-    report("where")
+    on_progress("where")
     context: dict[str, Any] = {
         "labels": labels,
         "chain": chain,
@@ -135,20 +135,20 @@ def _evidence(
         "shapes": SHAPES,
     }
     context |= _where(result, content, models)
-    report("which")
-    context |= _which(content) | _how_far(content, chain or [tables.best_told(result.found)]) | {
+    on_progress("which")
+    context |= _which(content) | _how_far(content, chain or [reported_effect(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
         "assumptions": text.assumptions(result, content, chain),
     }  # fmt: skip
     context |= {"segments": [], "video": "", "video_missing": "", "repetitions": 0, "line_note": ""}
     if isinstance(result.data, FilmData):
-        context |= _film(result, content, result.data, models, labels, folder, report)
+        context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
-        left = {"base": models.base_out.left.impacts}
+        residuals = {"base": models.base_out.residuals.impacts}
         if models.effect_out is not None:
-            left["effect"] = models.effect_out.left.impacts
-        quantities = table_quantities(result.experiment, result.data, left)
+            residuals["effect"] = models.effect_out.residuals.impacts
+        quantities = table_quantities(result.experiment, result.data, residuals)
         context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
     return context
 
@@ -159,7 +159,7 @@ def _evidence(
 def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) -> dict[str, Any]:
     experiment = result.experiment
     shares: dict[str, float] = {}
-    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SURE_Z]
+    shown_cells = [cell for cell in content["where"] if cell["z"] >= text.SIGNIFICANT_PLACE_Z]
     for cell in content["where"] if shown_cells and content["verdict"] != "none" else []:
         shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
     flights = []
@@ -171,7 +171,7 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
         "section": _inline(figure),
         "where_sentence": text.where_sentence(content),
         "cells": shown_cells if shares else [],
-        "few_cells": FEW_CELLS,
+        "few_cells": SHOWN_CELLS,
     }
 
 
@@ -181,7 +181,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
     bars = [
         (
             name,
-            strip(axis, [Mark("plain", p, p, p, f"{text.spoken(name)}: {text.percent(p)}", "bar")]),
+            chart(axis, [Mark("plain", p, p, p, f"{text.spoken(name)}: {text.percent(p)}", "bar")]),
             p,
         )
         for name, p in chances
@@ -199,12 +199,12 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
         shown = text.plus_minus(value, g["heldout_score_gain_se"])
         mark = Mark("plain", value, value - half, value + half, f"{text.spoken(name)}: {shown}")
         forest.append({
-            "name": name, "strip": strip(gain_axis, [mark]), "gain": shown,
+            "name": name, "strip": chart(gain_axis, [mark]), "gain": shown,
             "summary": effects[name].summary if name in effects else "",
         })  # fmt: skip
     return {
-        "bars": [bar for bar in bars if bar[2] >= FOLDED],
-        "folded": [bar for bar in bars if bar[2] < FOLDED],
+        "bars": [bar for bar in bars if bar[2] >= FOLDED_PROBABILITY],
+        "folded": [bar for bar in bars if bar[2] < FOLDED_PROBABILITY],
         "forest": forest,
         "gain_scale": scale(gain_axis),
         "group": content["group"],
@@ -230,27 +230,27 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     closures = [(name, tried[name]["closure"], tried[name]["closure_ci95"]) for name in ranked if open_gap]
     closure_axis = axis_over([100 * v for _, c, ci in closures for v in (c, *ci)] + [100.0])
     marks = {
-        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.closure(c, ci))
+        name: Mark("plain", 100 * c, 100 * ci[0], 100 * ci[1], text.share_closed(c, ci))
         for name, c, ci in closures
     }
     return {
-        "gap_rows": [(label, strip(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
+        "gap_rows": [(label, chart(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
         "gap_scale": scale(axis),
         "gap_unit": gap["unit"],
         "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
-        "closure_text": text.closure(gap["closure"], gap["closure_ci95"]),
-        "closures": [(name, strip(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
+        "closure_text": text.share_closed(gap["closure"], gap["closure_ci95"]),
+        "closures": [(name, chart(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
         "closure_scale": scale(closure_axis),
     }
 
 
 def _film(
     result: Diagnosis, content: dict[str, Any], data: FilmData, models: tables.Models, labels: Mapping[str, str],
-    folder: Path, report: Report,
+    folder: Path, on_progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
-    """What only a film has: whole releases simulated again, single impacts, the video."""
+    """Sections of a film: whole releases simulated again, single impacts, the video."""
     signs, experiment = tables.signs_of(result), result.experiment
     film = measured_releases(data, signs, MOST_FRAMES)
     repetitions = int(np.clip(MOST_RELEASES // len(film), 1, 8))
@@ -261,23 +261,23 @@ def _film(
         drawn[name] = simulated_releases(data, fit, film, signs, repetitions=repetitions)
     top = float(np.nanmax(film.pose[..., 1]))
     lines, line_note = measure_lines(experiment, top)
-    report("practice")
+    on_progress("practice")
     quantities = film_quantities(experiment, film, drawn, lines)
-    mends = content["verdict"] not in ("none", "unknown")
-    segments = tables.segments_of(result, models, mends)
-    report("impacts")
+    improves = content["verdict"] not in ("none", "unknown")
+    segments = tables.segments_of(result, models, improves)
+    on_progress("impacts")
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
         "line_note": line_note,
         "repetitions": repetitions,
         "segments": [_inline(segment_figure(experiment.cross_section, s)) for s in segments],
-        "mends": mends,
+        "improves": improves,
         "apart": {name: f"{1e3 * v:.1f} mm" if v < 1 else f"{v:.2f} m" for name, v in apart.items()},
         "releases": len(film),
     }
-    report("video")
-    return context | _video(result, film, plain, labels, mends, folder)
+    on_progress("video")
+    return context | _video(result, film, plain, labels, improves, folder)
 
 
 def _video(
@@ -285,13 +285,13 @@ def _video(
     film: Releases,
     poses: dict[str, Array],
     labels: Mapping[str, str],
-    mends: bool,
+    improves: bool,
     folder: Path,
 ) -> dict[str, str]:
     from rock2d.graphics.video import compare_video
     from rock2d.graphics.video_options import VideoOptions
 
-    scenes, titles = tables.scenes_of(result, film, poses, mends)
+    scenes, titles = tables.scenes_of(result, film, poses, improves)
     shown_s = sum(float(np.ptp(scene[0][0].t_s)) for scene in scenes)
     cross_section, radius = (
         result.experiment.cross_section,
@@ -314,7 +314,7 @@ def _video(
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
-    """A quantity as strips, a row a block and place, and as a table of numbers."""
+    """A quantity as bar charts, one row for each block and place, and as a table of numbers."""
     every = [e for row in quantity.rows for own in row.models.values() for e in own]
     axis = axis_over([e.value for e in every]) if quantity.percentiles else Axis(0.0, 100.0)
     rows, table, seen = [], [], set()
@@ -337,7 +337,7 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
         if marks:
             head = text.spoken(row.block) if row.place and row.block not in seen else ""
             seen.add(row.block)
-            rows.append((head, short, strip(axis, marks)))
+            rows.append((head, short, chart(axis, marks)))
     return {
         "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": scale(axis), "table": table,
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
@@ -345,10 +345,10 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
 
 
 def _inline(figure: Figure) -> str:
-    """A figure as SVG for an img element's data URI; its text is drawn, so that no font is needed."""
+    """A figure as SVG for the data URI of an img element. Its text is drawn as paths, so no font is needed."""
     import matplotlib
 
-    text = io.BytesIO()
+    image = io.BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
-        figure.savefig(text, format="svg", dpi=150, metadata={"Date": None})
-    return base64.b64encode(text.getvalue()).decode()
+        figure.savefig(image, format="svg", dpi=150, metadata={"Date": None})
+    return base64.b64encode(image.getvalue()).decode()

@@ -1,4 +1,4 @@
-"""Fitted parameters as a report shows them: value, 95 % interval, and whether the data told it at all."""
+"""Fitted parameters as a report shows them: value, 95 % interval, and whether the data determine it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis, effect_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models
 from rock2d.diagnosis.report.text import in_degrees, interval, number
 
 Array = np.ndarray
 
-UNTOLD = 0.7  # of the prior's width: a parameter whose interval is as wide was not told by the data
-EDGE = 0.01  # of its plausible range: a parameter that lies as near to an end stopped there
+UNDETERMINED_WIDTH = 0.7  # of the prior's width: the data do not determine a parameter with a wider interval
+EDGE_DISTANCE = 0.01  # of its plausible range: a parameter nearer to an end was stopped there
 LAW = (
     ("k<sub>l</sub>", "loading stiffness", "N/m"),
     ("k<sub>ul</sub>", "unloading stiffness", "N/m"),
@@ -25,12 +25,12 @@ LAW = (
     ("k<sub>r</sub>", "rolling stiffness", "N m/rad"),
 )
 SCATTER = ("k<sub>l</sub>", "k<sub>ul</sub> / k<sub>l</sub>", "k<sub>t</sub>", "tan φ", "k<sub>r</sub>")
-UNTOLD_TEXT = "not told by these data"
+UNDETERMINED_TEXT = "not determined by these data"
 
 
 @dataclass(frozen=True)
 class Value:
-    """A number as it is printed, with its interval or what is to be said instead of one."""
+    """A number as it is printed, with its interval or a text in place of one."""
 
     text: str
     interval: str
@@ -67,18 +67,18 @@ def law_rows(models: Models) -> list[LawRow]:
 def _law_values(fit: Fit) -> list[Value]:
     law, covariance = fit.model.law(fit.p), fit.p_covariance
     sd = np.sqrt(np.diagonal(covariance)[: len(LAW)])
-    untold = sd > UNTOLD * BASE_WIDTH
-    sd = sd.copy()
-    sd[1] = np.sqrt(
-        max(covariance[0, 0] + covariance[1, 1] + 2.0 * covariance[0, 1], 0.0)
+    undetermined = sd > UNDETERMINED_WIDTH * BASE_WIDTH
+    sd, k, r = sd.copy(), BASE_K_L, BASE_RATIO
+    sd[BASE_RATIO] = np.sqrt(
+        max(covariance[k, k] + covariance[r, r] + 2.0 * covariance[k, r], 0.0)
     )  # k_ul = k_l × ratio
     out = []
     for i, value in enumerate(law):
         low, high = value * np.exp([-1.96 * sd[i], 1.96 * sd[i]])
-        if i == 3:
+        if i == BASE_MU:
             value, low, high = np.rad2deg(np.arctan([value, low, high]))
-        text = number(float(value), None if untold[i] else 0.5 * float(high - low))
-        out.append(Value(text, UNTOLD_TEXT if untold[i] else interval(float(low), float(high))))
+        text = number(float(value), None if undetermined[i] else 0.5 * float(high - low))
+        out.append(Value(text, UNDETERMINED_TEXT if undetermined[i] else interval(float(low), float(high))))
     return out
 
 
@@ -108,9 +108,12 @@ def effect_rows(models: Models) -> list[EffectRow]:
             else:
                 shown = Value(number(value, 0.5 * (high - low)), interval(low, high) if high > low else "")
                 plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")
-                if high - low > UNTOLD * 1.96 * (most - least):
-                    remark = UNTOLD_TEXT
-                elif min(value - least, most - value) < EDGE * (most - least) and value != parameter.neutral:
+                if high - low > UNDETERMINED_WIDTH * 1.96 * (most - least):
+                    remark = UNDETERMINED_TEXT
+                elif (
+                    min(value - least, most - value) < EDGE_DISTANCE * (most - least)
+                    and value != parameter.neutral
+                ):
                     remark = "at the end of its plausible range"
             rows.append(EffectRow(effect.name, parameter.meaning, unit, shown, plausible, remark))
     return rows

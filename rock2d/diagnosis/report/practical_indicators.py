@@ -1,8 +1,8 @@
 """The gap in the terms of a practitioner: passing frequencies, energies, bounce heights and runout, measured and
 simulated.
 
-Simulated films have the camera's instants and noise, and are read exactly as the measured one. An impact table has no
-flights between impacts: of it only the energy after each impact is told.
+Simulated films have the camera's instants and noise and are evaluated exactly as the measured one. An impact table has
+no flights between impacts, so only the energy after each impact is compared.
 """
 
 from __future__ import annotations
@@ -15,17 +15,19 @@ import numpy as np
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.replay import Releases
 from rock2d.files.experiment import Experiment
-from rock2d.runs.indicators.crossings import crossing_values
+from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER
+from rock2d.kinematics.impacts import ground_axes
+from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, crossing_values
 from rock2d.scene.blocks import Block
 from rock2d.statistics import wilson_interval
 
 Array = np.ndarray
 
 PERCENTILES = (50.0, 75.0, 95.0)
-FEWEST = 8  # values below which no percentile is given
+FEWEST_VALUES = 8  # for a percentile
 BOOTSTRAPS = 400
-PACE_WINDOW = 0.15  # of √(radius / g): half the stretch of film that a velocity is read from
-HEIGHT, ENERGY = 9, 12  # columns of `crossing_values`
+VELOCITY_WINDOW = 0.15  # of √(radius / g): half the time over which a velocity is fitted
+ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # column of `crossing_values`
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Quantity:
 
 
 def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
-    """The experiment's measure lines, else three upright ones on the uphill facing; and what was assumed of them."""
+    """The experiment's measure lines, or three upright ones on the uphill facing; and a note on what was assumed."""
     cross_section = experiment.cross_section
     if cross_section.measure_lines:
         return dict(cross_section.measure_lines), ""
@@ -74,8 +76,8 @@ def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array
         x = x0 + (height - y0) / (y1 - y0) * (x1 - x0)
         lines[name] = np.array([[x, height], [x, max(top_m, height) + rise.height_m]])
     return lines, (
-        "The experiment names no measure lines; those used stand upright with their feet on the uphill facing at 1/3 "
-        "and 2/3 of its height and at the crest."
+        "The experiment states no measure lines. The lines used here are upright. Their feet lie on the uphill facing, "
+        "at 1/3 and 2/3 of its height and at the crest."
     )
 
 
@@ -124,20 +126,20 @@ def table_quantities(
     experiment: Experiment, data: TableData, models: Mapping[str, Array], seed: int = 0
 ) -> list[Quantity]:
     """The energy after each impact: model name -> residuals (n, 3) of the velocities along and across the ground and of
-    the spin, simulated less measured."""
+    the spin, simulated minus measured."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     blocks = list(experiment.blocks.values())
-    tx, ty = data.tangent.T
-    vx, vy, spin = data.after.T
-    seen = np.column_stack([tx * vx + ty * vy, -ty * vx + tx * vy, spin])
+    after = data.after
+    measured = np.column_stack([*ground_axes(data.tangent, after[:, VELOCITY_AFTER]), after[:, SPIN_AFTER]])
     rows = []
     for b, block in enumerate(blocks):
         own = data.impact_block == b
         row = {}
-        for name, left in {"measured": np.zeros_like(seen), **models}.items():
-            v = seen[own] + left[own]
+        for name, own_residuals in {"measured": np.zeros_like(measured), **models}.items():
+            v = measured[own] + own_residuals[own]
             energy = (
-                0.5 * block.mass_kg * (v[:, :2] ** 2).sum(axis=1) + 0.5 * block.inertia_kg_m2 * v[:, 2] ** 2
+                0.5 * block.mass_kg * (v[:, VELOCITY_AFTER] ** 2).sum(axis=1)
+                + 0.5 * block.inertia_kg_m2 * v[:, SPIN_AFTER] ** 2
             )
             row[name] = _percentiles(energy[None], rng)
         if own.any():
@@ -174,7 +176,7 @@ def _read(
     rows = np.arange(len(flat))
     out["bounce"] = np.where(np.isfinite(height[rows, top]), height[rows, top], np.nan)
     if not lines:
-        pace = _paces(t, flat, top, half)
+        pace = _velocities(t, flat, top, half)
         energy = 0.5 * mass * (pace[:, :2] ** 2).sum(axis=1) + 0.5 * inertia * pace[:, 2] ** 2
         out["energy aloft"] = np.where(np.isfinite(out["bounce"]), energy, np.nan)
     last = np.isfinite(t).sum(axis=1) - 1
@@ -183,10 +185,10 @@ def _read(
 
 
 def _half_window(experiment: Experiment, block: Block, t_s: Array) -> int:
-    """Frames on either side that a velocity is read from."""
+    """Frames on either side over which a velocity is fitted."""
     frame_s = float(np.nanmedian(np.diff(t_s, axis=1)))
-    stretch = PACE_WINDOW * np.sqrt(block.radius_m / max(experiment.gravity_m_s2, 1e-3))
-    return int(np.clip(round(stretch / frame_s), 2, 20))
+    half_s = VELOCITY_WINDOW * np.sqrt(block.radius_m / max(experiment.gravity_m_s2, 1e-3))
+    return int(np.clip(round(half_s / frame_s), 2, 20))
 
 
 def _crossings(t: Array, pose: Array, line: Array, half: Array) -> Array:
@@ -205,11 +207,11 @@ def _crossings(t: Array, pose: Array, line: Array, half: Array) -> Array:
     s = share[own, i]
     out[own, 0] = t[own, i] + s * (t[own, i + 1] - t[own, i])
     out[own, 1:4] = pose[own, i] + s[:, None] * (pose[own, i + 1] - pose[own, i])
-    out[own, 4:] = _paces(t[own], pose[own], i, half[own])
+    out[own, 4:] = _velocities(t[own], pose[own], i, half[own])
     return out
 
 
-def _paces(t: Array, pose: Array, at: Array, half: Array) -> Array:
+def _velocities(t: Array, pose: Array, at: Array, half: Array) -> Array:
     """(n, 3) velocities around frame `at` (n,), straight lines through `half` (n,) frames on either side."""
     widest = int(half.max(initial=2))
     frames = at[:, None] + np.arange(-widest, widest + 1)
@@ -225,8 +227,10 @@ def _paces(t: Array, pose: Array, at: Array, half: Array) -> Array:
 
 
 def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
-    """Share in % of releases that have a value: Wilson's interval; of several repetitions, which are no independent
-    releases, widened to what a bootstrap over releases gives."""
+    """Share in % of the releases that have a value, with Wilson's interval.
+
+    Repetitions are not independent releases, so with several of them the interval is at least that of a bootstrap.
+    """
     passed = np.isfinite(values)
     n = passed.shape[1]
     low, high = wilson_interval(int(passed.sum()), passed.size)
@@ -239,7 +243,7 @@ def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
 def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
     """Percentiles of (repetitions, n) values with bootstrap intervals over releases; none of too few releases."""
     count = int(np.isfinite(values).any(axis=0).sum())
-    if count < FEWEST:
+    if count < FEWEST_VALUES:
         return []
     n = values.shape[1]
     draws = values[:, rng.integers(0, n, (BOOTSTRAPS, n))].transpose(1, 0, 2).reshape(BOOTSTRAPS, -1)
@@ -260,7 +264,7 @@ def _quantiles(ranked: Array) -> Array:
 
 
 def _energy_unit(rows: list[Row]) -> tuple[str, list[Row]]:
-    """(unit, rows in it) that suit the size."""
+    """Unit that suits the size, and the rows in it."""
     return _scaled(rows, ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")))
 
 

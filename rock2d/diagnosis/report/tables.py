@@ -1,5 +1,5 @@
-"""What the report shows of a diagnosis: how far each impact is missed, the impacts that the effect mends most, and the
-releases that are filmed again side by side."""
+"""Data for the report: residuals of each impact, the impacts that the effect improves most, the releases that the video
+shows side by side."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.cross_validation import HeldOut
-from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import squares
 from rock2d.diagnosis.replay import Releases, Signs, follow
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
-from rock2d.diagnosis.residual_regression import CLIP
+from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
-from rock2d.kinematics.sanity import MIRRORS
+from rock2d.kinematics.columns import POSITION
+from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.kinematics.states import drift
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-SEGMENTS = 6
-POINTS = 160  # of a predicted line
-AFTERWARDS = 2.5  # of the flight after an impact, in the stretches that its outcome was compared on
+SHOWN_SEGMENTS = 6
+LINE_POINTS = 160  # of a predicted line
+SHOWN_AFTER = 2.5  # of the flight after an impact, in units of `Impacts.window_s`
 FLIGHT_POINTS = 12
 MOST_FLIGHTS = 600
-SCENES = 3
+MOST_SCENES = 3
 MODEL_COLOURS = {"measured": MEASURED_COLOUR, "base": SIMULATED_COLOUR, "effect": EFFECT_COLOUR}
 
 
 @dataclass
 class Models:
-    """The models that a report compares: the base law and, if there is one to speak of, the law with an effect."""
+    """The models that a report compares: the base law and, if there is a gap to explain, the law with an effect."""
 
     base: Fit
     base_out: HeldOut
@@ -49,29 +49,23 @@ class Models:
 
 
 def compared_models(result: Diagnosis) -> Models:
-    """Base and best model of a diagnosis, the one whose gap is told; no effect where there is no gap to explain.
+    """Base and best model of a diagnosis, the one whose gap is reported; without an effect if there is no gap.
 
-    An effect that only widens the scatter predicts nothing else than the base: unless it is the verdict, the best one
-    that does stands for it.
+    An effect that only widens the scatter predicts the same motion as the base. Unless it is the verdict, the best
+    effect that changes the motion takes its place.
     """
     found = result.found
     assert found is not None
     if found.verdict == "none":
         return Models(found.base, found.base_held_out)
-    name = best_told(found)
+    name = reported_effect(found)
     best = found.final if name == found.best else found.candidates[name]
     return Models(found.base, found.base_held_out, best.fit, best.held_out)
 
 
-def best_told(found: Attribution) -> str:
-    """The effect whose gap is told."""
-    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
-    return max(named, key=lambda name: found.candidates[name].total)
-
-
 def signs_of(result: Diagnosis) -> Signs:
-    """Signs that put a mirrored axis right."""
-    return MIRRORS[result.sanity.mirror]
+    """Signs that correct a mirrored axis."""
+    return MIRRORED_SIGNS[result.sanity.mirror]
 
 
 def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
@@ -82,28 +76,30 @@ def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
 
 
 def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
-    """Place and size of the miss of every impact."""
+    """Place of every impact and size of its residuals."""
     data = result.data
     assert data is not None
     sigma = np.sqrt(impact_squares(result, out))
     if isinstance(data, FilmData):
         return Misses(_touch(result, data, signs_of(result)), data.impact_block, sigma)
-    return Misses(data.before[:, :2], data.impact_block, sigma)
+    return Misses(data.before[:, POSITION], data.impact_block, sigma)
 
 
 def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
-    """(n, 2) centroid half-way between the ends of the flights around each impact, with every axis put right."""
-    seen = replace(result.setup, view=replace(result.setup.view, mirror=signs))
-    impacts, states = data.impacts, data.states(seen).middle
-    ends = data.film.t_s[data.cut.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
-    leaves = drift(seen, impacts.block, states[impacts.before], ends)
-    arrives = drift(seen, impacts.block, states[impacts.after], impacts.begin_s)
-    return 0.5 * (leaves + arrives)[:, :2]
+    """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
+    corrected = replace(result.setup, view=replace(result.setup.view, mirror=signs))
+    impacts, states = data.impacts, data.states(corrected).middle
+    ends = (
+        data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
+    )
+    leaves = drift(corrected, impacts.block, states[impacts.before], ends)
+    arrives = drift(corrected, impacts.block, states[impacts.after], impacts.begin_s)
+    return 0.5 * (leaves + arrives)[:, POSITION]
 
 
 def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
-    """(k, 2) positions of a few frames of the measured flights; of very many flights, some."""
-    flights = data.cut.flights
+    """(k, 2) positions of a few frames of each measured flight; of at most MOST_FLIGHTS flights."""
+    flights = data.segmentation.flights
     chosen = np.unique(np.linspace(0, len(flights) - 1, min(len(flights), MOST_FLIGHTS)).round().astype(int))
     paths = []
     for i in chosen:
@@ -114,25 +110,25 @@ def flight_paths(data: FilmData, signs: Signs) -> list[Array]:
     return paths
 
 
-def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]:
-    """The impacts that the effect mends most or, if none `mends`, that the base misses most."""
+def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segment]:
+    """The impacts that the effect improves most or, unless it `improves`, those with the largest residuals."""
     data = result.data
     assert isinstance(data, FilmData)
     base = impact_squares(result, models.base_out)
     effect = impact_squares(result, models.effect_out) if models.effect_out is not None else None
     chosen: list[int] = []
-    for i in np.argsort(effect - base if mends and effect is not None else -base, kind="stable"):
-        if data.impacts.release[i] not in data.impacts.release[chosen]:  # six releases tell more than one
+    for i in np.argsort(effect - base if improves and effect is not None else -base, kind="stable"):
+        if data.impacts.release[i] not in data.impacts.release[chosen]:  # different releases show more
             chosen.append(int(i))
-        if len(chosen) == SEGMENTS:
+        if len(chosen) == SHOWN_SEGMENTS:
             break
     signs, which = signs_of(result), np.array(chosen)
     impacts, middle = data.impacts, data.basis.middle
     start = middle[impacts.before[which]] + impacts.start_s[which]
     begin = middle[impacts.after[which]] + impacts.begin_s[which]
-    flights_end = data.film.t_s[data.cut.flights.last[impacts.after[which]] - 1]
-    end = np.minimum(flights_end, begin + AFTERWARDS * impacts.window_s[which])
-    t = start[:, None] + np.linspace(0.0, 1.0, POINTS) * (end - start)[:, None]
+    flights_end = data.film.t_s[data.segmentation.flights.last[impacts.after[which]] - 1]
+    end = np.minimum(flights_end, begin + SHOWN_AFTER * impacts.window_s[which])
+    t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {
         name: follow(
             data, fit.model.world(fit.p, impacts.order[which]), impacts.before[which], t, start, signs
@@ -148,7 +144,7 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
         )
         name, block = blocks[impacts.block[i]]
         place = f"{name} {film.release_names[impacts.release[i]]}, {zones[impacts.zone[i]]}".replace("_", " ")
-        miss = f"missed by {_sigma(base[i])}" + (f", then {_sigma(effect[i])}" if effect is not None else "")
+        miss = f"residual {_sigma(base[i])}" + (f", then {_sigma(effect[i])}" if effect is not None else "")
         segments.append(Segment(
             f"{place}\n{miss}", block, np.column_stack([film.t_s[rows], film.pose[rows] * signs]),
             {m: np.column_stack([t[k], own[k]]) for m, own in poses.items()},
@@ -157,9 +153,9 @@ def segments_of(result: Diagnosis, models: Models, mends: bool) -> list[Segment]
 
 
 def _sigma(square: float) -> str:
-    """Residuals count as CLIP at most, so a miss of that size may be any larger one."""
+    """Text of a residual; those of LARGEST_RESIDUAL_SD were clipped and may be larger."""
     root = float(np.sqrt(square))
-    return f"{root:.1f} σ" if root < 0.98 * CLIP else f"≥ {CLIP:g} σ"
+    return f"{root:.1f} σ" if root < 0.98 * LARGEST_RESIDUAL_SD else f"≥ {LARGEST_RESIDUAL_SD:g} σ"
 
 
 def distances(film: Releases, poses: Array) -> Array:
@@ -169,21 +165,21 @@ def distances(film: Releases, poses: Array) -> Array:
 
 
 def scenes_of(
-    result: Diagnosis, film: Releases, models: dict[str, Array], mends: bool
+    result: Diagnosis, film: Releases, models: dict[str, Array], improves: bool
 ) -> tuple[list[list[list[Clip]]], list[str]]:
-    """Clips of a release a block, measured and of every model (n, k, 3), and a title each.
+    """Clips of one release of each block, measured and of every model (n, k, 3), and their titles.
 
-    That release of a block is taken that the effect brings nearest to the film or, if none `mends`, the one that the
-    base follows as well as it follows most.
+    It is the release that the effect brings nearest to the film or, unless it `improves`, the one with the median
+    distance between base and film.
     """
     far = {name: distances(film, poses) for name, poses in models.items()}
-    gain = far["base"] - far["effect"] if mends else -np.abs(far["base"] - np.median(far["base"]))
+    gain = far["base"] - far["effect"] if improves else -np.abs(far["base"] - np.median(far["base"]))
     scenes, titles = [], []
     blocks = list(result.experiment.blocks)
     best_first = sorted(set(film.block.tolist()), key=lambda b: -float(np.median(gain[film.block == b])))
     assert isinstance(result.data, FilmData)
     names = result.data.film.release_names
-    for b in best_first[:SCENES]:
+    for b in best_first[:MOST_SCENES]:
         own = np.flatnonzero(film.block == b)
         i = own[np.argmax(gain[own])]
         shown = _until_still(film.t_s[i], film.pose[i], result.experiment.blocks[blocks[b]].radius_m)
@@ -200,7 +196,7 @@ def scenes_of(
 
 
 def scenes_view(scenes: list[list[list[Clip]]], cross_section: CrossSection, radius_m: float) -> Limits:
-    """What a video of scenes shows: the way of the measured blocks, the others' half as far beyond, the ground."""
+    """Limits of the video: the paths of the measured blocks with a margin of half their extent, and the ground."""
     every = [clip for scene in scenes for panel in scene for clip in panel]
     filmed = [scene[0][0] for scene in scenes]
     limits = []

@@ -1,4 +1,4 @@
-"""The words of a diagnosis: what its numbers mean, in sentences that a person trusts because they say what is known."""
+"""Texts of the report: what the numbers of a diagnosis mean, in plain sentences."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_RELEASES
+from rock2d.kinematics import sanity
 from rock2d.scene.cross_section import embankment_facets
 
-# what studies of such data found hard to tell apart
+# effects that are hard to separate with such data
 LOOKALIKES = (
     ("scale_error", "frame_rate_error"),
     ("air_drag", "flight_damping", "out_of_plane"),
@@ -25,19 +25,23 @@ LOOKALIKES = (
 PHASES = {
     "impact": "arises in impacts",
     "flight": "arises in flight",
-    "rest": "shows where blocks come to rest",
+    "rest": "appears where blocks come to rest",
 }
-HINTS = {  # by what a dependence acts through, see `discrepancy`
-    "law": "the soil's law seems to change",
-    "incident state": "what was measured before impacts seems shifted",
-    "outcome": "what comes out of impacts is shifted",
+HINTS = {  # by the lever of a dependence, see `discrepancy`
+    "law": "the law of the soil changes",
+    "incident state": "the measured states before impacts are shifted",
+    "outcome": "the outcomes of impacts are shifted",
     "flight": "blocks in flight are accelerated",
 }
-SURE_Z = 2.0  # of a place where the gap lies
+SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
+UNIT_FAULTS = {
+    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.NO_MOTION, sanity.WRONG_GRAVITY
+}  # fmt: skip
+AXIS_FAULTS = {sanity.BELOW_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN}
 
 
 def spoken(name: str) -> str:
-    """A name of the catalogue, a block or a zone as it is said."""
+    """The name of an effect, a block or a zone as text."""
     return name.replace("_", " ")
 
 
@@ -48,14 +52,14 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 
 
 def percent(share: float) -> str:
-    """A probability: never 0 or 100 % for what is only nearly so."""
+    """A probability; never 0 or 100 % if it is only near to it."""
     if share > 0.99:
         return "more than 99 %"
     return "less than 1 %" if share < 0.01 else f"{100 * share:.0f} %"
 
 
 def number(value: float, half_width: float | None = None) -> str:
-    """A number with as many digits as its uncertainty (or three) deserves; thousands apart, a true minus."""
+    """A number with the digits that its uncertainty justifies (or three), thousands separated, with a minus sign."""
     if not np.isfinite(value):
         return "–"
     size = half_width if half_width else abs(value) / 20.0
@@ -76,7 +80,7 @@ def interval(low: float, high: float) -> str:
     return f"{number(low, half)} to {number(high, half)}"
 
 
-def closure(value: float, ci95: Sequence[float]) -> str:
+def share_closed(value: float, ci95: Sequence[float]) -> str:
     """Share of the gap that a model closes, with its interval."""
     low, high = (round(100 * v) for v in ci95)
     if low == high == 0 and value == 0.0:
@@ -86,14 +90,14 @@ def closure(value: float, ci95: Sequence[float]) -> str:
 
 
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
-    """A value with its unit as it is read: angles in degrees, numbers without a unit."""
+    """A value and its unit as shown: angles in degrees, pure numbers without a unit."""
     if parameter.unit == "rad":
         return float(np.rad2deg(value)), "°"
     return value, "" if parameter.unit in ("1", "choice") else parameter.unit
 
 
 class Tile(NamedTuple):
-    """A figure beside the verdict: what it is, its value, a note below it."""
+    """A key figure beside the verdict: its name, its value, a note below it."""
 
     what: str
     value: str
@@ -101,70 +105,72 @@ class Tile(NamedTuple):
 
 
 def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> tuple[str, str]:
-    """(the name of the verdict as it is shown, one plain sentence)."""
+    """The name of the verdict as it is shown, and one or two sentences."""
     verdict, faults = content["verdict"], content["sanity"]["faults"]
     if faults:
         return "Not diagnosed", f"This experiment is too poor to diagnose: {'; '.join(faults)}."
     if verdict == "none":
         return "No gap", (
-            "The paper's law, with its own parameters refitted, explains these data: what is left is no more than the "
-            "noise of the measurement and soil that varies from impact to impact."
+            "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "
+            "larger than the noise of the measurement and the scatter of the soil from impact to impact."
         )
     if verdict == "unknown":
         return "Unknown cause", (
-            "There is a gap between film and simulation that could be predicted, but no effect of the catalogue "
-            f"explains it: something acts that is not among them.{_hint(content)}"
+            "There is a gap between film and simulation, but no effect of the catalogue explains it. The cause lies "
+            f"outside the catalogue.{_hint(content)}"
         )
     cause = effects[verdict].summary if verdict in effects else "an effect outside the catalogue"
     beside = [c["effect"] for c in content.get("beside", [])]
-    together = f" With it acts {listed(beside)}." if beside else ""
+    together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
-    doubt = f" These data cannot tell it from {listed(rivals, 'or')}." if rivals else ""
+    doubt = f" These data cannot separate it from {listed(rivals, 'or')}." if rivals else ""
     sentence = f"This explains the gap between film and simulation: {cause}.{together}{doubt}"
     return spoken(verdict).capitalize(), sentence
 
 
 def _hint(content: Mapping[str, Any]) -> str:
-    """What the strongest dependence that is left tells of an unknown cause."""
-    left = content.get("unexplained", [])
-    if not left:
+    """What the strongest remaining dependence says about an unknown cause."""
+    remaining = content.get("unexplained", [])
+    if not remaining:
         return ""
-    lever, group = left[0]["dependence"].split(" of ", 1)
-    said = HINTS[lever] + (f" with the {group}" if group != "nothing" else ", alike everywhere")
-    return f" The strongest trace of it: {said}."
+    lever, group = remaining[0]["dependence"].split(" of ", 1)
+    dependence = f", depending on the {group}" if group != "nothing" else ", equally everywhere"
+    return f" Its strongest trace: {HINTS[lever]}{dependence}."
 
 
 def key_figures(
     content: Mapping[str, Any], effects: Mapping[str, Effect], chain: Sequence[str]
 ) -> list[Tile]:
-    """The figures beside the verdict; `chain` are the effects of the best model."""
+    """The key figures beside the verdict; `chain` are the effects of the best model."""
     verdict, gap = content["verdict"], content["gap"]
     chance = percent(content["probabilities"][verdict])
-    tiles = [Tile("Probability", chance, "among the catalogue's effects, none and unknown")]
+    tiles = [Tile("Probability", chance, "among the effects of the catalogue, none and unknown")]
     ranked = [name for name in ranking(content, effects) if name != verdict]
     if verdict == "none":
         gain = _gain(content["effects"][ranked[0]])
-        tiles.append(Tile("Gap", f"{gap['base']:.2f}", f"noise and soil alone make {gap['noise_floor']:.2f}"))
-        tiles.append(Tile("Nearest to an effect", spoken(ranked[0]), f"{gain} on releases that no fit saw"))
+        tiles.append(Tile("Gap", f"{gap['base']:.2f}", f"noise and soil alone give {gap['noise_floor']:.2f}"))
+        tiles.append(Tile("Nearest to an effect", spoken(ranked[0]), f"{gain} on held-out releases"))
         return tiles
-    closed = closure(gap["closure"], gap["closure_ci95"])
+    closed = share_closed(gap["closure"], gap["closure_ci95"])
     if verdict == "unknown":
-        tiles.append(
-            Tile("Gap closed", closed, f"by the best that was tried, {listed(chain)}; 95 % interval")
-        )
+        tiles.append(Tile("Gap closed", closed, f"by the best model, with {listed(chain)}; 95 % interval"))
         return [*tiles, *_place_tile(content)]
     low, high = (round(100 * v) for v in gap["closure_ci95"])
-    left = "nothing predictable is left" if low == high else "95 % interval"
-    tiles.append(Tile("Gap closed", closed, f"on releases that no fit saw; {left}"))
+    remark = "no predictable residual remains" if low == high else "95 % interval"
+    tiles.append(Tile("Gap closed", closed, f"on held-out releases; {remark}"))
     if len(chain) > 1:
-        tiles.append(Tile("By it alone", _closed(content, verdict), f"of the gap, by {spoken(verdict)}"))
+        tiles.append(
+            Tile("By this effect alone", _closed(content, verdict), f"of the gap, by {spoken(verdict)}")
+        )
     second = next((name for name in ranked if not effects[name].scatter), None)
     if second is not None:
         tiles.append(Tile("Runner-up", _closed(content, second), f"of the gap closed by {spoken(second)}"))
     beside = content.get("beside", [])
     if not beside:
-        tiles.append(Tile("Second effect", "none needed", "no other gains surely beside this one"))
-    tiles += [Tile("Beside it", spoken(part["effect"]), _gain(part)) for part in beside]
+        tiles.append(
+            Tile("Second effect", "none needed", "no other effect gains significantly beside this one")
+        )
+    tiles += [Tile("Further effect", spoken(part["effect"]), _gain(part)) for part in beside]
     return [*tiles, *_size_tile(content, effects[verdict]), *_place_tile(content)]
 
 
@@ -175,11 +181,11 @@ def _gain(scored: Mapping[str, Any]) -> str:
 
 def _closed(content: Mapping[str, Any], effect: str) -> str:
     own = content["effects"][effect]
-    return closure(own["closure"], own["closure_ci95"])
+    return share_closed(own["closure"], own["closure_ci95"])
 
 
 def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
-    """The size of the verdict's first parameter."""
+    """The value of the verdict's first parameter."""
     if not effect.parameters:
         return []
     parameter = effect.parameters[0]
@@ -187,10 +193,10 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     own = fitted["parameters"][effect.name] if content.get("beside") else fitted[effect.name]["parameters"]
     value, unit = in_degrees(parameter, own[parameter.name]["value"])
     if parameter.choices:
-        return [Tile("Its choice", f"{value:g}", parameter.meaning)]
+        return [Tile("Choice", f"{value:g}", parameter.meaning)]
     low, high = (in_degrees(parameter, v)[0] for v in own[parameter.name]["ci95"])
     text = number(value, 0.5 * (high - low)) + (unit if unit == "°" else f" {unit}" if unit else "")
-    return [Tile("Its size", text, parameter.meaning)]
+    return [Tile("Size", text, parameter.meaning)]
 
 
 def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
@@ -201,53 +207,57 @@ def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
     phase, of_phase = largest_share(content["where"], "phase")
     return [
         Tile(
-            "Where", spoken(zone), f"{100 * of_zone:.0f} % of the gap; {100 * of_phase:.0f} % {PHASES[phase]}"
+            "Where",
+            spoken(zone),
+            f"{100 * of_zone:.0f} % of the gap lies there; {100 * of_phase:.0f} % {PHASES[phase]}",
         )
     ]
 
 
 def ranking(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> list[str]:
-    """Effects that were tried, the most probable first, then by gain."""
+    """Effects that were tried, by probability, then by gain."""
     tried = [name for name in content["effects"] if name in effects]
     gains, chances = content["effects"], content["probabilities"]
     return sorted(tried, key=lambda n: (-round(chances[n], 6), -gains[n]["heldout_score_gain"]))
 
 
 def what_to_do(content: Mapping[str, Any]) -> list[str]:
-    """Advice where nothing could be diagnosed."""
-    faults = " ".join(content["sanity"]["faults"])
+    """Advice for an experiment that could not be diagnosed."""
+    codes = set(content["sanity"].get("fault_codes", []))
     advice = []
-    if "too few" in faults:
+    if codes & {sanity.FEW_RELEASES, sanity.FEW_IMPACTS}:
         advice.append(
-            f"Film more releases: {FEWEST_RELEASES} with {FEWEST_IMPACTS} impacts between two flights are the least "
-            "with which causes can be told apart; some 30 of each block are comfortable."
+            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts "
+            "between two flights are needed to separate causes; about 30 of each block are comfortable."
         )
-    if any(word in faults for word in ("millimetres", "unit", "factor", "degrees", "frames/s")):
+    if codes & UNIT_FAULTS:
         advice.append("Check the units in the CSV (m, s, rad) and the frame rate in experiment.yaml.")
-    if any(word in faults for word in ("axis", "axes", "downwards", "upwards", "columns", "belong together")):
+    if codes & AXIS_FAULTS:
         advice.append(
-            "Check that y points up, x towards the embankment, and that film and cross-section share one origin."
+            "Check that y points up and x towards the embankment, and that film and cross-section have the same origin."
         )
-    return [*advice, "Then diagnose again. Nothing else was concluded from these data."]
+    return [*advice, "Then diagnose again. This diagnosis draws no conclusions from these data."]
 
 
 def where_sentence(content: Mapping[str, Any]) -> str:
     """Where most of the gap lies."""
     cells = content["where"]
     if not _located(content):
-        return "No place stands out: nowhere is the miss surely more than noise and soil explain."
+        return (
+            "No place stands out: nowhere are the residuals significantly larger than noise and soil explain."
+        )
     phase, of_phase = largest_share(cells, "phase")
     zone, of_zone = largest_share(cells, "zone")
     block, of_block = largest_share(cells, "block")
-    text = f"{100 * of_phase:.0f} % of the gap {PHASES[phase]}; the {spoken(zone)} has {100 * of_zone:.0f} %"
+    text = f"{100 * of_phase:.0f} % of the gap {PHASES[phase]}. The {spoken(zone)} has {100 * of_zone:.0f} % of it"
     if len({cell["block"] for cell in cells}) > 1:
         text += f", the {spoken(block)} {100 * of_block:.0f} %"
     return f"{text}."
 
 
 def _located(content: Mapping[str, Any]) -> bool:
-    """Whether the gap surely lies anywhere."""
-    return content["verdict"] != "none" and any(cell["z"] >= SURE_Z for cell in content["where"])
+    """Whether the gap is significant in any place."""
+    return content["verdict"] != "none" and any(cell["z"] >= SIGNIFICANT_PLACE_Z for cell in content["where"])
 
 
 def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, float]:
@@ -260,53 +270,52 @@ def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, fl
 
 
 def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[str]) -> list[str]:
-    """What the diagnosis takes for granted."""
+    """What the diagnosis assumes."""
     cross_section = result.experiment.cross_section
-    said = [
-        "The base model is the paper's contact law (elasto-plastic normal spring, tangential spring that slips, "
-        "rolling spring) with one set of parameters for all zones, refitted to these data before anything is blamed "
-        "on an effect.",
+    lines = [
+        "The base law is the paper's contact law (elasto-plastic normal spring, tangential spring that slips, rolling "
+        "spring) with one set of parameters for all zones. It is refitted to these data before any effect is tried.",
         *content.get("assumptions", []),
     ]
     if isinstance(result.data, FilmData):
-        said += [
-            "A release is cut into flights; what lies between two flights counts as one impact, predicted from the "
-            "measured flight before it. Blocks fly freely: nothing but gravity acts, unless an effect says otherwise.",
-            "The camera's noise is normal, estimated from the flights, not taken from experiment.yaml; the soil varies "
-            "from impact to impact, by as much as makes the impacts most probable.",
-            "The camera's axis is not stated. Effects that turn, scale or bend the image aim it at ditch and "
-            "embankment and fit how far beside it lies.",
+        lines += [
+            "A release is divided into flights. Everything between two flights counts as one impact, which is "
+            "predicted from the measured flight before it. In flight only gravity acts, unless an effect adds a force.",
+            "The noise of the camera is normal. It is estimated from the flights, not taken from experiment.yaml. The "
+            "scatter of the soil from impact to impact is fitted by maximum likelihood.",
+            "The position of the camera's axis is not stated. Effects that turn, scale or distort the image assume "
+            "that it points at ditch and embankment, and fit its distance from there.",
         ]
     else:
-        said.append(
-            "Each row of the table is one impact, run from the state before it. The noise of the velocities is not "
-            "stated; it is fitted with the soil's scatter. Of the stiffnesses only ratios are told where the ground "
-            "is hard."
+        lines.append(
+            "Each row of the table is one impact, simulated from the state before it. The noise of the velocities is "
+            "not stated; it is fitted together with the scatter of the soil. On hard ground the data determine only "
+            "the ratios of the stiffnesses."
         )
-    said.append(
-        "Releases are numbered in the order filmed, and each block's series begins on fresh ground: an effect that "
-        "grows from release to release rests on that order."
+    lines.append(
+        "Releases are numbered in the order filmed, and the series of each block begins on fresh ground. Effects that "
+        "grow from release to release depend on that order."
     )
     raised = {
         zone for zone, part in zip(cross_section.zones, embankment_facets(cross_section), strict=True) if part
     }
     if raised:
         zones = listed([zone for zone in cross_section.zone_names if zone in raised])
-        said.append(f"The embankment is told by its shape, not its name: {zones}.")
+        lines.append(f"The embankment is recognised by its shape, not by its name: {zones}.")
     else:
-        said.append("This cross-section has no embankment: effects of one cannot show.")
-    said.append(
-        "An effect is judged on releases that its fit did not see, but all come from one set-up and one camera. "
-        "Probabilities compare the catalogue's effects, none and unknown with each other, and nothing else."
+        lines.append("This cross-section has no embankment, so effects of an embankment cannot appear.")
+    lines.append(
+        "An effect is judged on held-out releases, but all releases come from one set-up and one camera. The "
+        "probabilities compare only the effects of the catalogue, none and unknown."
     )
     groups = lookalikes(chain, list(content["effects"]))
     if groups:
-        said.append("Hard to tell apart even with good data: " + "; ".join(groups) + ".")
-    return said
+        lines.append("Hard to separate even with good data: " + "; ".join(groups) + ".")
+    return lines
 
 
 def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:
-    """Groups of effects that are hard to tell apart, those that hold one of `names` first."""
+    """Groups of effects that are hard to separate, those that contain one of `names` first."""
     groups = [[name for name in group if name in known] for group in LOOKALIKES]
     groups = [group for group in groups if len(group) > 1]
     return [listed(group) for group in sorted(groups, key=lambda g: not set(g) & set(names))]

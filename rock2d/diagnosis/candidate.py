@@ -1,0 +1,41 @@
+"""A candidate: the base law with one effect, fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.cross_validation import HeldOut
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.significance import standard_error
+from rock2d.effects.effect import Effect
+
+Array = np.ndarray
+
+
+@dataclass
+class Candidate:
+    """A fit with an effect and its score on held-out releases.
+
+    Attributes
+    ----------
+    effect : the effect that is judged; the fit may hold further ones
+    held_out : residuals and scores on held-out releases
+    gain : (releases,) log likelihood above that of the base, or of the fit without this effect
+    """
+
+    effect: Effect
+    fit: Fit
+    held_out: HeldOut
+    gain: Array
+
+    @property
+    def total(self) -> float:
+        """Gain over all releases."""
+        return float(self.gain.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total gain, over releases."""
+        return standard_error(self.gain)

@@ -1,0 +1,115 @@
+"""Derivatives of the residuals, by differences, and the covariance of the measurement noise in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, from_scale, scatters
+from rock2d.kinematics.film_segments import STATE_SIZE
+
+Array = np.ndarray
+
+DIFFERENCE_STEP = 0.02  # of a parameter's scale
+
+
+@dataclass
+class Slopes:
+    """Derivatives of the residuals.
+
+    Attributes
+    ----------
+    impacts : (n, d, P) of impacts by parameters
+    flights : (m, 3, degrees, P) of flights by parameters
+    scatter : (n, d, k) of impacts by the soil's scatter
+    covariance : (n, d, d) of the measurement noise in the residuals of impacts
+    """
+
+    impacts: Array
+    flights: Array
+    scatter: Array
+    covariance: Array
+
+
+def slopes(
+    model: Model,
+    p: Array,
+    data: Data,
+    at: Residuals,
+    soil: Array,
+    covariance: Array | None = None,
+    known: Slopes | None = None,
+) -> Slopes:
+    """Derivatives at p by differences.
+
+    Parameters
+    ----------
+    at : residuals at p
+    soil : (k,) scatter at which the covariance of the noise is computed
+    covariance : of the noise, if it is known
+    known : derivatives by the first parameters at the same place, if they are known
+    """
+    (n, d), size = at.impacts.shape, model.size
+    by_impacts, by_flights = np.zeros((n, d, size)), np.zeros((*at.flights.shape, size))
+    _, high = model.bounds()
+    first = 0
+    if known is not None:
+        first = known.impacts.shape[-1]
+        by_impacts[..., :first], by_flights[..., :first] = known.impacts, known.flights
+    fixed = {*scatters(model), *discrete(model)}
+    for k in sorted(set(range(first, size)) - fixed):
+        step = DIFFERENCE_STEP if p[k] + DIFFERENCE_STEP <= high[k] else -DIFFERENCE_STEP
+        ahead = model_residuals(model, p + step * (np.arange(size) == k), data)
+        by_impacts[..., k] = (ahead.impacts - at.impacts) / step
+        by_flights[..., k] = (ahead.flights - at.flights) / step
+    columns = [by_impacts[..., : len(BASE_WIDTH)]]
+    for i, effect in enumerate(model.effects):
+        if effect.scatter:  # differentiated by the same amount at every impact
+            amounts = [list(v) for v in model.values(p)]
+            amounts[i] = [from_scale(model.parameters[i][0], DIFFERENCE_STEP)]
+            moved = data.residuals(model.world(p, data.impact_order, amounts))
+            columns.append(((moved.impacts - at.impacts) / DIFFERENCE_STEP)[..., None])
+    scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
+    if covariance is None:
+        covariance = _noise_covariance(model, p, data, at, soil)
+    return Slopes(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
+
+
+def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
+    """(n, d, d) covariance of the residuals, from the noise of the measured states before and after, and from the
+    second-order part of the soil's scatter (5,).
+
+    Second order matters where a small change of the state before changes the impact, for example which corner lands
+    first. There the slope alone understates the variance of the state after. For r = a x + b x² with a standard normal
+    x, the variance is a² + 2 b².
+    """
+    before = data.state_noise(model.world(p, data.impact_order))
+    sigma = np.sqrt(np.maximum(np.median(np.diagonal(before, axis1=1, axis2=2), axis=0), 1e-18))
+    slope, bend = [], []
+    for k in range(STATE_SIZE):
+        shift = sigma[k] * (np.arange(STATE_SIZE) == k)
+        ahead, behind = model_residuals(model, p, data, shift), model_residuals(model, p, data, -shift)
+        slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
+        bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
+    by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
+    own = 2.0 * np.diagonal(before, axis1=1, axis2=2) ** 2
+    curved = []
+    for k in range(len(BASE_WIDTH)):
+        step = scatter[k] * (np.arange(model.size) == k)
+        ahead, behind = model_residuals(model, p + step, data), model_residuals(model, p - step, data)
+        curved.append((ahead.impacts + behind.impacts - 2 * at.impacts) / np.sqrt(2.0))
+    by_soil = np.nan_to_num(np.stack(curved, axis=-1))
+    return (
+        by_soil @ by_soil.transpose(0, 2, 1)
+        + by_state @ before @ by_state.transpose(0, 2, 1)
+        + (by_square * own[:, None]) @ by_square.transpose(0, 2, 1)
+        + data.outcome_noise()
+    )
+
+
+def spread(slope: Slopes, scatter: Array) -> Array:
+    """(n, d, d) covariances at standard deviations `scatter` (k,) of the soil."""
+    wide = slope.scatter * scatter
+    return slope.covariance + wide @ wide.transpose(0, 2, 1)

@@ -1,0 +1,103 @@
+"""Likelihood of the residuals: robust, with a covariance for each impact.
+
+The residual of an impact has three sources: the noise of the measured flights on both sides, the soil, which varies
+from impact to impact (each parameter of the law by a fitted standard deviation), and the model's error. The first two
+make the covariance of the impact. A Student distribution allows for the few impacts that fall on the other side of an
+edge. The coefficients of flights are independent of it and have unit variance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.diagnosis.data import Residuals
+from rock2d.diagnosis.derivatives import Slopes, spread
+from rock2d.diagnosis.model import BASE_WIDTH, Model
+
+Array = np.ndarray
+
+IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
+FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
+LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
+PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
+
+
+def log_likelihood(r: Array, covariance: Array) -> Array:
+    """(n,) log likelihood of the residuals r (n, d) of impacts, to a constant: Student with a covariance (n, d, d).
+
+    Rows with NaN count as very improbable.
+    """
+    d = r.shape[1]
+    chi2 = chi_square(r, covariance)
+    return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(
+        chi2 / IMPACT_STUDENT_DF
+    )
+
+
+def chi_square(r: Array, covariance: Array) -> Array:
+    """(n,) chi-square of impacts, at most LARGEST_CHI_SQUARE. An impact that cannot be simulated gets that value."""
+    tame = np.nan_to_num(r, nan=0.0, posinf=0.0, neginf=0.0)
+    chi2 = np.einsum("ni,ni->n", tame, np.linalg.solve(covariance, tame[..., None])[..., 0])
+    return np.where(np.isfinite(r).all(axis=1) & (chi2 < LARGEST_CHI_SQUARE), chi2, LARGEST_CHI_SQUARE)
+
+
+def flight_log_likelihood(r: Array) -> Array:
+    """(m,) log likelihood of the residuals r (m, 3, degrees) of flights, to a constant."""
+    return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
+
+
+def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
+    """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d)."""
+    from scipy.optimize import minimize
+
+    good = np.isfinite(r).all(axis=1)
+    part = Slopes(slope.impacts, slope.flights, slope.scatter[good], slope.covariance[good])
+
+    def cost(logs: Array) -> tuple[float, Array]:
+        s = np.exp(logs)
+        covariance = spread(part, s)
+        inverse = np.linalg.inv(covariance)
+        u = np.einsum("nij,nj->ni", inverse, r[good])
+        chi2 = np.einsum("ni,ni->n", r[good], u)
+        d = r.shape[1]
+        value = 0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(
+            chi2 / IMPACT_STUDENT_DF
+        )
+        weight = (IMPACT_STUDENT_DF + d) / (IMPACT_STUDENT_DF + chi2)
+        trace = np.einsum("nik,nij,njk->nk", part.scatter, inverse, part.scatter)
+        pull = np.einsum("nik,ni->nk", part.scatter, u) ** 2
+        gradient = ((trace - weight[:, None] * pull) * s**2).sum(axis=0)
+        return float(value.sum() + 0.5 * ((s / PRIOR_SCATTER) ** 2).sum()), gradient + (
+            s / PRIOR_SCATTER
+        ) ** 2
+
+    bounds = [(np.log(1e-4), np.log(1.0))] * len(start)
+    found = minimize(cost, np.log(start), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 60})
+    return np.exp(found.x)
+
+
+def normal_equations(
+    residuals: Residuals, slope: Slopes, covariance: Array, keep: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Curvature (P, P) and slope (P,) of minus the log likelihood over the impacts and flights in `keep`."""
+    impacts, flights = keep
+    r = np.nan_to_num(residuals.impacts)
+    good = impacts & np.isfinite(residuals.impacts).all(axis=1)
+    inverse = np.linalg.inv(covariance[good])
+    u = np.einsum("nij,nj->ni", inverse, r[good])
+    chi2 = np.einsum("ni,ni->n", r[good], u)
+    weight = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi2)
+    j = slope.impacts[good]
+    curve = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
+    grad = np.einsum("n,nip,ni->p", weight, j, u)
+    rf, jf = residuals.flights[flights], slope.flights[flights]
+    wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
+    curve += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
+    grad += np.einsum("mcd,mcd,mcdp->p", wf, rf, jf)
+    return curve, grad
+
+
+def prior(model: Model) -> tuple[Array, Array]:
+    """Weak Gaussian prior: (centre, 1 / variance) of the parameters."""
+    width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])
+    return model.start(), width**-2.0

@@ -1,0 +1,33 @@
+"""How significant a gain in log likelihood is that is summed over releases."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+Array = np.ndarray
+
+SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
+
+
+class Gain(Protocol):
+    """A gain in log likelihood on held-out releases: `Candidate` or `Discrepancy`."""
+
+    @property
+    def total(self) -> float:
+        """Sum over the releases."""
+
+    @property
+    def error(self) -> float:
+        """Standard error of the sum."""
+
+
+def standard_error(per_release: Array) -> float:
+    """Standard error of a sum over releases."""
+    return float(per_release.std() * np.sqrt(len(per_release)))
+
+
+def significance(gain: Gain) -> float:
+    """Gain in standard errors."""
+    return gain.total / max(gain.error, SMALLEST_ERROR)

@@ -1,0 +1,95 @@
+"""A film as flights and impacts with measured states: what is read from it without any model of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+
+from rock2d.kinematics.columns import OMEGA, RATES, VX, X, Y
+from rock2d.kinematics.flights import Film, Segmentation, segment_film
+from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
+from rock2d.kinematics.states import Basis, States, fit_states, flight_basis
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+STATE_SIZE, POSE_SIZE = OMEGA + 1, VX
+
+
+@dataclass
+class FilmSegments:
+    """Flights and impacts of a film.
+
+    Attributes
+    ----------
+    segmentation : the film, its flights and the kind of each frame
+    basis : polynomials of the flights
+    impacts : every pair of flights in a row
+    start_s : (flights,) see `impacts.start_instants`
+    order : (releases,) place of each release in its block's series
+    """
+
+    segmentation: Segmentation
+    basis: Basis
+    impacts: Impacts
+    start_s: Array
+    order: Array
+
+    @classmethod
+    def of(cls, film: Film, world: World) -> Self:
+        """Divide a film into segments in `world`: the stated one, or the one that `sanity` found to fit the film."""
+        segmentation = segment_film(world, film)
+        basis = flight_basis(film, segmentation.flights)
+        states = fit_states(world, film, segmentation.flights, basis)
+        start = start_instants(world, segmentation, basis, states)
+        impacts = find_impacts(world, segmentation, basis, states, start)
+        return cls(segmentation, basis, impacts, start, release_order(film.release_block).astype(float))
+
+    @property
+    def film(self) -> Film:
+        return self.segmentation.film
+
+    def only(self, releases: Array) -> Self:
+        """The segments of some of the releases, given as a mask; releases keep their numbers."""
+        flights = self.segmentation.flights
+        keep, own = releases[flights.release], releases[self.impacts.release]
+        index = np.append(np.cumsum(keep) - 1, -1)  # the first flight of a release still follows none
+        fewer = replace(
+            flights, **{f.name: getattr(flights, f.name)[keep] for f in fields(flights) if f.name != "follows"},
+            follows=index[flights.follows[keep]],
+        )  # fmt: skip
+        impacts = Impacts(*(getattr(self.impacts, f.name)[own] for f in fields(Impacts)))
+        impacts.before, impacts.after = index[impacts.before], index[impacts.after]
+        segmentation = replace(self.segmentation, flights=fewer)
+        return replace(
+            self,
+            segmentation=segmentation,
+            basis=self.basis.only(keep),
+            impacts=impacts,
+            start_s=self.start_s[keep],
+        )
+
+    def states(self, world: World) -> States:
+        """The flights' states in a world."""
+        return fit_states(world, self.film, self.segmentation.flights, self.basis)
+
+    def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
+        """`state_covariance` of the recorded states, transformed to the true `states` (n, 6) there."""
+        unit = np.ones((len(which), STATE_SIZE))
+        for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
+            unit[:, c] = unit[:, VX + c] = world.view.true_per_recorded(states, np.array(axis))
+        unit[:, RATES] /= world.view.time_scale
+        return self.state_covariance(which, dt) * unit[:, :, None] * unit[:, None, :]
+
+    def state_covariance(self, which: Array, dt: Array) -> Array:
+        """(n, 6, 6) covariance of the measured states of flights `which`, at recorded instants dt from their middle."""
+        out = np.zeros((len(which), STATE_SIZE, STATE_SIZE))
+        rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
+        for c in range(POSE_SIZE):
+            variance = self.film.long_noise[c] ** 2
+            out[:, c, c] = variance * (level + rate * dt**2)
+            out[:, c, VX + c] = out[:, VX + c, c] = variance * rate * dt
+            out[:, VX + c, VX + c] = variance * rate
+        return out

@@ -17,6 +17,9 @@ CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """The points of the uphill facing turn about its foot by `facing_rad`; those of the ditch rise by `ditch_level`
+    times the embankment's height. Without an embankment all ground turns, and rises by `ditch_level` times the
+    blocks' size."""
     if not any(values):
         return world
     size = world.mean_size_m

@@ -48,6 +48,9 @@ def file_schema(kind: str) -> dict[str, Any]:
     kind : one of `SCHEMAS`: "scenario" (scenario YAML), "experiment" (`experiment.yaml`), "setup" (`setup.yaml`) or
         "diagnosis" (`diagnosis.json`)
 
-    Raises KeyError for any other kind.
+    Raises
+    ------
+    KeyError
+        For any other kind.
     """
     return SCHEMAS[kind]()

@@ -23,9 +23,6 @@ class KeyTables:
     def markdown(self, top: str) -> str:
         """The page's tables; `top` is the heading of the outermost mapping."""
         self._section(top, self.schema, "")
-        while self.waiting:
-            path, name = self.waiting.pop(0)
-            self._section(f"`{path}`", self.schema["$defs"][name], path)
         return "\n".join(self.lines) + "\n"
 
     def _section(self, heading: str, node: Schema, path: str) -> None:
@@ -44,6 +41,9 @@ class KeyTables:
             kind = self._kind(value, place)
             shown = "*name*" if key == "<name>" else f"`{key}`"
             self.lines.append(f"| {shown} | {kind} | {default} | {_cell(_meaning(self.schema, value))} |")
+        inner, self.waiting = self.waiting, []
+        for place, name in inner:
+            self._section(f"`{place}`", self.schema["$defs"][name], place)
 
     def _kind(self, node: Schema, path: str) -> str:
         if "$ref" in node:
@@ -86,11 +86,10 @@ class KeyTables:
 
     def _array(self, node: Schema, path: str) -> str:
         items = node.get("items", {})
+        if items.get("type") == "array" and items.get("description"):  # a point
+            return f"list of {_cell(items['description'])}" + _count(node)
         kind = self._kind(items, path)
-        count = node.get("minItems")
-        if count is not None and count == node.get("maxItems"):
-            return f"list of {count}: {kind}"
-        return f"list of {kind}" + (f", at least {count}" if count else "")
+        return f"list of {kind}" + _count(node)
 
     def _object(self, node: Schema, path: str) -> str:
         others = node.get("additionalProperties")
@@ -101,6 +100,13 @@ class KeyTables:
         if isinstance(others, dict) and others:
             return f"name → {self._kind(others, path + '.<name>')}"
         return "mapping"
+
+
+def _count(node: Schema) -> str:
+    least, most = node.get("minItems"), node.get("maxItems")
+    if least is not None and least == most:
+        return f", {least} of them"
+    return f", at least {least}" if least else ""
 
 
 def _bounds(node: Schema) -> str:
@@ -124,7 +130,7 @@ def _meaning(schema: Schema, node: Schema) -> str:
 
 def _default(node: Schema) -> str:
     value = node.get("default")
-    if value is None or isinstance(value, (dict, list)):
+    if value is None or value == "" or isinstance(value, (dict, list)):
         return ""
     return f"`{json.dumps(value)}`".replace('"', "")
 

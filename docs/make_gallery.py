@@ -16,9 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rock2d.files.scenario import load_scenario
+from rock2d import load_scenario, run
 from rock2d.graphics import plots
-from rock2d.runs.run import simulate, write_results
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -41,17 +40,15 @@ def scenario_pictures(path: Path) -> None:
     """A picture of the scenario for each kind of law that it has parameters for."""
     scenario = load_scenario(path)
     if scenario.experiment is not None:
-        result = simulate(scenario, engine="batch", releases=60, progress=False)
+        result = run(scenario, engine="batch", releases=60)
         with tempfile.TemporaryDirectory() as folder:
-            write_results(result, Path(folder) / "run", progress=False)
+            result.write(Path(folder) / "run")
             keep(Path(folder) / "run" / "overlay.png", PICTURES / f"{path.stem}_batch.png")
         return
     for engine, law in (("batch", "deterministic"), ("point_mass", "probabilistic")):
         if getattr(scenario.model, law) is None:
             continue
-        result = simulate(scenario, engine=engine, releases=min(RELEASES, scenario.releases), progress=False)
-        title = f"{scenario.name} ({engine})"
-        figure = plots.trajectories_figure(result.cross_section, result.blocks, result.tracks, title)
+        figure = run(scenario, engine=engine, releases=min(RELEASES, scenario.releases)).plot()
         with tempfile.TemporaryDirectory() as folder:
             keep(plots.save_figure(figure, Path(folder) / "it.png"), PICTURES / f"{path.stem}_{engine}.png")
 
@@ -61,6 +58,7 @@ def run_tutorial(path: Path) -> None:
     said = io.StringIO()
     here = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
+        os.symlink(DOCS.parent / "scenarios", Path(folder) / "scenarios")
         os.chdir(folder)
         try:
             with contextlib.redirect_stdout(said):
@@ -79,7 +77,9 @@ def keep(source: Path, target: Path) -> None:
     with Image.open(source) as picture:
         small = picture.convert("RGB")
     if small.width > WIDTH_PX:
-        small = small.resize((WIDTH_PX, round(small.height * WIDTH_PX / small.width)), Image.Resampling.LANCZOS)
+        small = small.resize(
+            (WIDTH_PX, round(small.height * WIDTH_PX / small.width)), Image.Resampling.LANCZOS
+        )
     small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
     print(f"{target.name}: {target.stat().st_size / 1000:.0f} kB", file=sys.stderr)
 

@@ -139,17 +139,10 @@ def results_page() -> str:
 def result_columns() -> dict[str, tuple[str, ...]]:
     """Columns of the tables of a run, by the name of the table."""
     from rock2d.files.experiment import TRAJECTORY_COLUMNS
-    from rock2d.records.track import IMPACT_COLUMNS
-    from rock2d.runs import indicators
+    from rock2d.runs.indicators import indicators
 
-    return {
-        "trajectories": tuple(TRAJECTORY_COLUMNS),
-        "impacts": tuple(IMPACT_COLUMNS),
-        "crossings": tuple(indicators.CROSSING_COLUMNS),
-        "passing": tuple(indicators.PASSING_COLUMNS),
-        "percentiles": tuple(indicators.PERCENTILE_COLUMNS),
-        "stops": tuple(indicators.STOP_COLUMNS),
-    }
+    own = {name: tuple(indicator.columns) for name, indicator in indicators().items()}
+    return {"trajectories": tuple(TRAJECTORY_COLUMNS)} | own
 
 
 # gallery and tutorials ------------------------------------------------------------------------------------

@@ -118,6 +118,30 @@ def _option_row(option: click.Option) -> str:
     return f"| {names} | {value} | {default} | {help_text} |"
 
 
+# the public API -------------------------------------------------------------------------------------------
+
+API_GROUPS = {
+    "Set-up": ("make_block", "Block", "CrossSection", "ContactParameters", "ReboundParameters"),
+    "Simulate": ("simulate", "load_scenario", "Scenario", "run", "Simulation", "RunResult"),
+    "Compare with experiments": ("load_experiment", "Experiment", "diagnose", "DiagnosisResult", "predict"),
+}
+
+
+def api_page() -> str:
+    """Every public name, in the order of the work; names that belong to no group come last."""
+    import rock2d
+
+    public = list(rock2d.__all__)
+    grouped = {name for names in API_GROUPS.values() for name in names}
+    groups = API_GROUPS | {"Further names": [name for name in public if name not in grouped]}
+    lines = [_head("reference/api.md")]
+    for heading, names in groups.items():
+        lines += ["", f"## {heading}", ""]
+        lines += [f"::: rock2d.{name}\n" for name in names if name in public]
+    lines += ["", "## JSON Schemas", "", "::: rock2d.schemas.file_schema"]
+    return "\n".join(lines) + "\n"
+
+
 # file formats ---------------------------------------------------------------------------------------------
 
 
@@ -213,6 +237,7 @@ def _head(page: str) -> str:
 PAGES: dict[str, Callable[[], str]] = {
     "theory/effects.md": effects_page,
     "reference/cli.md": cli_page,
+    "reference/api.md": api_page,
     "formats/scenario.md": _format_page("scenario", "Keys of a scenario"),
     "formats/experiment.md": _format_page("experiment", "Keys of `experiment.yaml`"),
     "formats/setup.md": _format_page("setup", "Keys of `setup.yaml`"),

@@ -97,3 +97,12 @@ def test_examples_of_files_are_valid(tmp_path):
     setup = tmp_path / "setup.yaml"
     setup.write_text(examples("own-film.md")[0], encoding="utf-8")
     assert Setup(setup).metres_per_pixel == pytest.approx(0.5 / 800, rel=1e-3)
+
+
+def test_every_public_name_is_documented():
+    import rock2d
+
+    page = generator().api_page()
+    for name in rock2d.__all__:
+        assert f"::: rock2d.{name}\n" in page
+        assert getattr(rock2d, name).__doc__

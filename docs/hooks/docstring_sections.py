@@ -13,6 +13,7 @@ TYPE_WORDS = {
     "of", "to", "one", "them", "zone", "names", "None",
 }  # fmt: skip
 UNDERLINE = re.compile(r"^\s*-{3,}$")
+RAISES = re.compile(r"^(?:It r|R)aises `?(\w+)`? (.*)$")
 
 
 def is_type(text: str) -> bool:
@@ -29,6 +30,10 @@ def meanings_below(text: str) -> str:
     for line in text.split("\n"):
         if UNDERLINE.match(line):
             inside = True
+        raises = RAISES.match(line) if inside else None
+        if raises:  # a paragraph below a section: it would count as an entry of that section
+            out += ["Raises", "------", raises[1], f"    {raises[2]}"]
+            continue
         found = HEAD.match(line) if inside else None
         if found and not found["indent"] and not is_type(found["rest"]):
             out += [found["names"], f"    {found['rest']}"]

@@ -58,7 +58,7 @@ def as_built(
 EFFECT = Effect(
     name="geometry_error",
     summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
-    source="geometry, told by shape: `CrossSection.embankment`",
+    source="geometry: facing and ditch are found by shape, `CrossSection.embankment`",
     phase="impact",
     parameters=(
         Parameter(

@@ -17,7 +17,7 @@ FORBIDDEN = (
 )  # fmt: skip
 ALLOWED = re.compile(
     r"`?make bench`?|\[\"bench\"\]|A \*bench\* is a berm|a \*bench\* is a berm|rolling_in_crater|"
-    r"paper_bench\.yaml|bench\.yaml|benchmarks?|bench/?`"
+    r"paper_bench\.yaml|bench\.yaml|benchmarks?"
 )
 MOST_LINES_OF_README = 120
 

@@ -17,6 +17,13 @@ bench: .venv/bench  ## what the engines cost: a table, and every number in out/b
 	mkdir -p out
 	$(BIN)/python -m pytest -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
 
+docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fails
+	$(BIN)/python -m mkdocs build
+
+.venv/docs: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	touch $@
+
 .venv/bench: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	touch $@
@@ -26,4 +33,4 @@ bench: .venv/bench  ## what the engines cost: a table, and every number in out/b
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[test]"
 	touch $@
 
-.PHONY: demo test lint bench
+.PHONY: demo test lint docs bench

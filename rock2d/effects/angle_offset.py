@@ -10,6 +10,7 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """θ recorded = θ true + offset."""
     return with_view(world, theta_offset_rad=world.view.theta_offset_rad + values[0])
 
 

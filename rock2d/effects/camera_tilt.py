@@ -10,6 +10,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the
+    point that the camera aims at."""
     return with_view(world, values[1:], tilt_rad=world.view.tilt_rad + values[0])
 
 

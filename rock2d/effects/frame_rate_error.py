@@ -10,6 +10,7 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """t recorded = t true / time_scale."""
     return with_view(world, time_scale=world.view.time_scale * values[0])
 
 

@@ -17,6 +17,9 @@ CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """The points of the uphill facing turn about its foot by `facing_rad`; those of the ditch rise by `ditch_level`
+    times the embankment's height. Without an embankment all ground turns, and rises by `ditch_level` times the
+    blocks' size."""
     if not any(values):
         return world
     size = world.mean_size_m
@@ -55,7 +58,7 @@ def as_built(
 EFFECT = Effect(
     name="geometry_error",
     summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
-    source="geometry, told by shape: `CrossSection.embankment`",
+    source="geometry: facing and ditch are found by shape, `CrossSection.embankment`",
     phase="impact",
     parameters=(
         Parameter(

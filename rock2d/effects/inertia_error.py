@@ -11,6 +11,7 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """I true = factor × I stated, for every block."""
     factor = float(values[0])
     return with_blocks(world, lambda block: replace(block, inertia_kg_m2=factor * block.inertia_kg_m2))
 

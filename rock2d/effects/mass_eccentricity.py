@@ -11,7 +11,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """The same offset for all blocks, in units of their mean size, along the axes of each."""
+    """r_c = (along, across) × L in the axes of each block: the centre of mass beside the centroid, L the blocks' mean
+    size."""
     size = world.mean_size_m
     offset = (values[0] * size, values[1] * size)
     return with_blocks(world, lambda block: replace(block, centre_of_mass_m=offset))

@@ -12,7 +12,7 @@ NONE, X, Y, THETA = range(4)
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """`values[0]` is a choice, not a size: 0 none, 1 x (about x = 0), 2 y (about y = 0), 3 theta."""
+    """x, y or θ recorded = -x, -y or -θ. `values[0]` is a choice: 0 none, 1 x (about x = 0), 2 y (about y = 0), 3 θ."""
     mirror = list(world.view.mirror)
     axis = round(float(values[0]))
     if axis != NONE:

@@ -11,7 +11,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """One radius for all blocks, as one cutter gives: at most what each can have (`Block.largest_rounding_m`)."""
+    """Every corner becomes a circle of radius `radius` × the largest that fits into every block
+    (`Block.largest_rounding_m`)."""
     most = min((b.largest_rounding_m for b in world.blocks.values() if not b.smooth), default=0.0)
     radius = values[0] * most
     return with_blocks(world, lambda block: block if block.smooth else replace(block, rounding_m=radius))

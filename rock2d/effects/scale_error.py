@@ -10,6 +10,7 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """(x, y) recorded = c + scale ((x, y) - c), c the point that the camera aims at."""
     return with_view(world, values[1:], scale=world.view.scale * values[0])
 
 

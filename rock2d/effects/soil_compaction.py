@@ -17,6 +17,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """k_l(n) = k_l (1 + rate n), k_ul(n) = k_ul (1 + rate n) (1 + excess n): n is the number of earlier releases of
+    the block."""
     order = np.asarray(world.order, float)
     world = with_scaled_columns(world, (K_L, K_UL), 1.0 + values[0] * order)
     world = with_scaled_columns(world, (K_UL,), np.maximum(1.0 + values[1] * order, 0.05))

@@ -13,7 +13,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """`values[0]` is the local slope under the next impact in excess of the facet's: one for all, or one a release."""
+    """The normal of the ground turns by β from impact to impact, β normally distributed with mean 0 and standard
+    deviation `sd_rad`. `values[0]` is one β for all releases, or one for each."""
     return replace(world, slope_rad=np.atleast_1d(np.asarray(values[0], float)))
 
 

@@ -14,6 +14,8 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
+    """On the embankment: k_l × stiffness, k_ul × stiffness / restitution², tan φ × friction; so e = √(k_l / k_ul) is
+    multiplied by restitution."""
     stiffness, restitution, friction = values
     zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
     world = with_scaled_columns(world, (K_L,), stiffness, zones)

@@ -12,12 +12,12 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
 from rock2d.errors import InputError
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake, read_text, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, read_text, shown
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
 from rock2d.records.track import IMPACT_COLUMNS
@@ -49,8 +49,8 @@ class ExperimentKeys(Checked):
 
     name: Name = Field(description="Name of the experiment")
     gravity_m_s2: float = Field(ge=0, le=1000, description="Gravity in m/s²")
-    camera: Camera
-    cross_section: CrossSectionKeys
+    camera: Camera = Field(description="The camera and its noise (1 sigma)")
+    cross_section: CrossSectionKeys = Field(description="The ground, seen from the side")
     blocks: dict[Name, BlockKeys] = Field(min_length=1, description="Block name -> its profile and mass")
     trajectories: str | None = Field(
         default=None, description="CSV inside the folder with columns " + ",".join(TRAJECTORY_COLUMNS)
@@ -69,6 +69,11 @@ class ExperimentKeys(Checked):
                 "give trajectories or impacts, not both", "impacts", at="key", code="duplicate", key="impacts"
             )
         return self
+
+
+def experiment_json_schema() -> dict[str, Any]:
+    """JSON Schema of `experiment.yaml`: every key with its description and unit."""
+    return json_schema(ExperimentKeys, "rock2d experiment")
 
 
 @dataclass

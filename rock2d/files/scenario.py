@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, PrivateAttr
 
 from rock2d.errors import InputError, ParameterError
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, shown
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.scenario_keys import Incident, Laws, Outputs
@@ -275,5 +275,4 @@ def _check_incident(scenario: Scenario) -> None:
 
 def scenario_json_schema() -> dict[str, Any]:
     """JSON Schema of a scenario file, for editors: every key with its description and unit."""
-    schema = Scenario.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "rock2d scenario"}
+    return json_schema(Scenario, "rock2d scenario")

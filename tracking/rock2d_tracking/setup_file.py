@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, mistake
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, Point
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -21,12 +21,12 @@ Pixel = Annotated[list[float], Field(min_length=2, max_length=2, description="[u
 class Scale(Checked):
     """Metres per pixel, in one of three ways."""
 
-    metres_per_pixel: float | None = Field(default=None, gt=0, le=10)
+    metres_per_pixel: float | None = Field(default=None, gt=0, le=10, description="Length of a pixel in m")
     points_px: list[Pixel] | None = Field(
         default=None, min_length=2, max_length=2, description="Two marked points"
     )
     distance_m: float | None = Field(
-        default=None, gt=0, le=1.0e5, description="True distance of the two points"
+        default=None, gt=0, le=1.0e5, description="True distance of the two points in m"
     )
     checkerboard: str | None = Field(
         default=None, description="Picture of a checkerboard in the plane of motion"
@@ -53,7 +53,7 @@ class Scale(Checked):
 class Distortion(Checked):
     """Radial distortion: seen = true (1 + k ρ²), ρ over half the image's diagonal."""
 
-    k: float = Field(ge=-0.5, le=0.5)
+    k: float = Field(ge=-0.5, le=0.5, description="Distortion at the corner of the image, without unit")
     centre_px: Pixel | None = Field(default=None, description="Default: the middle of the image")
 
 
@@ -61,12 +61,12 @@ class CameraKeys(Checked):
     """How it was filmed. Nothing here is guessed from the file."""
 
     fps: float = Field(gt=0, le=1.0e7, description="True frames per second of filming, not of playing")
-    scale: Scale
+    scale: Scale = Field(description="Metres per pixel, in one of three ways")
     up: Literal["up", "down"] = Field(description="Where the world's y grows to in the image")
     origin_px: Pixel = Field(description="A point of the image whose place is known ...")
     origin_m: Point = Field(default=[0.0, 0.0], description="... and where it is, [x, y] in m")
     tilt_deg: float = Field(default=0.0, ge=-45, le=45, description="A level line rises by this in the image")
-    distortion: Distortion | None = None
+    distortion: Distortion | None = Field(default=None, description="Radial distortion of the lens; none")
 
 
 class DetectionKeys(Checked):
@@ -87,15 +87,15 @@ class DetectionKeys(Checked):
 class SetupKeys(Checked):
     """`setup.yaml`. SI units, and px in the image."""
 
-    name: Name
-    gravity_m_s2: float = Field(ge=0, le=1000)
-    camera: CameraKeys
-    cross_section: CrossSectionKeys
-    blocks: dict[Name, BlockKeys] = Field(min_length=1)
+    name: Name = Field(description="Name of the experiment")
+    gravity_m_s2: float = Field(ge=0, le=1000, description="Gravity in m/s²")
+    camera: CameraKeys = Field(description="How it was filmed")
+    cross_section: CrossSectionKeys = Field(description="The ground, seen from the side")
+    blocks: dict[Name, BlockKeys] = Field(min_length=1, description="Block name -> its profile and mass")
     releases: list[Name] = Field(
         min_length=1, description="Block of each release in the order filmed; one name: all are of that block"
     )
-    detection: DetectionKeys = DetectionKeys()
+    detection: DetectionKeys = Field(default=DetectionKeys(), description="How blocks are found")
 
     @model_validator(mode="after")
     def _known_blocks(self) -> SetupKeys:
@@ -103,6 +103,11 @@ class SetupKeys(Checked):
             if name not in self.blocks:
                 raise mistake(f"no block {name!r}{did_you_mean(name, self.blocks)}", "releases", i)
         return self
+
+
+def setup_json_schema() -> dict[str, Any]:
+    """JSON Schema of `setup.yaml`: every key with its description and unit."""
+    return json_schema(SetupKeys, "rock2d set-up file")
 
 
 class Setup:

@@ -1,0 +1,88 @@
+"""Make the pictures of the documentation: one for each scenario and engine, and the output of the tutorials.
+
+    python docs/make_gallery.py            # all of it, into docs/pictures and docs/tutorials
+    python docs/make_gallery.py flat_floor # one scenario or tutorial
+
+Scenarios that start from a film need the data folder in the variable ROCK2D_DATA.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import runpy
+import sys
+import tempfile
+from pathlib import Path
+
+from rock2d import load_scenario, run
+from rock2d.graphics import plots
+
+DOCS = Path(__file__).resolve().parent
+PICTURES = DOCS / "pictures"
+RELEASES = 40
+COLOURS, WIDTH_PX = 96, 1100
+
+
+def main(wanted: list[str]) -> None:
+    """Make all pictures, or those of the scenarios and tutorials named."""
+    PICTURES.mkdir(exist_ok=True)
+    for path in sorted((DOCS.parent / "scenarios").glob("*.yaml")):
+        if not wanted or path.stem in wanted:
+            scenario_pictures(path)
+    for path in sorted((DOCS / "tutorials").glob("*.py")):
+        if not wanted or path.stem in wanted:
+            run_tutorial(path)
+
+
+def scenario_pictures(path: Path) -> None:
+    """A picture of the scenario for each kind of law that it has parameters for."""
+    scenario = load_scenario(path)
+    if scenario.experiment is not None:
+        result = run(scenario, engine="batch", releases=60)
+        with tempfile.TemporaryDirectory() as folder:
+            result.write(Path(folder) / "run")
+            keep(Path(folder) / "run" / "overlay.png", PICTURES / f"{path.stem}_batch.png")
+        return
+    for engine, law in (("batch", "deterministic"), ("point_mass", "probabilistic")):
+        if getattr(scenario.model, law) is None:
+            continue
+        figure = run(scenario, engine=engine, releases=min(RELEASES, scenario.releases)).plot()
+        with tempfile.TemporaryDirectory() as folder:
+            keep(plots.save_figure(figure, Path(folder) / "it.png"), PICTURES / f"{path.stem}_{engine}.png")
+
+
+def run_tutorial(path: Path) -> None:
+    """Run a tutorial and keep what it prints and draws."""
+    said = io.StringIO()
+    here = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.symlink(DOCS.parent / "scenarios", Path(folder) / "scenarios")
+        os.chdir(folder)
+        try:
+            with contextlib.redirect_stdout(said):
+                runpy.run_path(str(path), run_name="__main__")
+        finally:
+            os.chdir(here)
+        for picture in sorted(Path(folder).glob("*.png")):
+            keep(picture, PICTURES / f"tutorial_{path.stem}_{picture.stem}.png")
+    path.with_suffix(".txt").write_text(said.getvalue(), encoding="utf-8")
+
+
+def keep(source: Path, target: Path) -> None:
+    """A small copy of a picture: at most WIDTH_PX wide, COLOURS colours."""
+    from PIL import Image
+
+    with Image.open(source) as picture:
+        small = picture.convert("RGB")
+    if small.width > WIDTH_PX:
+        small = small.resize(
+            (WIDTH_PX, round(small.height * WIDTH_PX / small.width)), Image.Resampling.LANCZOS
+        )
+    small.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+    print(f"{target.name}: {target.stat().st_size / 1000:.0f} kB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

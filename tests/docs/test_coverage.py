@@ -1,0 +1,108 @@
+"""What exists is documented: effects, scenarios, keys of files, tables of a run; and in the words of the glossary."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from rock2d.effects import catalogue
+from rock2d.schemas import SCHEMAS, file_schema
+from tests.docs.sources import DOCS, ROOT, generator, pages
+
+# words of the former private language; the glossary names `bench` once, to say what it means elsewhere
+FORBIDDEN = (
+    "crater", "virgin", "kink", "seating", "leftover", "dials", "slots", "told", "weighing", "bench", "hand-dealt",
+)  # fmt: skip
+ALLOWED = re.compile(
+    r"`?make bench`?|\[\"bench\"\]|A \*bench\* is a berm|a \*bench\* is a berm|rolling_in_crater|"
+    r"paper_bench\.yaml|bench\.yaml|benchmarks?"
+)
+MOST_LINES_OF_README = 120
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_effect_is_documented(name):
+    page = generator().effects_page()
+    effect = catalogue()[name]
+    section = page.split(f"### {name}\n")[1].split("\n### ")[0]
+    assert effect.source in section
+    assert list(generator().equations(effect)), f"{name}: neither its law nor `apply` says its equation"
+    for parameter in effect.parameters:
+        assert f"`{parameter.name}`" in section
+
+
+def test_every_scenario_is_in_the_gallery():
+    page = generator().gallery_page()
+    for path in generator().scenario_files():
+        assert f"rock2d run scenarios/{path.name}" in page
+        assert list((DOCS / "pictures").glob(f"{path.stem}_*.png")), f"run docs/make_gallery.py {path.stem}"
+
+
+def test_every_table_of_a_run_is_documented():
+    page = generator().results_page()
+    for name, columns in generator().result_columns().items():
+        assert f"### {name}.csv" in page and f"`{name}.csv`" in page
+        assert all(f"`{column}`" in page for column in columns)
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_every_key_is_documented(kind):
+    page = generator().PAGES[f"formats/{kind}.md"]()
+    keys = re.findall(r'"properties": \{', json.dumps(file_schema(kind)))
+    assert (
+        page.count("\n| key | value |") >= len(keys) - 1
+    )  # fewer only where a mapping is an alias of another
+    for row in re.findall(r"^\| `(\w+)` \|.*\| *\|$", page, re.MULTILINE):
+        pytest.fail(f"{kind}: key {row} has no description")
+
+
+def test_every_tutorial_has_a_page_and_its_output():
+    index = (DOCS / "tutorials" / "index.md").read_text(encoding="utf-8")
+    for path in generator().tutorial_files():
+        assert f"({path.stem}.md)" in index
+        assert path.with_suffix(".txt").exists(), f"run docs/make_gallery.py {path.stem}"
+
+
+def test_words_are_those_of_the_glossary():
+    for path, text in pages():
+        if path.name in ("CHANGELOG.md", "changelog.md"):
+            continue
+        plain = ALLOWED.sub("", text)
+        for word in FORBIDDEN:
+            found = re.search(rf"\b{word}\b", plain, re.IGNORECASE)
+            assert not found, (
+                f"{path.relative_to(ROOT)}: {word!r}: {plain[max(0, found.start() - 40) :][:90]!r}"
+            )
+
+
+def test_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= MOST_LINES_OF_README
+
+
+def test_examples_of_files_are_valid(tmp_path):
+    """The YAML examples of the guide are read by the checks of the real files."""
+    from rock2d_tracking.setup_file import Setup
+
+    from rock2d.files.scenario import load_scenario
+
+    def examples(name: str) -> list[str]:
+        text = (DOCS / "guide" / name).read_text(encoding="utf-8")
+        return re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+
+    scenario = tmp_path / "slope.yaml"
+    scenario.write_text("".join(examples("own-slope.md")), encoding="utf-8")
+    assert load_scenario(scenario).releases == 500
+    setup = tmp_path / "setup.yaml"
+    setup.write_text(examples("own-film.md")[0], encoding="utf-8")
+    assert Setup(setup).metres_per_pixel == pytest.approx(0.5 / 800, rel=1e-3)
+
+
+def test_every_public_name_is_documented():
+    import rock2d
+
+    page = generator().api_page()
+    for name in rock2d.__all__:
+        assert f"::: rock2d.{name}\n" in page
+        assert getattr(rock2d, name).__doc__

@@ -45,7 +45,7 @@ from rock2d.engines.loaded_contacts import (
     load_active,
     new_loaded,
 )
-from rock2d.engines.runge_kutta import runge_kutta
+from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
 from rock2d.laws.contact import (
     CAP,
     K_L,
@@ -109,7 +109,7 @@ def _commit(q, world, memory, found, scratch, audit):
     """Take a finished step into the memory and the audit; returns the number of active contacts."""
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     block, ground, law, shares = world.block, world.ground, world.law, scratch.shares
-    active = 0
+    active = np.int64(0)
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
@@ -303,10 +303,12 @@ def look_again(q, near, world, memory, found):
 @kernel
 def _trial(q, direction, h, world, contacts, scratch, effects):
     """A step of h into `scratch.state`; its works into `scratch.shares`."""
+    if effects:
+        works = runge_kutta_with_effects(q, direction, h, world, contacts, scratch.state)
+    else:
+        works = runge_kutta(q, direction, h, world, contacts, scratch.state)
     shares = scratch.shares
-    shares[0], shares[1], shares[2], shares[3] = runge_kutta(
-        q, direction, h, world, contacts, scratch.state, effects
-    )
+    shares[0], shares[1], shares[2], shares[3] = works
 
 
 @kernel
@@ -322,7 +324,7 @@ def step(q, h, near, world, contacts, audit, floating):
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
     reach = 4.0 * h * (speed + abs(q[OMEGA]) * block.radius) + 1e-6 * block.radius
     active = load_active(world, memory, loaded)
-    pressing = (0 if floating else active, loaded)
+    pressing = (np.int64(0) if floating else active, loaded)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     _trial(q, (c, s), h, world, pressing, scratch, effects)

@@ -111,7 +111,7 @@ def _gap_to_found(j, q, world, memory, found):
         if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
             facet, vertex = vertex, facet
         if ints[j, KIND] == SMOOTH_VERTEX:
-            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, pose, block, ground)
+            _, _, _, rx, ry = contact_point(np.int64(SMOOTH_FACET), facet, np.int64(0), pose, block, ground)
         elif ints[j, KIND] <= CORNER_VERTEX:  # the centre of a rounded corner, above the foot
             rx, ry = rx + block.rounding * nx, ry + block.rounding * ny
             vx, vy = q[VX] - q[OMEGA] * ry, q[VY] + q[OMEGA] * rx

@@ -55,7 +55,7 @@ from rock2d.engines.loaded_contacts import (
     placed,
 )
 from rock2d.engines.recording import note_pressure
-from rock2d.engines.runge_kutta import runge_kutta
+from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, normal_force, residual
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
@@ -139,17 +139,18 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
 
 @kernel
 def _with_effects(q, t, limits, anchor, world, contacts, log, active):
-    return _series(q, t, limits, anchor, world, contacts, log, active, True)
+    return _series(q, t, limits, anchor, world, contacts, log, active, runge_kutta_with_effects, True)
 
 
 @kernel
 def _plain(q, t, limits, anchor, world, contacts, log, active):
-    return _series(q, t, limits, anchor, world, contacts, log, active, False)
+    return _series(q, t, limits, anchor, world, contacts, log, active, runge_kutta, False)
 
 
 @kernel(inline="always")
-def _series(q, t, limits, anchor, world, contacts, log, active, effects):
-    """`fast_contact_steps` with `active` contacts loaded; effects: whether any of the catalogue act."""
+def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects):
+    """`fast_contact_steps` with `active` contacts loaded; advance: the Runge-Kutta step; effects: whether it is the one
+    with effects. Ten parameters: it is written once and compiled for both."""
     horizon, sizes = limits
     current, left, audit = log
     memory, _, scratch = contacts
@@ -161,7 +162,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
     turning = not is_ball(block)
     arm = TURN_ARM * block.radius
-    done, why = 0, 0
+    done, why = np.int64(0), np.int64(0)
     while done < horizon.steps:
         loading, unpressed = _branches(active, rows, trial, sizes.floating, effects)
         unpressed = unpressed and left
@@ -174,10 +175,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
             break
         first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
         for attempt in range(2):
-            pressing = 0 if unpressed else active
-            work_t, work_r, work_e, pushed = runge_kutta(
-                q, (c, s), first, world, (pressing, loaded), q1, effects
-            )
+            pressing = np.int64(0) if unpressed else active
+            work_t, work_r, work_e, pushed = advance(q, (c, s), first, world, (pressing, loaded), q1)
             if unpressed:
                 for a in range(active):
                     rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]

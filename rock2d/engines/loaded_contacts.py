@@ -72,7 +72,7 @@ def new_loaded(count):
 def load_active(world, memory, loaded):
     """Copy feature, parameters and memory of the active contacts into rows; returns how many there are."""
     ints, reals, rows, law = memory.ints, memory.reals, loaded.rows, world.law
-    active = 0
+    active = np.int64(0)
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             feature = load_feature(

@@ -90,24 +90,31 @@ def _tree(points, leaves, reach):
             slope = rise / across if abs(rise) < 4.0 * across else 0.0
             for j in range(start, stop + 1):
                 height = points[j, 1] - slope * points[j, 0]
-                box[BOX_LOW], box[BOX_HIGH] = min(box[BOX_LOW], points[j, 0]), max(box[BOX_HIGH], points[j, 0])
+                box[BOX_LOW], box[BOX_HIGH] = (
+                    min(box[BOX_LOW], points[j, 0]),
+                    max(box[BOX_HIGH], points[j, 0]),
+                )
                 box[BOX_TOP] = max(box[BOX_TOP], height)
             margin = 2.0 * (1.0 + abs(slope)) * reach
-            box[BOX_LOW], box[BOX_HIGH], box[BOX_SLOPE], box[BOX_TOP] = box[BOX_LOW] - margin, box[BOX_HIGH]
-            + margin, slope, box[BOX_TOP] + margin
-               
-            if start > 0: box[ONLY_FROM] = before[start] + margin
-               
-                 
-                    if stop <
-                      last: box[ONLY_TO] = after[stop]
-        - margin held, first = held // 2, 2 * first + 1
+            box[BOX_LOW], box[BOX_HIGH] = box[BOX_LOW] - margin, box[BOX_HIGH] + margin
+            box[BOX_SLOPE], box[BOX_TOP] = slope, box[BOX_TOP] + margin
+            if start > 0:
+                box[ONLY_FROM] = before[start] + margin
+            if stop < last:
+                box[ONLY_TO] = after[stop] - margin
+        held, first = held // 2, 2 * first + 1
     return boxes
 
 
 @njit
 def _facet(facets, j):
-    return facets[j, START_X], facets[j, START_Y], facets[j, TANGENT_X], facets[j, TANGENT_Y], facets[j, LENGTH]
+    return (
+        facets[j, START_X],
+        facets[j, START_Y],
+        facets[j, TANGENT_X],
+        facets[j, TANGENT_Y],
+        facets[j, LENGTH],
+    )
 
 
 @njit
@@ -155,7 +162,11 @@ def next_impact(surface, stack, flight, gravity, current, limit):
         end = x + vx * best
         left, right = min(x, end), max(x, end)
         met = False
-        while searched > 0 and not met and (boxes[searched, ONLY_FROM] >= left or boxes[searched, ONLY_TO] <= right):
+        while (
+            searched > 0
+            and not met
+            and (boxes[searched, ONLY_FROM] >= left or boxes[searched, ONLY_TO] <= right)
+        ):
             box = ((searched + 1) ^ 1) - 1  # the other child of its parent
             searched = (searched - 1) // 2
             met = _meets(boxes, box, flight, per_vx, gravity, best)
@@ -174,7 +185,10 @@ def _meets(boxes, i, flight, per_vx, gravity, limit):
     else:
         a, b = (boxes[i, BOX_LOW] - x) * per_vx, (boxes[i, BOX_HIGH] - x) * per_vx
         t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    y, vy = y - boxes[i, BOX_SLOPE] * x, vy - boxes[i, BOX_SLOPE] * vx  # sheared, the flight is a parabola still
+    y, vy = (
+        y - boxes[i, BOX_SLOPE] * x,
+        vy - boxes[i, BOX_SLOPE] * vx,
+    )  # sheared, the flight is a parabola still
     y0, y1 = y + (vy - 0.5 * gravity * t0) * t0, y + (vy - 0.5 * gravity * t1) * t1
     return (t0 <= t1) & (min(y0, y1) <= boxes[i, BOX_TOP])
 

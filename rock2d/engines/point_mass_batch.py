@@ -21,7 +21,9 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-MOST_ON_ONE_THREAD = 500  # so few releases take less time than waking other threads does, where these are busy
+MOST_ON_ONE_THREAD = (
+    500  # so few releases take less time than waking other threads does, where these are busy
+)
 
 
 @dataclass

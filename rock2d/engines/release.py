@@ -167,23 +167,26 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     anchor[GUARD] = 0.0
     radius, corners = block.radius, block.sides.shape[0]
     highest_energy = 0.0  # kinetic, at the beginning of any contact so far
-    t, stop, count, at, used = 0.0, STOP_TIME, 0, 0, 0
+    # numba compiles a function once more for each literal that is passed to it: these are none
+    zero, no = np.int64(0), corners < 0
+    t, stop, count, at, used = 0.0, STOP_TIME, zero, zero, zero
     while at < times.size and times[at] <= 0.0:
         copy(q[:N_POSE], recorder.samples[at])
         at += 1
     # the impact that is open: whether there is one, and whether the ground has ceased to press
-    is_open, left = False, False
+    is_open, left = no, no
     rest.forget_rest(watch)
-    active, steps, looked, growth = 0, 0, 0, 1.0
-    stale = False  # whether the contacts have not looked at the ground since the block moved
-    noticed = False  # whether the contacts know the ground at the present pose
+    active, steps, looked, growth = zero, zero, zero, 1.0
+    stale = no  # whether the contacts have not looked at the ground since the block moved
+    noticed = no  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
 
     while t < time_limit:
         if not ground.x_low <= q[X] <= ground.x_high:
             stop = STOP_EXIT
             break
-        if active == 0:
+        flying = active == 0
+        if flying:
             longest, extra = air_stride(q, gravity, block)
             tau = _time_aloft(q, extra, world, tree, stack, h_contact)
             if tau >= (h_contact if corners > 0 else LEAST_STRIDE * h_contact):
@@ -191,7 +194,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 copy(q, old)
                 used = knot(knots, used, t, q, 0.0 if airy else 1.0)
                 audit[EFFECTS] += fly(q, tau, gravity, block)
-                new = cross((t, tau), old, q, True, world, recorder)
+                new = cross((t, tau), old, q, flying, world, recorder)
                 at = sample((t, tau), old, q, not airy, gravity, recorder, at)
                 t += tau
                 noticed = stale = False
@@ -219,7 +222,6 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                         break
         h = h_contact * growth
         copy(q, old)
-        flying = active == 0
         if active > 0 and anchor[GUARD] > 0.0:
             near = len(lines) > 0 and near_line(
                 q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), recorder
@@ -242,10 +244,10 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
             used = knot(knots, used, t, old, 0.0)
         else:
             steps += 1
-            floating, near = False, True
+            near = True
+            loading, floating = _pressing(memory, law, FLOATING_STEPS * h)
+            floating = floating and left and active > 0
             if active > 0:
-                loading, floating = _pressing(memory, law, FLOATING_STEPS * h)
-                floating = floating and left
                 h = FLOATING_STEPS * h if floating else (sizes.loading * growth if loading else h)
             pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * radius, 1e-300)
             h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))

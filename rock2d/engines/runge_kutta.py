@@ -33,37 +33,31 @@ def _turned(c, s, angle):
 
 
 @kernel
-def runge_kutta(q, direction, h, world, contacts, q1, effects):
+def runge_kutta(q, direction, h, world, contacts, q1):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
     contacts : (number of active contacts, their `LoadedContacts`); at the end TAKEN_DISPLACEMENT and TAKEN_ROTATION
         of their rates hold the springs' new tangential displacement and rotation
-    effects : whether effects of the catalogue act on the block
 
     Returns the work of the tangential springs, of the rolling springs and of effects in J, and the velocity in m/s that
-    recoiling ground added. Without contacts the step is free flight.
+    recoiling ground added. Without contacts the step is free flight. No effect of the catalogue may act: the code of
+    effects slows the plain law down, see `runge_kutta_with_effects`.
     """
-    if not effects:
-        return _plain_step(q, direction, h, world, contacts, q1)
-    if contacts[0] == 0:
-        copy(q, q1)
-        return 0.0, 0.0, fly(q1, h, world.gravity, world.block), 0.0
-    return _step_with_effects(q, direction, h, world, contacts, q1)
-
-
-@kernel
-def _plain_step(q, direction, h, world, contacts, q1):
     return _four_stages(q, direction, h, world, contacts, q1, False)
 
 
 @kernel
-def _step_with_effects(q, direction, h, world, contacts, q1):
+def runge_kutta_with_effects(q, direction, h, world, contacts, q1):
+    """`runge_kutta` where effects of the catalogue may act."""
+    if contacts[0] == 0:
+        copy(q, q1)
+        return 0.0, 0.0, fly(q1, h, world.gravity, world.block), 0.0
     return _four_stages(q, direction, h, world, contacts, q1, True)
 
 
 @kernel(inline="always")
 def _four_stages(q, direction, h, world, contacts, q1, effects):
-    """`runge_kutta`, compiled once with effects and once without: they are in the way of the plain law's speed."""
+    """`runge_kutta` with and without effects."""
     block, gravity = world.block, world.gravity
     active, loaded = contacts
     rows, rates = loaded.rows, loaded.rates

@@ -46,6 +46,6 @@ N_KNOT = N_INSTANT + 1
 # the energy audit: energy in J that each mechanism has taken, effects of the catalogue as one
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
-# beside it, for the length of an impact: the velocity in m/s that it owes to ground that recoils, in whose frame it runs
+# beside it, during an impact: the velocity in m/s that it owes to ground that recoils, in whose frame it runs
 RECOIL = len(AUDIT_NAMES)
 N_AUDIT = RECOIL + 1

@@ -299,21 +299,23 @@ class _Written(NamedTuple):
 
 @njit(parallel=True)
 def _run_ensemble(packed, starts, gravity, rules, written):
+    # numba's parallel loop takes arrays, but not records of arrays
+    states, block_ids, cross_section_ids, table_ids, step_sizes, time_limits, times = starts
+    stop, ends, impact_count, impacts, crossings, samples, audit = written
     no_knots = np.empty((0, N_KNOT))
-    rows = np.int64(starts.times.shape[0])
-    for k in numba.prange(len(starts.states)):
+    rows = np.int64(times.shape[0])
+    for k in numba.prange(len(states)):
         i = np.int64(k)
-        q = starts.states[i].copy()
-        cross_section_id = starts.cross_section_ids[i]
+        q = states[i].copy()
         recorder = Recorder(
-            packed.lines[cross_section_id], starts.times[min(i, rows - 1)], written.impacts[i], written.crossings[i],
-            written.samples[i], written.audit[i], no_knots,
+            packed.lines[cross_section_ids[i]], times[min(i, rows - 1)], impacts[i], crossings[i], samples[i], audit[i],
+            no_knots,
         )  # fmt: skip
-        own = StopRules(starts.time_limits[i], rules.impact_limit, rules.spent, rules.captured)
-        ids = (starts.block_ids[i], cross_section_id, starts.table_ids[i])
-        steps = (starts.step_sizes[i, 0], starts.step_sizes[i, 1])
+        own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured)
+        ids = (block_ids[i], cross_section_ids[i], table_ids[i])
+        steps = (step_sizes[i, 0], step_sizes[i, 1])
         code, t, count, _ = release_kernel(packed, q, ids, gravity, steps, own, recorder)
-        written.stop[i] = code
-        written.ends[i, TIME] = t
-        written.ends[i, AT] = q
-        written.impact_count[i] = count
+        stop[i] = code
+        ends[i, TIME] = t
+        ends[i, AT] = q
+        impact_count[i] = count

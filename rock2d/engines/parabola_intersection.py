@@ -123,7 +123,7 @@ def next_impact(surface, stack, flight, gravity, current, limit):
 
     `flight` is (x, y, vx, vy) at its start; `current` the facet on which the point sits, -1 if it starts in the air.
     """
-    x, y, vx, vy = flight
+    x, _, vx, _ = flight
     facets, boxes = surface.facets, surface.boxes
     first_leaf = len(boxes) // 2
     best, found = limit, -1

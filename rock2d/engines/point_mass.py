@@ -21,7 +21,6 @@ from rock2d.engines.parabola_intersection import (
     START_Y,
     TANGENT_X,
     TANGENT_Y,
-    Surface,
     lifted,
     make_surface,
     next_impact,
@@ -83,12 +82,11 @@ class Releases(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What `descend` reads of the block, the cross-section and the limits, in SI."""
+    """What `descend` reads of the block, the law and the limits, in SI."""
 
     mass: float
     radius: float  # of the spin
     size: float
-    surface: Surface
     table: Array  # (zones, columns) rows of the rebound law
     gravity: float
     time_limit: float
@@ -155,7 +153,7 @@ def run_point_mass(
     room = FIRST_IMPACTS
     while True:
         written = new_written(1, room, 0)
-        descend(0, releases, inputs, NO_LINES, written)
+        descend(0, releases, inputs, make_surface(cross_section), NO_LINES, written)
         count = int(written.count[0])
         if count <= room:
             break
@@ -172,7 +170,7 @@ def kernel_inputs(
     time_limit_s: float,
     stop_speed_m_s: float | None,
 ) -> Inputs:
-    """What `descend` reads of the block, the cross-section and the limits.
+    """What `descend` reads of the block, the law and the limits.
 
     Raises ValueError as `run_point_mass` says.
     """
@@ -187,8 +185,8 @@ def kernel_inputs(
             raise ValueError(f"{name} must be positive, got {value}")
     table = rebound_table(parameters, cross_section.zone_names)
     return Inputs(
-        block.mass_kg, spin_radius_m(block), block.size_m, make_surface(cross_section), table, float(gravity_m_s2),
-        float(time_limit_s), float(stop_speed_m_s),
+        block.mass_kg, spin_radius_m(block), block.size_m, table, float(gravity_m_s2), float(time_limit_s),
+        float(stop_speed_m_s),
     )  # fmt: skip
 
 
@@ -218,7 +216,7 @@ def _track(
 
 
 def line_rows(lines: Collection[Array], reach_m: float) -> Array:
-    """(n, N_LINE) what `descend` reads of measure lines (2, 2): start, vector to the end, unit normal, length², x range.
+    """(n, N_LINE) what `descend` reads of measure lines (2, 2), columns LINE_X to LINE_HIGH.
 
     The range is widened by `reach_m`, so that rounding cannot hide a crossing.
     """
@@ -240,13 +238,13 @@ def new_written(n: int, room: int, lines: int) -> Written:
 
 
 @njit
-def descend(i, releases, inputs, lines, written):
+def descend(i, releases, inputs, surface, lines, written):
     """Release `i`, written at [i]; allocates nothing but one small stack.
 
-    `releases`: Releases; `inputs`: Inputs; `lines` from `line_rows`; `written`: Written. An instant is a tuple (t, x,
-    y, θ, vx, vy, ω).
+    `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`; `written`: Written.
+    An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
-    mass, radius, size, surface, table, gravity, time_limit, stop_speed = inputs
+    mass, radius, size, table, gravity, time_limit, stop_speed = inputs
     impacts, crossings, ends = written.impacts, written.crossings, written.ends
     states, seed = releases.states, releases.seeds[i]
     stack = np.empty(64, np.int64)

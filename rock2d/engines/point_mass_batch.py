@@ -76,13 +76,14 @@ def run_point_mass_batch(
     if impact_room < 0:
         raise ValueError(f"impact_room must not be negative, got {impact_room}")
     inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
-    lines = line_rows(cross_section.measure_lines.values(), make_surface(cross_section).reach_m)
+    surface = make_surface(cross_section)
+    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
     written = new_written(n, impact_room, len(lines))
     releases = Releases(states, np.ascontiguousarray(given, np.uint64))
     threads = numba.get_num_threads()
     numba.set_num_threads(threads if n > MOST_ON_ONE_THREAD else 1)
     try:
-        _run_ensemble(releases, inputs, lines, written)
+        _run_ensemble(releases, inputs, surface, lines, written)
     finally:
         numba.set_num_threads(threads)
     return PointMassBatch(
@@ -91,6 +92,6 @@ def run_point_mass_batch(
 
 
 @njit(parallel=True)
-def _run_ensemble(releases, inputs, lines, written):
+def _run_ensemble(releases, inputs, surface, lines, written):
     for k in numba.prange(len(releases.states)):
-        descend(np.int64(k), releases, inputs, lines, written)
+        descend(np.int64(k), releases, inputs, surface, lines, written)

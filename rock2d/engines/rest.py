@@ -54,8 +54,8 @@ def captured(q, world, memory):
     """True if the energy that is left cannot carry the block farther than REST_DRIFT radii, but for the creep that the
     law grants a trembling block for ever.
 
-    Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the rest
-    stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that
+    Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the
+    rest stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that
     friction holds, that cannot leave its indentation, and that its rolling spring turns back.
     """
     block, ground, law, ints, reals = world.block, world.ground, world.law, memory.ints, memory.reals
@@ -101,8 +101,8 @@ def captured(q, world, memory):
 
 @kernel
 def _force_slopes(j, pose, world, ints):
-    """(least, greatest ratio of horizontal to upward force within HOLDING_SHARE of the friction cone of contact j, height
-    of the contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
+    """(least, greatest ratio of horizontal to upward force within HOLDING_SHARE of the friction cone of contact j,
+    height of the contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
     _, nx, ny, _, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground
     )

@@ -101,8 +101,8 @@ def captured(q, world, memory):
 
 @kernel
 def _force_slopes(j, pose, world, ints):
-    """(least, greatest ratio of horizontal to upward force within HOLDING_SHARE of the friction cone of contact j,
-    height of the contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
+    """(least, greatest ratio of horizontal to upward force, height of contact j above the centroid in m, friction
+    coefficient): within HOLDING_SHARE of the friction cone. An empty range if the cone does not point upward."""
     _, nx, ny, _, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground
     )

@@ -77,8 +77,12 @@ def flight(air, vx, vy, omega, mass, inertia):
 
 
 @kernel
-def ground_forces(row, first, depth, rate, slip, peak, bottom, force_n):
-    """(whole normal force in N, factor on tan φ, force against the slip in N) of a contact with effects."""
+def ground_forces(row, first, motion, force_n):
+    """(whole normal force in N, factor on tan φ, force against the slip in N) of a contact with effects.
+
+    motion : (depth in m, its rate in m/s, slip in m/s, peak depth in m, depth of the indentation's bottom in m)
+    """
+    depth, rate, slip, peak, bottom = motion
     whole = force_n + normal(row, first, depth, rate, peak, bottom, force_n)
     if depth >= bottom:
         whole = max(0.0, whole)

@@ -16,20 +16,37 @@ import numpy as np
 from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
-from rock2d.engines.contact_step import AUDIT, N_AUDIT
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
-from rock2d.engines.recording import N_IMPACT
-from rock2d.engines.release import STOPS
+from rock2d.engines.recording import Recorder
+from rock2d.engines.release import STOPS, StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
-from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.records.columns import (
+    AT,
+    AUDIT_NAMES,
+    I_ZONE,
+    IMPACT_NAMES,
+    KNOT_FLIGHT,
+    N_AUDIT,
+    N_IMPACT,
+    N_INSTANT,
+    N_KNOT,
+    N_POSE,
+    N_STATE,
+    TIME,
+)
+from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-STEP_FRACTION = 0.2  # phase in rad per contact step; see `stepper.contact_steps_s`
+FIRST_KNOTS, KNOTS_PER_IMPACT = (
+    4096,
+    64,
+)  # room for the knots of a track, and how many there are at least to an impact
+STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
 
 
 class Packed(NamedTuple):
@@ -166,7 +183,7 @@ def run_batch(
 
     Parameters
     ----------
-    block_ids, terrain_ids, table_ids : which block, cross-section and parameters each release has
+    block_ids, cross_section_ids, table_ids : which block, cross-section and parameters each release has
     impact_limit : stop at the end of this many impacts (0: no limit); 1 is the segment mode
     impact_room : how many impacts of a release are recorded
     stop_when_spent : stop a release that has not the energy left to reach any measure line it has not crossed
@@ -179,7 +196,7 @@ def run_batch(
     # copies: compiled code would be compiled anew for a read-only view or another memory order
     states = np.array(np.atleast_2d(states), float, order="C")
     n = len(states)
-    if states.shape != (n, 6) or not np.isfinite(states).all():
+    if states.shape != (n, N_STATE) or not np.isfinite(states).all():
         raise ValueError("states must be an (n, 6) array of finite numbers")
     ids = []
     for name, given, choices in (
@@ -195,16 +212,15 @@ def run_batch(
     times = np.empty((1, 0)) if times_s is None else np.array(np.atleast_2d(times_s), float, order="C")
     packed = pack(ensemble)
     steps = _contact_steps(ensemble.blocks, packed.tables, ids[0], ids[2], step_fraction)
-    result = BatchResult(
-        np.zeros(n, np.int64), np.empty((n, 7)), np.zeros(n, np.int64), np.full((n, impact_room, N_IMPACT), np.nan),
-        np.full((n, packed.lines.shape[1], 7), np.nan), np.full((n, times.shape[1], 3), np.nan), np.zeros((n, N_AUDIT)),
+    written = _Written(
+        np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64),
+        np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
+        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)),
     )  # fmt: skip
-    _ensemble(
-        packed, states, *ids, steps, gravity_m_s2, limits, impact_limit, stop_when_spent, stop_when_captured, times,
-        result.stop, result.ends, result.impact_count, result.impacts, result.crossings, result.samples, result.audit,
-    )  # fmt: skip
-    result.audit = result.audit[:, : len(AUDIT)]
-    return result
+    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured)
+    starts = _Starts(states, *ids, steps, limits, times)
+    _run_ensemble(packed, starts, float(gravity_m_s2), rules, written)
+    return BatchResult(*written[:-1], written.audit[:, : len(AUDIT_NAMES)])
 
 
 def run_batch_track(
@@ -223,41 +239,30 @@ def run_batch_track(
     ensemble = Ensemble([block], [cross_section], [table])
     packed = pack(ensemble)
     steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
-    room = 4096
+    rules = StopRules(float(time_limit_s), impact_limit, False, False)
+    room = FIRST_KNOTS
     while True:
-        knots = np.empty((room, 8))
-        impacts = np.full((max(room // 64, 64), N_IMPACT), np.nan)
-        audit, crossings, samples = (
-            np.zeros(N_AUDIT),
-            np.full((packed.lines.shape[1], 7), np.nan),
-            np.empty((0, 3)),
-        )
-        stop, _, count, used = release_kernel(
-            packed, np.array(state, float), 0, 0, 0, *steps, gravity_m_s2, time_limit_s, impact_limit, False, False,
-            np.empty(0), impacts, crossings, samples, audit, knots,
+        impacts = np.full((max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT), N_IMPACT), np.nan)
+        recorder = Recorder(
+            packed.lines[0], np.empty(0), impacts, np.full((packed.lines.shape[1], N_INSTANT), np.nan),
+            np.empty((0, N_POSE)), np.zeros(N_AUDIT), np.empty((room, N_KNOT)),
         )  # fmt: skip
+        stop, _, count, used = release_kernel(
+            packed, np.array(state, float), (0, 0, 0), float(gravity_m_s2), steps, rules, recorder
+        )
         if used <= room and count <= len(impacts):
             break
-        room = max(2 * used, 128 * count)  # the same release once more, with room for all
+        room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
     rows = []
     for row in impacts[:count]:
-        values = [*row[1:15], row[15], row[16]]
-        rows.append(
-            {
-                "zone": cross_section.zone_names[int(row[0])],
-                **dict(zip(IMPACT_COLUMNS[3:], map(float, values), strict=True)),
-            }
-        )
+        rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
+        rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
+    knots = recorder.knots[:used]
+    audit = dict(zip(AUDIT_NAMES, map(float, recorder.audit), strict=False))
     return Track(
-        release,
-        block.name,
-        knots[:used, :7].copy(),
-        knots[:used, 7] > 0,
-        rows,
-        STOPS[stop],
-        gravity_m_s2,
-        dict(zip(AUDIT, map(float, audit), strict=False)),
-    )
+        release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[stop], gravity_m_s2,
+        audit,
+    )  # fmt: skip
 
 
 def _contact_steps(
@@ -268,21 +273,49 @@ def _contact_steps(
     return np.array(steps[block_ids, :, table_ids], order="C")
 
 
+class _Starts(NamedTuple):
+    """What is given of n releases."""
+
+    states: Array  # (n, 6)
+    block_ids: Array  # (n,)
+    cross_section_ids: Array  # (n,)
+    table_ids: Array  # (n,)
+    step_sizes: Array  # (n, 2) contact steps in s: in first loading, else
+    time_limits: Array  # (n,) s
+    times: Array  # (1 or n, times) instants of samples in s
+
+
+class _Written(NamedTuple):
+    """What n releases write, see `BatchResult`."""
+
+    stop: Array
+    ends: Array
+    impact_count: Array
+    impacts: Array
+    crossings: Array
+    samples: Array
+    audit: Array  # (n, N_AUDIT)
+
+
 @njit(parallel=True)
-def _ensemble(
-    packed, states, block_ids, cross_section_ids, table_ids, steps, gravity, limits, impact_limit, spent, settled,
-    times, stop, ends, impact_count, impacts, crossings, samples, audit,
-):  # fmt: skip
+def _run_ensemble(packed, starts, gravity, rules, written):
+    # numba's parallel loop takes arrays, but not records of arrays
+    states, block_ids, cross_section_ids, table_ids, step_sizes, time_limits, times = starts
+    stop, ends, impact_count, impacts, crossings, samples, audit = written
+    no_knots = np.empty((0, N_KNOT))
     rows = np.int64(times.shape[0])
     for k in numba.prange(len(states)):
         i = np.int64(k)
         q = states[i].copy()
-        code, t, count, _ = release_kernel(
-            packed, q, block_ids[i], cross_section_ids[i], table_ids[i], steps[i, 0], steps[i, 1], gravity, limits[i],
-            impact_limit, spent, settled, times[min(i, rows - 1)], impacts[i], crossings[i], samples[i], audit[i],
-            np.empty((0, 8)),
+        recorder = Recorder(
+            packed.lines[cross_section_ids[i]], times[min(i, rows - 1)], impacts[i], crossings[i], samples[i], audit[i],
+            no_knots,
         )  # fmt: skip
+        own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured)
+        ids = (block_ids[i], cross_section_ids[i], table_ids[i])
+        steps = (step_sizes[i, 0], step_sizes[i, 1])
+        code, t, count, _ = release_kernel(packed, q, ids, gravity, steps, own, recorder)
         stop[i] = code
-        ends[i, 0] = t
-        ends[i, 1:] = q
+        ends[i, TIME] = t
+        ends[i, AT] = q
         impact_count[i] = count

@@ -1,4 +1,4 @@
-"""What the block has and its contacts hold: energy, pressure, and how long a contact step may be, compiled."""
+"""Energy and pressure of a block in contact, and how long a contact step may be, compiled."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from rock2d.engines.contact_state import (
     ACTING,
     ACTIVE,
     DEPTH,
-    DEPTH_MAX,
+    DISPLACEMENT,
     OFFSET,
+    PEAK,
     RATE,
     ROTATION,
-    STRETCH,
     ZONE,
 )
 from rock2d.laws.contact import (
@@ -27,59 +27,61 @@ from rock2d.laws.contact import (
     rolling_energy,
     tangential_force,
 )
+from rock2d.records.columns import OMEGA, VX, VY
 
-EASE_LIMIT = 5.0  # growth of contact steps as the motion dies down
+LARGEST_STEP_GROWTH = 5.0  # of contact steps as the motion dies down
 
 
 @kernel
 def kinetic_energy(q, block):
     """Kinetic energy in J."""
-    return 0.5 * (block.mass * (q[3] * q[3] + q[4] * q[4]) + block.inertia * q[5] * q[5])
+    return 0.5 * (block.mass * (q[VX] * q[VX] + q[VY] * q[VY]) + block.inertia * q[OMEGA] * q[OMEGA])
 
 
 @kernel
-def stored_energy(ints, reals, params):
-    """Energy in J that the springs of all contacts hold."""
+def stored_energy(memory, law):
+    """Energy in J that the springs of all contacts hold; `law`: rows (zones, columns)."""
+    ints, reals = memory.ints, memory.reals
     total = 0.0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            p = params[ints[j, ZONE]]
-            force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-            force_t = tangential_force(reals[j, STRETCH], force_n, p[K_T], p[MU])
+            p = law[ints[j, ZONE]]
+            force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
+            force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
             if p[ACTS] != 0.0:
                 force_t = (
-                    p[K_T] * reals[j, STRETCH]
+                    p[K_T] * reals[j, DISPLACEMENT]
                 )  # kept within what friction was when it was last stretched
             total += elastic_energy(force_n, force_t, p) + rolling_energy(reals[j, ROTATION], p)
     return total
 
 
 @kernel
-def pressure(ints, reals, params):
+def pressure(memory, law):
     """(sum of normal forces, and of what effects add, in N, largest penetration in m, number of active contacts)."""
+    ints, reals = memory.ints, memory.reals
     force, deepest, active = 0.0, 0.0, 0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            p = params[ints[j, ZONE]]
+            p = law[ints[j, ZONE]]
             if p[ACTS] != 0.0:
                 force += reals[j, ACTING]
             else:
-                force += normal_force(
-                    reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL]
-                )
+                force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
             deepest = max(deepest, reals[j, DEPTH])
             active += 1
     return force, deepest, active
 
 
 @kernel
-def ease(reference_energy, block, ints, reals, params):
-    """Factor (1 to EASE_LIMIT) by which a contact step may grow as the oscillation in the contacts dies down.
+def step_growth(reference_energy, block, memory, law):
+    """Factor (1 to LARGEST_STEP_GROWTH) by which a contact step may grow as the oscillation in the contacts dies down.
 
     The energy that a step errs by is of order energy × step⁵, so a step ∝ 1/√energy, once a sixteenth is left, lets it
     shrink; steady rolling and sliding take no part in it.
     """
-    energy, touching = stored_energy(ints, reals, params), False
+    ints, reals = memory.ints, memory.reals
+    energy, touching = stored_energy(memory, law), False
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             energy += 0.5 * block.mass * reals[j, RATE] * reals[j, RATE]
@@ -87,5 +89,5 @@ def ease(reference_energy, block, ints, reals, params):
     if not touching:
         return 1.0
     if energy <= 0.0:
-        return EASE_LIMIT
-    return min(EASE_LIMIT, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))
+        return LARGEST_STEP_GROWTH
+    return min(LARGEST_STEP_GROWTH, max(1.0, 0.25 * np.sqrt(reference_energy / energy)))

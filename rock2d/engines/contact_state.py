@@ -1,4 +1,4 @@
-"""Contact contacts: the memory of each contact point of a block, and the search for the feature it meets.
+"""Contact state: the memory of each contact of a block, and the search for the feature that it meets.
 
 A polygon has a contact for each corner and VERTEX_SLOTS for ground corners under its faces; a circle or ellipse has
 SMOOTH_SLOTS. A contact follows its feature from facet to facet, so memory is carried over joints.
@@ -6,9 +6,11 @@ SMOOTH_SLOTS. A contact follows its feature from facet to facet, so memory is ca
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from rock2d.compiled import copy, kernel
+from rock2d.compiled import copy, kernel, njit
 from rock2d.engines.geometry import (
     CONVEX,
     CORNER_FACET,
@@ -31,49 +33,61 @@ from rock2d.engines.geometry import (
     near_depth,
     place_feature,
     polygon_depth,
+    pose_of,
     repeats,
     under_face,
 )
+from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.scene.blocks import Block
 
 # memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the rest does not tell
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
-DEPTH, RATE, DEPTH_MAX, STRETCH, ROTATION, OFFSET, ACTING = range(7)
-N_INTS, N_REALS = 6, 7
+DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING = range(7)
+N_INTS, N_REALS = KEY + 1, ACTING + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
 
 
+class Contacts(NamedTuple):
+    """The memory of all contacts of a block, or what a search of the ground found for each of them."""
+
+    ints: np.ndarray  # (contacts, N_INTS): ACTIVE, KIND, INDEX, PART, ZONE, KEY
+    reals: np.ndarray  # (contacts, N_REALS): DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING
+
+
 def contact_count(block: Block) -> int:
-    """Number of contact contacts that a block needs."""
+    """Number of contacts that a block needs."""
     return SMOOTH_CONTACTS if block.smooth else len(block.corners_m) + VERTEX_CONTACTS
 
 
-def new_contacts(block: Block) -> tuple[np.ndarray, np.ndarray]:
-    """Empty memory: (contacts, N_INTS) integers and (contacts, N_REALS) reals."""
-    n = contact_count(block)
-    ints, reals = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_REALS))
-    clear(ints, reals)
-    return ints, reals
+@njit
+def new_contacts(count):
+    """Empty memory of `count` contacts."""
+    contacts = Contacts(np.zeros((count, N_INTS), np.int64), np.zeros((count, N_REALS)))
+    clear(contacts)
+    return contacts
 
 
 @kernel
-def clear(ints, reals):
+def clear(contacts):
     """Empty the memory of all contacts."""
-    ints[:, :], reals[:, :] = 0, 0.0
-    ints[:, KEY] = -1
-    reals[:, DEPTH] = NOWHERE
+    contacts.ints[:, :], contacts.reals[:, :] = 0, 0.0
+    contacts.ints[:, KEY] = -1
+    contacts.reals[:, DEPTH] = NOWHERE
 
 
 @kernel
-def find_features(q, reach, f0, f1, ground, block, ints, found_i, found_r):
-    """Fill `found_*` with each contact's nearest feature and depth at pose q; contacts keep the feature they follow.
+def find_features(q, reach, near, world, memory, found):
+    """Fill `found` with each contact's nearest feature and depth at state q; contacts keep the feature they follow.
 
-    Only facets f0 to f1 - 1 are looked at; of vertices and smooth profiles, features farther above the ground
-    than `reach` are left out (depth NOWHERE).
+    near : (first, one past the last) index of the facets that are looked at
+    reach : of vertices and smooth profiles, features farther above the ground (in m) are left out (depth NOWHERE)
     """
-    x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
+    pose = pose_of(q)
+    x, y, c, s = pose
+    f0, f1 = near
+    block, ground, ints, found_i, found_r = world.block, world.ground, memory.ints, found.ints, found.reals
     for j in range(ints.shape[0]):
         found_r[j, DEPTH] = NOWHERE
         if ints[j, ACTIVE]:
@@ -90,40 +104,43 @@ def find_features(q, reach, f0, f1, ground, block, ints, found_i, found_r):
                 depth += block.rounding
                 if repeats(sides, i) or (
                     outside and kind == CORNER_VERTEX and facets[index, CONVEX] > 0.0
-                    and beyond_corner(i, facets[index, POINT_X], facets[index, POINT_Y], x, y, c, s, sides)[0] < 0.0
+                    and beyond_corner(i, facets[index, POINT_X], facets[index, POINT_Y], pose, sides)[0] < 0.0
                 ):  # fmt: skip
                     depth = NOWHERE  # another corner's circle, or the vertex lies under a face
-            _set(found_i, found_r, i, kind, index, i, depth, i)
+            _set(found, i, (kind, index, i), depth, i)
         for v in range(max(f0, 1), f1):
             if facets[v, CONVEX] > 0.0:
                 px, py = facets[v, POINT_X], facets[v, POINT_Y]
-                depth, face = polygon_depth(px, py, x, y, c, s, sides)
+                depth, face = polygon_depth(px, py, pose, sides)
                 if depth > -reach:
                     rounded = depth < block.rounding and block.rounding > 0.0
-                    if rounded and not under_face(face, px, py, x, y, c, s, sides):
+                    if rounded and not under_face(face, px, py, pose, sides):
                         continue  # under a rounded corner
-                    slot = _contact_for(ints, found_r, n, v)
-                    if slot >= 0:
-                        _set(found_i, found_r, slot, VERTEX_FACE, v, face, depth, v)
+                    j = _contact_for(memory, found, n, v)
+                    if j >= 0:
+                        _set(found, j, (VERTEX_FACE, v, face), depth, v)
     else:
-        _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r)
+        _smooth_features(pose, reach, near, world, memory, found)
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
         if depth == NOWHERE:
             continue
         kind = found_i[j, KIND]
         feature = load_feature(kind, found_i[j, INDEX], found_i[j, PART], block, facets)
-        _, nx, ny, rx, ry = place_feature(kind, feature, x, y, c, s)
+        _, nx, ny, rx, ry = place_feature(kind, feature, pose)
         if kind == CORNER_VERTEX and depth < 0.0 and block.rounding == 0.0:
             nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
-        found_r[j, RATE] = -((q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny)
+        found_r[j, RATE] = -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
 
 
 @kernel
-def hand_over(corners, ints, reals, found_i, found_r, stretch, rotation):
+def hand_over(corners, memory, found, displacement, rotation):
     """Where a ground corner has passed between the circle of a rounded corner (a corner's contact) and the flat part
-    of a face (a vertex's contact), let the other contact go on with the contact's memory; stretch, rotation: its
-    springs' new states."""
+    of a face (a vertex's contact), let the other contact go on with the contact's memory.
+
+    displacement, rotation : (contacts,) new states of the springs
+    """
+    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     for j in range(ints.shape[0]):
         if not ints[j, ACTIVE] or found_r[j, DEPTH] != NOWHERE:
             continue
@@ -137,22 +154,24 @@ def hand_over(corners, ints, reals, found_i, found_r, stretch, rotation):
             if near and not ints[k, ACTIVE] and found_r[k, DEPTH] > 0.0:
                 copy(ints[j], ints[k])
                 copy(reals[j], reals[k])
-                stretch[k], rotation[k] = stretch[j], rotation[j]
+                displacement[k], rotation[k] = displacement[j], rotation[j]
                 ints[j, ACTIVE], ints[j, KEY] = 0, -1
                 reals[j, DEPTH] = NOWHERE
                 break
 
 
 @kernel
-def _set(found_i, found_r, slot, kind, index, part, depth, key):
-    found_i[slot, KIND], found_i[slot, INDEX], found_i[slot, PART] = kind, index, part
-    found_i[slot, KEY] = key
-    found_r[slot, DEPTH] = depth
+def _set(found, j, feature, depth, key):
+    ints = found.ints
+    ints[j, KIND], ints[j, INDEX], ints[j, PART] = feature
+    ints[j, KEY] = key
+    found.reals[j, DEPTH] = depth
 
 
 @kernel
-def _contact_for(ints, found_r, start, key):
+def _contact_for(memory, found, start, key):
     """The contact that follows `key`, else a free one, else -1."""
+    ints, found_r = memory.ints, found.reals
     free, stale = -1, -1
     for j in range(start, ints.shape[0]):
         empty = not ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE
@@ -166,8 +185,12 @@ def _contact_for(ints, found_r, start, key):
 
 
 @kernel
-def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, found_r):
+def _smooth_features(pose, reach, near, world, memory, found):
     """Deepest feature of each smooth patch (key 2p) and of each convex corner (key 2p + 1)."""
+    x, y, _, _ = pose
+    block, facets = world.block, world.ground.facets
+    ints, found_i, found_r = memory.ints, found.ints, found.reals
+    f0, f1 = near
     far = reach + block.radius
     for f in range(f0, f1):
         dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
@@ -177,24 +200,24 @@ def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, fo
         if along < -far or along > facets[f, LENGTH] + far:
             continue
         feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
-        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, feature, x, y, c, s)
+        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
         along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
         if 0.0 <= along <= facets[f, LENGTH]:
             if -reach < depth < 2.0 * block.radius:
-                _offer(ints, found_i, found_r, SMOOTH_FACET, f, depth, 2 * int(facets[f, PATCH]))
+                _offer(memory, found, (SMOOTH_FACET, f, 0), depth, 2 * int(facets[f, PATCH]))
         elif along > facets[f, LENGTH] and f + 2 < facets.shape[0]:
             # between this facet's end and the next one's begin: the vertex, if the ground is convex there
             v = f + 1
             feature = load_feature(SMOOTH_VERTEX, v, 0, block, facets)
-            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, feature, x, y, c, s)
+            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, feature, pose)
             turn_out = nx * tx + ny * ty
             turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
             up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X])
             up += ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
             if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
                 key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
-                _offer(ints, found_i, found_r, SMOOTH_VERTEX, v, depth, key)
+                _offer(memory, found, (SMOOTH_VERTEX, v, 0), depth, key)
     for j in range(ints.shape[0]):
         # an active contact whose feature is gone has handed over to the neighbouring one
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
@@ -204,22 +227,20 @@ def _smooth_features(x, y, c, s, f0, f1, reach, facets, block, ints, found_i, fo
                     and found_r[k, DEPTH] != NOWHERE
                     and abs(found_i[k, KEY] - ints[j, KEY]) == 1
                 ):
-                    _set(
-                        found_i, found_r, j, found_i[k, KIND], found_i[k, INDEX], 0, found_r[k, DEPTH],
-                        found_i[k, KEY],
-                    )  # fmt: skip
+                    own = (found_i[k, KIND], found_i[k, INDEX], 0)
+                    _set(found, j, own, found_r[k, DEPTH], found_i[k, KEY])
                     found_r[k, DEPTH] = NOWHERE
                     break
 
 
 @kernel
-def _offer(ints, found_i, found_r, kind, index, depth, key):
+def _offer(memory, found, feature, depth, key):
     """Give a feature to the contact of its key, keeping the deepest of that key."""
-    for j in range(ints.shape[0]):
-        if found_r[j, DEPTH] != NOWHERE and found_i[j, KEY] == key:
-            if depth > found_r[j, DEPTH]:
-                _set(found_i, found_r, j, kind, index, 0, depth, key)
+    for j in range(found.ints.shape[0]):
+        if found.reals[j, DEPTH] != NOWHERE and found.ints[j, KEY] == key:
+            if depth > found.reals[j, DEPTH]:
+                _set(found, j, feature, depth, key)
             return
-    slot = _contact_for(ints, found_r, 0, key)
-    if slot >= 0:
-        _set(found_i, found_r, slot, kind, index, 0, depth, key)
+    j = _contact_for(memory, found, 0, key)
+    if j >= 0:
+        _set(found, j, feature, depth, key)

@@ -9,13 +9,13 @@ from rock2d.effects.forces import ACTS, FIRST, normal
 from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
-    DEPTH_MAX,
     INDEX,
     KEY,
     KIND,
     NOWHERE,
     OFFSET,
     PART,
+    PEAK,
     RATE,
     ZONE,
 )
@@ -31,8 +31,10 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     beyond_corner,
     contact_point,
+    pose_of,
 )
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 
 @kernel
@@ -58,28 +60,31 @@ def hermite_root(g0, r0, g1, r1, h):
 
 
 @kernel
-def law_event(d0, r0, d1, r1, peak, gone, h):
+def law_event(d0, r0, d1, r1, peak, bottom, h):
     """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its
     indentation; h if it does not. Afloat also the top of a hop: the way back must not be missed.
 
-    d, r : penetration in m and its rate before and after the step; peak, gone : the deepest so far, and the depth at
-    which the unloading force vanishes
+    d, r : penetration in m and its rate before and after the step; peak, bottom : the deepest so far, and the depth
+    at which the unloading force vanishes
     """
     if d0 >= peak and r0 > 0.0 and r1 < 0.0:
         return h * r0 / (r0 - r1)
-    if (d0 > gone) != (d1 > gone):
-        return hermite_root(d0 - gone, r0, d1 - gone, r1, h)
+    if (d0 > bottom) != (d1 > bottom):
+        return hermite_root(d0 - bottom, r0, d1 - bottom, r1, h)
     if d0 < peak < d1:
         return hermite_root(d0 - peak, r0, d1 - peak, r1, h)
-    if d0 <= gone and r0 < 0.0 < r1:
+    if d0 <= bottom and r0 < 0.0 < r1:
         return h * r0 / (r0 - r1)
     return h
 
 
 @kernel
-def hold_event(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
+def hold_event(row, first, before, after, peak, bottom, h):
     """Time in (0, h] at which a pressing contact with effects begins or ceases to be kept from pulling; h if it does
-    not. `row`, `first` as in `forces.ground_forces`; force0, force1: the law's normal force before and after."""
+    not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
+    normal force in N) at the two ends of the step."""
+    d0, r0, force0 = before
+    d1, r1, force1 = after
     if d0 < bottom or d1 < bottom:
         return h
     whole0 = force0 + normal(row, first, d0, r0, peak, bottom, force0)
@@ -90,47 +95,48 @@ def hold_event(row, first, d0, r0, force0, d1, r1, force1, peak, bottom, h):
 
 
 @kernel
-def _gap_to_found(j, q, ints, found_i, block, ground):
+def _gap_to_found(j, q, world, memory, found):
     """What changes sign where contact j passes from its feature to the one found for it, and its rate.
 
     Two facets or faces: the difference of the depths. A facet and its vertex: how far the contact point's foot
     lies from the facet's end (their depths touch there without crossing).
     """
-    c, s = np.cos(q[2]), np.sin(q[2])
-    d0, nx, ny, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
-    )
-    vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
+    block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
+    pose = pose_of(q)
+    _, _, c, s = pose
+    d0, nx, ny, rx, ry = contact_point(ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, block, ground)
+    vx, vy = q[VX] - q[OMEGA] * ry, q[VY] + q[OMEGA] * rx
     if ints[j, KIND] != found_i[j, KIND]:
         facet, vertex = ints[j, INDEX], found_i[j, INDEX]
         if ints[j, KIND] in (CORNER_VERTEX, SMOOTH_VERTEX):
             facet, vertex = vertex, facet
         if ints[j, KIND] == SMOOTH_VERTEX:
-            _, _, _, rx, ry = contact_point(SMOOTH_FACET, facet, 0, q[0], q[1], c, s, block, ground)
+            _, _, _, rx, ry = contact_point(np.int64(SMOOTH_FACET), facet, np.int64(0), pose, block, ground)
         elif ints[j, KIND] <= CORNER_VERTEX:  # the centre of a rounded corner, above the foot
             rx, ry = rx + block.rounding * nx, ry + block.rounding * ny
-            vx, vy = q[3] - q[5] * ry, q[4] + q[5] * rx
+            vx, vy = q[VX] - q[OMEGA] * ry, q[VY] + q[OMEGA] * rx
         facets = ground.facets
         tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
-        dx, dy = q[0] + rx - facets[vertex, POINT_X], q[1] + ry - facets[vertex, POINT_Y]
+        dx, dy = q[X] + rx - facets[vertex, POINT_X], q[Y] + ry - facets[vertex, POINT_Y]
         if ints[j, KIND] >= SMOOTH_FACET:
             # the foot moves with the profile's centre, not with the material
-            vx = q[3] - q[5] * (s * block.centre_x + c * block.centre_y)
-            vy = q[4] + q[5] * (c * block.centre_x - s * block.centre_y)
+            vx = q[VX] - q[OMEGA] * (s * block.centre_x + c * block.centre_y)
+            vy = q[VY] + q[OMEGA] * (c * block.centre_x - s * block.centre_y)
         return dx * tx + dy * ty, vx * tx + vy * ty
     r0 = vx * nx + vy * ny
     d1, nx, ny, rx, ry = contact_point(
-        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], q[0], q[1], c, s, block, ground
+        found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], pose, block, ground
     )
-    r1 = (q[3] - q[5] * ry) * nx + (q[4] + q[5] * rx) * ny
+    r1 = (q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny
     return d0 - d1, r1 - r0
 
 
 @kernel
-def _corner_event(j, q0, q1, h, ground, block, ints, found_i):
+def _corner_event(j, q0, q1, h, world, memory, found):
     """Time in (0, h] just behind which a ground corner passes between a rounded corner of the block (a corner's
     contact) and the flat part of a face next to it (a vertex's contact): the contact changes hands there, see
-    `slots.hand_over`."""
+    `contact_state.hand_over`."""
+    block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
     n = block.sides.shape[0]
     corner, vertex = j, found_i[j, INDEX]
     if j >= n:
@@ -152,8 +158,8 @@ def _nearer_start(face, vertex, q, ground, block):
     """Whether a ground corner lies nearer to the first corner of a face than to its second."""
     sides, facets = block.sides, ground.facets
     end = face + 1 if face + 1 < sides.shape[0] else 0
-    dx, dy = facets[vertex, POINT_X] - q[0], facets[vertex, POINT_Y] - q[1]
-    c, s = np.cos(q[2]), np.sin(q[2])
+    dx, dy = facets[vertex, POINT_X] - q[X], facets[vertex, POINT_Y] - q[Y]
+    c, s = np.cos(q[THETA]), np.sin(q[THETA])
     bx, by = c * dx + s * dy, -s * dx + c * dy
     start_x, start_y = bx - sides[face, CORNER_X], by - sides[face, CORNER_Y]
     end_x, end_y = bx - sides[end, CORNER_X], by - sides[end, CORNER_Y]
@@ -163,23 +169,25 @@ def _nearer_start(face, vertex, q, ground, block):
 @kernel
 def _beyond(corner, vertex, q, ground, block):
     """`beyond_corner` of a ground corner, and its rate."""
-    c, s = np.cos(q[2]), np.sin(q[2])
+    pose = pose_of(q)
+    _, _, c, s = pose
     px, py = ground.facets[vertex, POINT_X], ground.facets[vertex, POINT_Y]
-    past, tx, ty = beyond_corner(corner, px, py, q[0], q[1], c, s, block.sides)
-    vx, vy = q[3] - q[5] * (py - q[1]), q[4] + q[5] * (px - q[0])  # of the block's material there
+    past, tx, ty = beyond_corner(corner, px, py, pose, block.sides)
+    vx, vy = q[VX] - q[OMEGA] * (py - q[Y]), q[VY] + q[OMEGA] * (px - q[X])  # of the block's material there
     return past, -(vx * (c * tx - s * ty) + vy * (s * tx + c * ty))
 
 
 @kernel
-def first_event(h, q0, q1, ground, block, params, ints, reals, found_i, found_r):
+def first_event(h, q0, q1, world, memory, found):
     """Time in (0, h] of the first event of the law within a trial step; h if there is none."""
+    ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     first = h
     for j in range(ints.shape[0]):
         d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
         d0, r0 = reals[j, DEPTH], reals[j, RATE]
         if d0 == NOWHERE or d1 == NOWHERE:
-            if ints[j, ACTIVE] and block.rounding > 0.0:
-                first = min(first, _corner_event(j, q0, q1, h, ground, block, ints, found_i))
+            if ints[j, ACTIVE] and world.block.rounding > 0.0:
+                first = min(first, _corner_event(j, q0, q1, h, world, memory, found))
             continue
         t = h
         if not ints[j, ACTIVE]:
@@ -187,18 +195,18 @@ def first_event(h, q0, q1, ground, block, params, ints, reals, found_i, found_r)
                 # a landing may fall short by rounding: the touch must not wait for the end of the next step
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
-            p = params[ints[j, ZONE]]
+            p = world.law[ints[j, ZONE]]
             # land a little behind the surface: there is no force on either side, and the cubic errs by less
             clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * h if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
-            peak = reals[j, DEPTH_MAX]
-            gone = residual(peak, p[K_L], p[K_UL])
-            t = law_event(d0, r0, d1, r1, peak, gone, h)
+            peak = reals[j, PEAK]
+            bottom = residual(peak, p[K_L], p[K_UL])
+            t = law_event(d0, r0, d1, r1, peak, bottom, h)
             t = min(t, clear)
             if p[ACTS] != 0.0:
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
-                held = hold_event(p, FIRST, d0, r0, force0, d1, r1, force1, peak, gone, h)
+                held = hold_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
                 t = held if 1e-3 * h < held < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
@@ -206,8 +214,8 @@ def first_event(h, q0, q1, ground, block, params, ints, reals, found_i, found_r)
                 or ints[j, KIND] != found_i[j, KIND]
             ):
                 # another feature has become the nearest: land just behind the change
-                g0, s0 = _gap_to_found(j, q0, ints, found_i, block, ground)
-                g1, s1 = _gap_to_found(j, q1, ints, found_i, block, ground)
+                g0, s0 = _gap_to_found(j, q0, world, memory, found)
+                g1, s1 = _gap_to_found(j, q1, world, memory, found)
                 if (g0 > 0.0) != (g1 > 0.0):
                     t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
         if 1e-3 * h < t < first:

@@ -6,8 +6,11 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.effects.forces import flight
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-SHORT = 0.1  # of the time in which air or weight change the motion much: a stride of a flight through air
+STRIDE_SHARE = (
+    0.1  # of the time in which air or weight change the motion much: a stride of a flight through air
+)
 
 
 @kernel(inline="always")
@@ -23,27 +26,27 @@ def fly(q, tau, gravity, block):
     With air a classical fourth-order step, and the work by the same rule: keep tau below `air_stride`.
     """
     if not in_air(block):
-        q[0] += q[3] * tau
-        q[1] += q[4] * tau - 0.5 * gravity * tau * tau
-        q[2] += q[5] * tau
-        q[4] -= gravity * tau
+        q[X] += q[VX] * tau
+        q[Y] += q[VY] * tau - 0.5 * gravity * tau * tau
+        q[THETA] += q[OMEGA] * tau
+        q[VY] -= gravity * tau
         return 0.0
     mass, inertia = block.mass, block.inertia
-    vx, vy, omega = q[3], q[4], q[5]
+    vx, vy, omega = q[VX], q[VY], q[OMEGA]
     ax = ay = alpha = 0.0
     dx = dy = dtheta = dvx = dvy = domega = work = 0.0
     for k in range(4):
         weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
         if k > 0:
             ahead = 0.5 * tau if k < 3 else tau
-            vx, vy, omega = q[3] + ahead * ax, q[4] + ahead * ay, q[5] + ahead * alpha
+            vx, vy, omega = q[VX] + ahead * ax, q[VY] + ahead * ay, q[OMEGA] + ahead * alpha
         ax, ay, alpha = flight(block.air, vx, vy, omega, mass, inertia)
         work -= weight * (mass * (ax * vx + ay * vy) + inertia * alpha * omega)
         ay -= gravity
         dx, dy, dtheta = dx + weight * vx, dy + weight * vy, dtheta + weight * omega
         dvx, dvy, domega = dvx + weight * ax, dvy + weight * ay, domega + weight * alpha
-    q[0], q[1], q[2] = q[0] + tau * dx, q[1] + tau * dy, q[2] + tau * dtheta
-    q[3], q[4], q[5] = q[3] + tau * dvx, q[4] + tau * dvy, q[5] + tau * domega
+    q[X], q[Y], q[THETA] = q[X] + tau * dx, q[Y] + tau * dy, q[THETA] + tau * dtheta
+    q[VX], q[VY], q[OMEGA] = q[VX] + tau * dvx, q[VY] + tau * dvy, q[OMEGA] + tau * domega
     return tau * work
 
 
@@ -52,11 +55,11 @@ def air_stride(q, gravity, block):
     """(longest stride in s, bound of what air adds meanwhile to the acceleration of any point of the block in m/s²)."""
     if not in_air(block):
         return np.inf, 0.0
-    speed = np.sqrt(q[3] * q[3] + q[4] * q[4] + gravity * block.radius)
-    spin = max(abs(q[5]), speed / block.radius)
-    ax, ay, alpha = flight(block.air, q[3], q[4], q[5], block.mass, block.inertia)
+    speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY] + gravity * block.radius)
+    spin = max(abs(q[OMEGA]), speed / block.radius)
+    ax, ay, alpha = flight(block.air, q[VX], q[VY], q[OMEGA], block.mass, block.inertia)
     now = np.sqrt(ax * ax + ay * ay)
-    stride = SHORT / max((now + gravity) / max(speed, 1e-300) + abs(alpha) / max(spin, 1e-300), 1e-12)
-    bx, by, beta = flight(block.air, q[3], q[4] - gravity * stride, q[5], block.mass, block.inertia)
+    stride = STRIDE_SHARE / max((now + gravity) / max(speed, 1e-300) + abs(alpha) / max(spin, 1e-300), 1e-12)
+    bx, by, beta = flight(block.air, q[VX], q[VY] - gravity * stride, q[OMEGA], block.mass, block.inertia)
     then = np.sqrt(bx * bx + by * by)
     return stride, 2.0 * (max(now, then) + max(abs(alpha), abs(beta)) * block.radius)

@@ -19,17 +19,20 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import kernel
+from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
 
 Array = np.ndarray
 
 CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
+# numbers of a loaded feature (see `load_feature`): ground point (2), facet normal (2), shape of the block there (4)
+F_POINT, F_NORMAL, F_SHAPE, N_FEATURE = 0, 2, 4, 8
 
 
-FEW = 8  # facets that are looked at one by one
+MOST_FACETS_UNSORTED = 8  # up to so many facets a search looks at each one; beyond, at those near the point
 RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
-# columns of a row of TerrainArrays.facets
+# columns of a row of GroundArrays.facets
 (
     POINT_X, POINT_Y, TANGENT_X, TANGENT_Y, NORMAL_X, NORMAL_Y, LENGTH, ZONE_ID, PATCH, CONVEX, RUN_FIRST, RUN_LAST,
 ) = range(12)  # fmt: skip
@@ -137,6 +140,21 @@ def block_arrays(block: Block) -> BlockArrays:
     )
 
 
+class WorldArrays(NamedTuple):
+    """What compiled code reads of a world: one block on one cross-section."""
+
+    block: BlockArrays
+    ground: GroundArrays
+    law: Array  # (zones, columns of `effects.columns.engine_rows`)
+    gravity: float  # m/s²
+
+
+@kernel(inline="always")
+def pose_of(q):
+    """(x in m, y in m, cos θ, sin θ) of a state."""
+    return q[X], q[Y], np.cos(q[THETA]), np.sin(q[THETA])
+
+
 @kernel(inline="always")
 def is_ball(block):
     """Whether the block looks the same at any angle."""
@@ -186,7 +204,7 @@ def point_depth(px, py, facets, f0, f1):
 def near_depth(px, py, ground, f0, f1, reach):
     """`point_depth` from the facets near the point alone; beyond `reach` above the ground only a lower bound."""
     facets = ground.facets
-    if f1 - f0 <= FEW:
+    if f1 - f0 <= MOST_FACETS_UNSORTED:
         return point_depth(px, py, facets, f0, f1)
     g0, g1 = facet_range(ground, px, px)
     g0, g1 = max(f0, g0), min(f1, g1)
@@ -200,8 +218,9 @@ def near_depth(px, py, ground, f0, f1, reach):
 
 
 @kernel
-def polygon_depth(px, py, x, y, c, s, sides):
-    """Depth of a point inside a polygon at pose (x, y, cos, sin) and its nearest face; negative outside."""
+def polygon_depth(px, py, pose, sides):
+    """Depth in m of a point inside a polygon and its nearest face; negative outside."""
+    x, y, c, s = pose
     bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
     depth, face = np.inf, 0
     for k in range(sides.shape[0]):
@@ -212,8 +231,9 @@ def polygon_depth(px, py, x, y, c, s, sides):
 
 
 @kernel
-def under_face(face, px, py, x, y, c, s, sides):
+def under_face(face, px, py, pose, sides):
     """Whether a point's foot on a face of the polygon lies between the circles of its corners."""
+    x, y, c, s = pose
     bx, by = c * (px - x) + s * (py - y), -s * (px - x) + c * (py - y)
     tx, ty = -sides[face, FACE_Y], sides[face, FACE_X]
     end = face + 1 if face + 1 < sides.shape[0] else 0
@@ -223,9 +243,10 @@ def under_face(face, px, py, x, y, c, s, sides):
 
 
 @kernel
-def beyond_corner(i, px, py, x, y, c, s, sides):
+def beyond_corner(i, px, py, pose, sides):
     """How far in m a point lies beyond the end of a face next to corner i, and the direction (block's axes) in which
     that grows. Positive beyond the ends of both faces: there the corner's circle is what is nearest."""
+    x, y, c, s = pose
     bx = c * (px - x) + s * (py - y) - sides[i, CORNER_X]
     by = -s * (px - x) + c * (py - y) - sides[i, CORNER_Y]
     before = i - 1 if i > 0 else sides.shape[0] - 1
@@ -279,12 +300,12 @@ def nearest_on_ellipse(px, py, a, b):
 
 
 @kernel
-def contact_point(kind, index, part, x, y, c, s, block, ground):
+def contact_point(kind, index, part, pose, block, ground):
     """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
 
-    `part` is the block's corner or face; `index` the ground's facet or vertex; (x, y, c, s) the pose.
+    `part` is the block's corner or face; `index` the ground's facet or vertex; `pose` as `pose_of` gives it.
     """
-    return place_feature(kind, load_feature(kind, index, part, block, ground.facets), x, y, c, s)
+    return place_feature(kind, load_feature(kind, index, part, block, ground.facets), pose)
 
 
 @kernel(inline="always")
@@ -316,8 +337,9 @@ def vertex_side(facets, v):
 
 
 @kernel(inline="always")
-def place_feature(kind, feature, x, y, c, s):
+def place_feature(kind, feature, pose):
     """`contact_point` of a loaded feature."""
+    x, y, c, s = pose
     px, py, nx, ny, w1, w2, w3, w4 = feature
     if kind <= CORNER_VERTEX:
         rx, ry = c * w1 - s * w2, s * w1 + c * w2

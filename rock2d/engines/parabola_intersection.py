@@ -20,7 +20,11 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-LEAF = 4
+LEAF = 4  # facets in a leaf of the tree
+# columns of a facet: start, unit tangent, length
+START_X, START_Y, TANGENT_X, TANGENT_Y, LENGTH = range(5)
+# columns of a box: x range; slope m and greatest y - m x; x between which there are facets of this box only
+BOX_LOW, BOX_HIGH, BOX_SLOPE, BOX_TOP, ONLY_FROM, ONLY_TO = range(6)
 
 
 class Surface(NamedTuple):
@@ -66,7 +70,7 @@ def make_surface(cross_section: CrossSection) -> Surface:
 @njit
 def _tree(points, leaves, reach):
     """The boxes of a Surface; those beyond the last facet are empty."""
-    boxes = np.empty((2 * leaves - 1, 6))
+    boxes = np.empty((2 * leaves - 1, ONLY_TO + 1))
     last = len(points) - 1
     before, after = points[:, 0].copy(), points[:, 0].copy()  # greatest x up to a point, least x from it on
     for j in range(last):
@@ -78,32 +82,48 @@ def _tree(points, leaves, reach):
             start = (i - first) * held
             stop = min(start + held, last)
             box = boxes[i]
-            box[0], box[1], box[2], box[3] = np.inf, -np.inf, 0.0, -np.inf
-            box[4], box[5] = -np.inf, np.inf
+            box[BOX_LOW], box[BOX_HIGH], box[BOX_SLOPE], box[BOX_TOP] = np.inf, -np.inf, 0.0, -np.inf
+            box[ONLY_FROM], box[ONLY_TO] = -np.inf, np.inf
             if start >= stop:
                 continue
             across, rise = points[stop, 0] - points[start, 0], points[stop, 1] - points[start, 1]
             slope = rise / across if abs(rise) < 4.0 * across else 0.0
             for j in range(start, stop + 1):
                 height = points[j, 1] - slope * points[j, 0]
-                box[0], box[1] = min(box[0], points[j, 0]), max(box[1], points[j, 0])
-                box[3] = max(box[3], height)
+                box[BOX_LOW], box[BOX_HIGH] = (
+                    min(box[BOX_LOW], points[j, 0]),
+                    max(box[BOX_HIGH], points[j, 0]),
+                )
+                box[BOX_TOP] = max(box[BOX_TOP], height)
             margin = 2.0 * (1.0 + abs(slope)) * reach
-            box[0], box[1], box[2], box[3] = box[0] - margin, box[1] + margin, slope, box[3] + margin
+            box[BOX_LOW], box[BOX_HIGH] = box[BOX_LOW] - margin, box[BOX_HIGH] + margin
+            box[BOX_SLOPE], box[BOX_TOP] = slope, box[BOX_TOP] + margin
             if start > 0:
-                box[4] = before[start] + margin
+                box[ONLY_FROM] = before[start] + margin
             if stop < last:
-                box[5] = after[stop] - margin
+                box[ONLY_TO] = after[stop] - margin
         held, first = held // 2, 2 * first + 1
     return boxes
 
 
 @njit
-def next_impact(surface, stack, x, y, vx, vy, gravity, current, limit):
+def _facet(facets, j):
+    return (
+        facets[j, START_X],
+        facets[j, START_Y],
+        facets[j, TANGENT_X],
+        facets[j, TANGENT_Y],
+        facets[j, LENGTH],
+    )
+
+
+@njit
+def next_impact(surface, stack, flight, gravity, current, limit):
     """(time to the next impact, facet), or (limit, -1) if there is none within `limit`.
 
-    `current` is the facet on which the point sits, -1 if it starts in the air.
+    `flight` is (x, y, vx, vy) at its start; `current` the facet on which the point sits, -1 if it starts in the air.
     """
+    x, _, vx, _ = flight
     facets, boxes = surface.facets, surface.boxes
     first_leaf = len(boxes) // 2
     best, found = limit, -1
@@ -117,8 +137,8 @@ def next_impact(surface, stack, x, y, vx, vy, gravity, current, limit):
         # both children are looked at, without a branch between them: the processor could not guess it
         while met and box < first_leaf:
             near, far = 2 * box + first_child, 2 * box + 3 - first_child
-            near_met = _meets(boxes, near, x, y, vx, vy, per_vx, gravity, best)
-            far_met = _meets(boxes, far, x, y, vx, vy, per_vx, gravity, best)
+            near_met = _meets(boxes, near, flight, per_vx, gravity, best)
+            far_met = _meets(boxes, far, flight, per_vx, gravity, best)
             stack[top] = far
             top += near_met & far_met
             met = near_met | far_met
@@ -126,52 +146,61 @@ def next_impact(surface, stack, x, y, vx, vy, gravity, current, limit):
         if met:
             start = (box - first_leaf) * LEAF
             for j in range(start, min(start + LEAF, len(facets))):
-                tau, v_n = facet_impact(facets, j, x, y, vx, vy, gravity, j == current, surface.reach_m)
+                tau, v_n = facet_impact(facets, j, flight, gravity, j == current, surface.reach_m)
                 # of two facets met at once, at a joint, the one that is hit harder
                 if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
                     best, found = tau, j
                     best_v_n = v_n
             end = x + vx * best
-            if (vx >= 0.0 and end < boxes[box, 5]) or (vx < 0.0 and end > boxes[box, 4]):
+            if (vx >= 0.0 and end < boxes[box, ONLY_TO]) or (vx < 0.0 and end > boxes[box, ONLY_FROM]):
                 top = 0  # what waits lies beyond the end of the flight
         if top > 0:
             top -= 1
             box = stack[top]
-            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
+            met = _meets(boxes, box, flight, per_vx, gravity, best)
             continue
         end = x + vx * best
         left, right = min(x, end), max(x, end)
         met = False
-        while searched > 0 and not met and (boxes[searched, 4] >= left or boxes[searched, 5] <= right):
+        while (
+            searched > 0
+            and not met
+            and (boxes[searched, ONLY_FROM] >= left or boxes[searched, ONLY_TO] <= right)
+        ):
             box = ((searched + 1) ^ 1) - 1  # the other child of its parent
             searched = (searched - 1) // 2
-            met = _meets(boxes, box, x, y, vx, vy, per_vx, gravity, best)
+            met = _meets(boxes, box, flight, per_vx, gravity, best)
         if not met:
             return best, found
 
 
 @njit
-def _meets(boxes, i, x, y, vx, vy, per_vx, gravity, limit):
+def _meets(boxes, i, flight, per_vx, gravity, limit):
     """Whether the flight can touch box `i` within `limit`; never wrongly no. `per_vx` is 1/vx, 0 for none."""
+    x, y, vx, vy = flight
     t0, t1 = 0.0, limit
     if per_vx == 0.0:
-        if x < boxes[i, 0] or x > boxes[i, 1]:
+        if x < boxes[i, BOX_LOW] or x > boxes[i, BOX_HIGH]:
             return False
     else:
-        a, b = (boxes[i, 0] - x) * per_vx, (boxes[i, 1] - x) * per_vx
+        a, b = (boxes[i, BOX_LOW] - x) * per_vx, (boxes[i, BOX_HIGH] - x) * per_vx
         t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    y, vy = y - boxes[i, 2] * x, vy - boxes[i, 2] * vx  # sheared, the flight is a parabola still
+    y, vy = (
+        y - boxes[i, BOX_SLOPE] * x,
+        vy - boxes[i, BOX_SLOPE] * vx,
+    )  # sheared, the flight is a parabola still
     y0, y1 = y + (vy - 0.5 * gravity * t0) * t0, y + (vy - 0.5 * gravity * t1) * t1
-    return (t0 <= t1) & (min(y0, y1) <= boxes[i, 3])
+    return (t0 <= t1) & (min(y0, y1) <= boxes[i, BOX_TOP])
 
 
 @njit
-def facet_impact(facets, j, x, y, vx, vy, gravity, touching, reach):
+def facet_impact(facets, j, flight, gravity, touching, reach):
     """(time, v_n) at which the flight comes down onto the front of facet `j`, (-1, 0) if it does not.
 
     The distance to its line is s = c + b τ - ½ a τ²; of the two roots the one with ds/dτ < 0.
     """
-    x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
+    x, y, vx, vy = flight
+    x0, y0, tx, ty, length = _facet(facets, j)
     b = vy * tx - vx * ty
     a = gravity * tx
     if touching:
@@ -209,7 +238,7 @@ def lifted(surface, stack, x, y):
     while top > 0:
         top -= 1
         i = stack[top]
-        if x < boxes[i, 0] or x > boxes[i, 1] or y - boxes[i, 2] * x > boxes[i, 3]:
+        if x < boxes[i, BOX_LOW] or x > boxes[i, BOX_HIGH] or y - boxes[i, BOX_SLOPE] * x > boxes[i, BOX_TOP]:
             continue
         if i < first_leaf:
             stack[top], stack[top + 1] = 2 * i + 1, 2 * i + 2
@@ -217,7 +246,7 @@ def lifted(surface, stack, x, y):
             continue
         start = (i - first_leaf) * LEAF
         for j in range(start, min(start + LEAF, len(facets))):
-            x0, y0, tx, ty, length = facets[j, 0], facets[j, 1], facets[j, 2], facets[j, 3], facets[j, 4]
+            x0, y0, tx, ty, length = _facet(facets, j)
             x1 = x0 + length * tx
             if tx == 0.0 or not min(x0, x1) <= x < max(x0, x1):
                 continue

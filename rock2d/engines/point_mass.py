@@ -4,32 +4,103 @@ The point is the block's centroid and meets the surface itself, as point-mass co
 extent enters through its mass, the radius of its spin and the slope reduction only. Between impacts the point
 flies on a parabola and the block turns freely; the next impact is the first root of a quadratic among the
 facets, found through a tree of boxes along the ground, so that a long cross-section costs little more than a
-short one (`surface`).
+short one (`parabola_intersection`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.compiled import njit
-from rock2d.engines.parabola_intersection import Surface, lifted, make_surface, next_impact
-from rock2d.laws.rebound import BALL, ReboundParameters, rebound, rebound_table, slope_reduction
-from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.engines.parabola_intersection import (
+    LENGTH,
+    START_X,
+    START_Y,
+    TANGENT_X,
+    TANGENT_Y,
+    lifted,
+    make_surface,
+    next_impact,
+)
+from rock2d.laws.rebound import (
+    ALPHA,
+    BALL,
+    M_HALF,
+    R_T,
+    TAN_PHI,
+    UNIFORM,
+    ReboundParameters,
+    rebound,
+    rebound_table,
+    slope_reduction,
+)
+from rock2d.records.columns import (
+    IMPACT_NAMES,
+    N_INSTANT,
+    N_POSE,
+    N_STATE,
+    OMEGA,
+    THETA,
+    TIME,
+    VX,
+    VY,
+    X,
+    Y,
+)
+from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
 STOPS = ("rest", "exit", "time")
-REST, EXIT, TIME = range(3)
+STOP_REST, STOP_EXIT, STOP_TIME = range(len(STOPS))
 
-# columns of an impact row: time, state before, velocities after, facet
-N_IMPACT = 11
+# columns of a rebound: the instant before, the velocities after, the facet
+VX_AFTER, VY_AFTER, OMEGA_AFTER, FACET = range(N_INSTANT, N_INSTANT + 4)
+VELOCITIES = slice(VX_AFTER, OMEGA_AFTER + 1)
+N_REBOUND = FACET + 1
+# columns of a measure line: start, vector to its end, unit normal, length², range of x
+(
+    LINE_X, LINE_Y, LINE_ALONG_X, LINE_ALONG_Y, LINE_NORMAL_X, LINE_NORMAL_Y, LINE_SQUARE, LINE_LOW, LINE_HIGH,
+) = range(9)  # fmt: skip
+N_LINE = LINE_HIGH + 1
 
-NO_LINES, NO_CROSSINGS = np.empty((0, 9)), np.empty((1, 0, 7))
-CHATTER = 1000  # impacts between two looks at whether the block still gets anywhere
+NO_LINES = np.empty((0, N_LINE))
+FIRST_IMPACTS = 128  # room for the impacts of one track
+CHATTER_IMPACTS = 1000  # impacts between two looks at whether the block still gets anywhere
+
+
+class Releases(NamedTuple):
+    """What is given of n releases."""
+
+    states: Array  # (n, 6)
+    seeds: Array  # (n,) uint64
+
+
+class Inputs(NamedTuple):
+    """What `descend` reads of the block, the law and the limits, in SI."""
+
+    mass: float
+    radius: float  # of the spin
+    size: float
+    table: Array  # (zones, columns) rows of the rebound law
+    gravity: float
+    time_limit: float
+    stop_speed: float
+
+
+class Written(NamedTuple):
+    """What `descend` writes of n releases."""
+
+    impacts: Array  # (n, room, N_REBOUND): as many as there is room for
+    crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
+    ends: Array  # (n, 2, 7) first and last instant
+    count: Array  # (n,) impacts
+    stop: Array  # (n,) index into STOPS
 
 
 def spin_radius_m(block: Block) -> float:
@@ -70,7 +141,7 @@ def run_point_mass(
     positive; if a zone has no parameters; or if a slope reduction is to be drawn without `seed` or `rng`.
     """
     state = np.asarray(state6, float)
-    if state.shape != (6,) or not np.isfinite(state).all():
+    if state.shape != (N_STATE,) or not np.isfinite(state).all():
         raise ValueError(f"the start must be six finite numbers (x, y, theta, vx, vy, omega), got {state6}")
     inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
     if seed is None and rng is None and any(p.random for p in parameters.values()):
@@ -78,17 +149,17 @@ def run_point_mass(
     if seed is None:
         seed = 0 if rng is None else int(rng.integers(2**64, dtype=np.uint64))
 
-    ends, seeds = np.empty((1, 2, 7)), np.array([seed], np.uint64)
-    room = 128
+    releases = Releases(state[None], np.array([seed], np.uint64))
+    room = FIRST_IMPACTS
     while True:
-        impacts = np.empty((1, room, N_IMPACT))
-        count, stop = descend(0, state[None], seeds, *inputs, NO_LINES, impacts, NO_CROSSINGS, ends)
+        written = new_written(1, room, 0)
+        descend(0, releases, inputs, make_surface(cross_section), NO_LINES, written)
+        count = int(written.count[0])
         if count <= room:
             break
         room = count  # the same release once more, with room for all
-    return _track(
-        block, cross_section, release, impacts[0, :count], ends[0], STOPS[stop], float(gravity_m_s2)
-    )
+    impacts, ends, stop = written.impacts[0, :count], written.ends[0], STOPS[written.stop[0]]
+    return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
 
 
 def kernel_inputs(
@@ -98,8 +169,8 @@ def kernel_inputs(
     gravity_m_s2: float,
     time_limit_s: float,
     stop_speed_m_s: float | None,
-) -> tuple[float, float, float, Surface, Array, float, float, float]:
-    """Mass, spin radius, size, surface, rebound table, gravity, time limit and stop speed as `descend` reads them.
+) -> Inputs:
+    """What `descend` reads of the block, the law and the limits.
 
     Raises ValueError as `run_point_mass` says.
     """
@@ -113,8 +184,10 @@ def kernel_inputs(
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, got {value}")
     table = rebound_table(parameters, cross_section.zone_names)
-    physical = float(gravity_m_s2), float(time_limit_s), float(stop_speed_m_s)
-    return block.mass_kg, spin_radius_m(block), block.size_m, make_surface(cross_section), table, *physical
+    return Inputs(
+        block.mass_kg, spin_radius_m(block), block.size_m, table, float(gravity_m_s2), float(time_limit_s),
+        float(stop_speed_m_s),
+    )  # fmt: skip
 
 
 def _track(
@@ -126,24 +199,24 @@ def _track(
     stop: str,
     gravity_m_s2: float,
 ) -> Track:
-    before = impacts[:, :7]
-    after = np.column_stack([impacts[:, :4], impacts[:, 7:10]])
-    knots = np.vstack([ends[:1], np.stack([before, after], axis=1).reshape(-1, 7), ends[1:]])
+    before = impacts[:, :N_INSTANT]
+    after = np.column_stack([impacts[:, : TIME + 1 + N_POSE], impacts[:, VELOCITIES]])
+    knots = np.vstack([ends[:1], np.stack([before, after], axis=1).reshape(-1, N_INSTANT), ends[1:]])
     flight = np.ones(len(knots), bool)
     flight[1::2] = False  # from before to after an impact, and behind the last knot
     if stop == "rest":  # it ended with the last impact
         knots, flight = knots[:-1], flight[:-1]
     flight[-1] = False
     events = []
-    for row in impacts:
-        values = [*row[:7], row[0], *row[1:4], *row[7:10], np.nan, np.nan]
-        event = dict(zip(IMPACT_COLUMNS[3:], map(float, values), strict=True))
-        events.append({"zone": cross_section.zones[int(row[10])], **event})
+    for row, first, second in zip(impacts, before, after, strict=True):
+        values = [np.nan, *first, *second, np.nan, np.nan]
+        events.append(dict(zip(IMPACT_NAMES, map(float, values), strict=True)))
+        events[-1]["zone"] = cross_section.zones[int(row[FACET])]
     return Track(release, block.name, knots, flight, events, stop, gravity_m_s2)
 
 
 def line_rows(lines: Collection[Array], reach_m: float) -> Array:
-    """(n, 9) what `descend` reads of measure lines (2, 2): start, vector to the end, unit normal, length², x range.
+    """(n, N_LINE) what `descend` reads of measure lines (2, 2), columns LINE_X to LINE_HIGH.
 
     The range is widened by `reach_m`, so that rounding cannot hide a crossing.
     """
@@ -153,37 +226,44 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
         low, high = line[:, 0].min() - reach_m, line[:, 0].max() + reach_m
         rows.append([*line[0], *along, *normal, along[0] * along[0] + along[1] * along[1], low, high])
-    return np.array(rows).reshape(-1, 9)
+    return np.array(rows).reshape(-1, N_LINE)
+
+
+def new_written(n: int, room: int, lines: int) -> Written:
+    """Arrays for n releases: `room` impacts of each, crossings of so many lines."""
+    return Written(
+        np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
+        np.zeros(n, np.int64), np.zeros(n, np.int64),
+    )  # fmt: skip
 
 
 @njit
-def descend(
-    i, states, seeds, mass, radius, size, surface, table, gravity, time_limit, stop_speed,
-    lines, impacts, crossings, ends,
-):  # fmt: skip
-    """(number of impacts, index into STOPS) of release `i`; allocates nothing but one small stack.
+def descend(i, releases, inputs, surface, lines, written):
+    """Release `i`, written at [i]; allocates nothing but one small stack.
 
-    Read: `states` (n, 6), `seeds` (n,) uint64, `lines` from `line_rows`. Written, each at [i]: `impacts`
-    (n, room, 11), as many rows as there is room for; `crossings` (n, lines, 7), t and state at the first crossing of
-    each line, which must come as NaN; `ends` (n, 2, 7), the first and the last knot.
+    `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`; `written`: Written.
+    An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
+    mass, radius, size, table, gravity, time_limit, stop_speed = inputs
+    impacts, crossings, ends = written.impacts, written.crossings, written.ends
+    states, seed = releases.states, releases.seeds[i]
     stack = np.empty(64, np.int64)
     facets, zones = surface.facets, surface.zones
-    x, y, theta = states[i, 0], states[i, 1], states[i, 2]
-    vx, vy, omega = states[i, 3], states[i, 4], states[i, 5]
+    x, y, theta = states[i, X], states[i, Y], states[i, THETA]
+    vx, vy, omega = states[i, VX], states[i, VY], states[i, OMEGA]
     t, current = 0.0, -1
     y = lifted(surface, stack, x, y)
-    _store(ends, i, 0, t, x, y, theta, vx, vy, omega)
-    count, stop = 0, EXIT
+    _store(ends, i, 0, (t, x, y, theta, vx, vy, omega))
+    count, stop = 0, STOP_EXIT
     mark_t, mark_x, mark_y = t, x, y
     while surface.x_low_m <= x <= surface.x_high_m:
-        tau, facet = next_impact(surface, stack, x, y, vx, vy, gravity, current, time_limit - t)
+        tau, facet = next_impact(surface, stack, (x, y, vx, vy), gravity, current, time_limit - t)
         if facet < 0:
             edge = surface.x_high_m if vx > 0.0 else surface.x_low_m
             leave = (edge - x) / vx if vx != 0.0 else np.inf
-            stop = EXIT if leave < tau else TIME
+            stop = STOP_EXIT if leave < tau else STOP_TIME
             tau = min(leave, tau)
-        _cross(lines, crossings, i, t, x, y, theta, vx, vy, omega, t + tau - t, gravity)
+        _cross(lines, crossings, i, (t, x, y, theta, vx, vy, omega), t + tau - t, gravity)
         x, y = x + vx * tau, y + (vy - 0.5 * gravity * tau) * tau
         vy -= gravity * tau
         theta += omega * tau
@@ -191,50 +271,55 @@ def descend(
         if facet < 0:
             break
 
-        x0, y0, tx, ty = facets[facet, 0], facets[facet, 1], facets[facet, 2], facets[facet, 3]
-        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, 4])
+        x0, y0 = facets[facet, START_X], facets[facet, START_Y]
+        tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
+        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, LENGTH])
         x, y = x0 + along * tx, y0 + along * ty
         k = zones[facet]
-        p = (table[k, 0], table[k, 1], table[k, 2], table[k, 3], table[k, 4])
-        alpha = slope_reduction(p, uniform(seeds[i], count))
-        vx1, vy1, omega1 = rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p)
+        p = (table[k, TAN_PHI], table[k, M_HALF], table[k, R_T], table[k, ALPHA], table[k, UNIFORM])
+        alpha = slope_reduction(p, uniform(seed, count))
+        vx1, vy1, omega1 = rebound((vx, vy, omega), (tx, ty), alpha, (mass, radius), p)
         if count < impacts.shape[1]:
-            _store(impacts, i, count, t, x, y, theta, vx, vy, omega)
-            impacts[i, count, 7], impacts[i, count, 8], impacts[i, count, 9] = vx1, vy1, omega1
-            impacts[i, count, 10] = facet
+            _store(impacts, i, count, (t, x, y, theta, vx, vy, omega))
+            impacts[i, count, VX_AFTER], impacts[i, count, VY_AFTER] = vx1, vy1
+            impacts[i, count, OMEGA_AFTER], impacts[i, count, FACET] = omega1, facet
         count += 1
         vx, vy, omega, current = vx1, vy1, omega1, facet
 
         if tx > 0.0 and vx * vx + vy * vy + BALL * (radius * omega) ** 2 < stop_speed * stop_speed:
-            stop = REST
+            stop = STOP_REST
             break
-        if count % CHATTER == 0:
+        if count % CHATTER_IMPACTS == 0:
             near = (x - mark_x) ** 2 + (y - mark_y) ** 2 < size * size
-            if near and t - mark_t < CHATTER * stop_speed / gravity:
-                stop = REST
+            if near and t - mark_t < CHATTER_IMPACTS * stop_speed / gravity:
+                stop = STOP_REST
                 break
             mark_t, mark_x, mark_y = t, x, y
-    _store(ends, i, 1, t, x, y, theta, vx, vy, omega)
-    return count, stop
+    _store(ends, i, 1, (t, x, y, theta, vx, vy, omega))
+    written.count[i], written.stop[i] = count, stop
 
 
 @njit
-def _store(rows, i, k, t, x, y, theta, vx, vy, omega):
+def _store(rows, i, k, instant):
+    t, x, y, theta, vx, vy, omega = instant
     rows[i, k, 0], rows[i, k, 1], rows[i, k, 2], rows[i, k, 3] = t, x, y, theta
     rows[i, k, 4], rows[i, k, 5], rows[i, k, 6] = vx, vy, omega
 
 
 @njit
-def _cross(lines, crossings, i, t, x, y, theta, vx, vy, omega, span, gravity):
-    """Note the lines that release `i` crosses for the first time in a flight of `span`.
+def _cross(lines, crossings, i, instant, span, gravity):
+    """Note the lines that release `i` crosses for the first time in a flight of `span` from `instant` on.
 
     `Track.crossings` operation by operation: the two give the same bits.
     """
+    t, x, y, theta, vx, vy, omega = instant
     end = x + vx * span
     for k in range(lines.shape[0]):
-        if crossings[i, k, 0] == crossings[i, k, 0] or max(x, end) < lines[k, 7] or min(x, end) > lines[k, 8]:
+        crossed = crossings[i, k, TIME] == crossings[i, k, TIME]
+        if crossed or max(x, end) < lines[k, LINE_LOW] or min(x, end) > lines[k, LINE_HIGH]:
             continue
-        x0, y0, ax, ay, nx, ny = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3], lines[k, 4], lines[k, 5]
+        x0, y0, ax, ay = lines[k, LINE_X], lines[k, LINE_Y], lines[k, LINE_ALONG_X], lines[k, LINE_ALONG_Y]
+        nx, ny = lines[k, LINE_NORMAL_X], lines[k, LINE_NORMAL_Y]
         a, b, c = -0.5 * gravity * ny, vx * nx + vy * ny, (x - x0) * nx + (y - y0) * ny
         square = b * b - 4.0 * a * c
         if a == 0.0:
@@ -247,11 +332,10 @@ def _cross(lines, crossings, i, t, x, y, theta, vx, vy, omega, span, gravity):
         for tau in (min(first, second), max(first, second)):
             if 0.0 < tau <= span:
                 x1, y1 = x + vx * tau, y + vy * tau - 0.5 * gravity * (tau * tau)
-                at = ((x1 - x0) * ax + (y1 - y0) * ay) / lines[k, 6]
+                at = ((x1 - x0) * ax + (y1 - y0) * ay) / lines[k, LINE_SQUARE]
                 if 0.0 <= at <= 1.0:
-                    _store(
-                        crossings, i, k, t + tau, x1, y1, theta + omega * tau, vx, vy - gravity * tau, omega
-                    )
+                    then = (t + tau, x1, y1, theta + omega * tau, vx, vy - gravity * tau, omega)
+                    _store(crossings, i, k, then)
                     break
 
 

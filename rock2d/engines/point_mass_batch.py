@@ -14,14 +14,16 @@ import numpy as np
 
 from rock2d.compiled import njit
 from rock2d.engines.parabola_intersection import make_surface
-from rock2d.engines.point_mass import N_IMPACT, descend, kernel_inputs, line_rows
+from rock2d.engines.point_mass import Releases, descend, kernel_inputs, line_rows, new_written
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-FEW = 500  # releases take less time than waking other threads does, where these are busy
+MOST_ON_ONE_THREAD = (
+    500  # so few releases take less time than waking other threads does, where these are busy
+)
 
 
 @dataclass
@@ -74,28 +76,22 @@ def run_point_mass_batch(
     if impact_room < 0:
         raise ValueError(f"impact_room must not be negative, got {impact_room}")
     inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
-    lines = line_rows(cross_section.measure_lines.values(), make_surface(cross_section).reach_m)
-    stop, count = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    impacts = np.full((n, impact_room, N_IMPACT), np.nan)
-    crossings, ends = np.full((n, len(lines), 7), np.nan), np.empty((n, 2, 7))
-    seeds = np.ascontiguousarray(given, np.uint64)
+    surface = make_surface(cross_section)
+    lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
+    written = new_written(n, impact_room, len(lines))
+    releases = Releases(states, np.ascontiguousarray(given, np.uint64))
     threads = numba.get_num_threads()
-    numba.set_num_threads(threads if n > FEW else 1)
+    numba.set_num_threads(threads if n > MOST_ON_ONE_THREAD else 1)
     try:
-        _ensemble(states, seeds, *inputs, lines, impacts, crossings, ends, count, stop)
+        _run_ensemble(releases, inputs, surface, lines, written)
     finally:
         numba.set_num_threads(threads)
-    return PointMassBatch(stop, ends[:, 1].copy(), count, crossings, impacts)
+    return PointMassBatch(
+        written.stop, written.ends[:, 1].copy(), written.count, written.crossings, written.impacts
+    )
 
 
 @njit(parallel=True)
-def _ensemble(
-    states, seeds, mass, radius, size, surface, table, gravity, time_limit, stop_speed,
-    lines, impacts, crossings, ends, count, stop,
-):  # fmt: skip
-    for k in numba.prange(len(states)):
-        i = np.int64(k)
-        count[i], stop[i] = descend(
-            i, states, seeds, mass, radius, size, surface, table, gravity, time_limit, stop_speed,
-            lines, impacts, crossings, ends,
-        )  # fmt: skip
+def _run_ensemble(releases, inputs, surface, lines, written):
+    for k in numba.prange(len(releases.states)):
+        descend(np.int64(k), releases, inputs, surface, lines, written)

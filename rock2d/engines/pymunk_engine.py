@@ -20,10 +20,29 @@ import pymunk
 from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import block_arrays, ground_arrays, point_depth
-from rock2d.engines.recording import N_IMPACT, depart, end_impact
+from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays, point_depth
+from rock2d.engines.recording import LEAST_PRESSURE, depart, end_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
-from rock2d.records.track import STATE_NAMES, Track
+from rock2d.records.columns import (
+    EFFECTS,
+    FRICTION,
+    INSTANT_NAMES,
+    N_AUDIT,
+    N_IMPACT,
+    N_STATE,
+    OMEGA,
+    PLASTIC,
+    RECOIL,
+    ROLLING,
+    STATE_NAMES,
+    THETA,
+    VX,
+    VY,
+    X,
+    Y,
+    after,
+)
+from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -82,14 +101,15 @@ class PymunkRelease:
         self.table = engine_rows(rows)
         self.contact_step = contact_step_s or contact_step.contact_steps_s(block, self.table)[1]
         self.q = np.array(state, float)
-        if self.q.shape != (6,) or not np.isfinite(self.q).all():
+        if self.q.shape != (N_STATE,) or not np.isfinite(self.q).all():
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
         self.time = 0.0
-        self.audit = np.zeros(contact_step.N_AUDIT)
+        self.audit = np.zeros(N_AUDIT)
         self._block, self._ground = block_arrays(block), ground_arrays(cross_section, 10 * block.radius_m)
-        self._contacts = contact_state.new_contacts(block)
-        found = contact_state.new_contacts(block)
-        self._scratch = (*found, contact_step.scratch(contact_state.contact_count(block)))
+        self._world = WorldArrays(self._block, self._ground, self.table, self.gravity)
+        count = contact_state.contact_count(block)
+        self._memory, self._found = contact_state.new_contacts(count), contact_state.new_contacts(count)
+        self._contacts = (self._memory, self._found, contact_step.new_scratch(count))
         self._near: list[int] = []
         self._met: list[int] = []
         self._error: BaseException | None = None
@@ -146,24 +166,24 @@ class PymunkRelease:
         if self._near:
             self._advance_contact(dt)
         else:
-            self.audit[contact_step.EFFECTS] += fly(self.q, dt, self.gravity, self._block)
+            self.audit[EFFECTS] += fly(self.q, dt, self.gravity, self._block)
         if not np.isfinite(self.q).all():
             raise FloatingPointError(f"the state is no longer finite at t = {self.time:.6f} s: {self.q}")
-        body.position = float(self.q[0]), float(self.q[1])
-        body.angle = float(self.q[2])
+        body.position = float(self.q[X]), float(self.q[Y])
+        body.angle = float(self.q[THETA])
 
     def _set_velocity(self, body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
         """Velocity update: what the law and gravity left, nothing of the solver's."""
-        body.velocity = float(self.q[3]), float(self.q[4])
-        body.angular_velocity = float(self.q[5])
+        body.velocity = float(self.q[VX]), float(self.q[VY])
+        body.angular_velocity = float(self.q[OMEGA])
 
     # ------------------------------------------------------------------------------------------------------
 
     def _write_body(self) -> None:
-        self.body.position = float(self.q[0]), float(self.q[1])
-        self.body.angle = float(self.q[2])
-        self.body.velocity = float(self.q[3]), float(self.q[4])
-        self.body.angular_velocity = float(self.q[5])
+        self.body.position = float(self.q[X]), float(self.q[Y])
+        self.body.angle = float(self.q[THETA])
+        self.body.velocity = float(self.q[VX]), float(self.q[VY])
+        self.body.angular_velocity = float(self.q[OMEGA])
 
     def _feel_ground(self) -> None:
         """Facets near the starting pose, asked of pymunk, and the depths of the contact points there."""
@@ -171,20 +191,15 @@ class PymunkRelease:
         near = [self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape]
         self._near = sorted(near)
         if near:
-            ints, reals = self._contacts
-            found_i, found_r, _ = self._scratch
-            contact_step.begin(
-                self.q, min(near), max(near) + 1, self._ground, self._block, ints, reals, found_i, found_r
-            )
+            contact_step.begin(self.q, self._range(), self._world, self._memory, self._found)
 
     def _advance_contact(self, dt: float) -> None:
-        ints, reals = self._contacts
+        ints = self._memory.ints
         gone = 0.0
         while dt - gone > 1e-12 * dt:
             gone += contact_step.step(
-                self.q, dt - gone, self._near[0], self._near[-1] + 1, self.gravity, self._ground, self._block,
-                self.table, ints, reals, *self._scratch, self.audit, False,
-            )  # fmt: skip
+                self.q, dt - gone, self._range(), self._world, self._contacts, self.audit, False
+            )
             knot = self.knot_now()._replace(time=self.time + gone)
             if knot.active and self._zone < 0:
                 self._zone = int(ints[np.flatnonzero(ints[:, contact_state.ACTIVE])[0], contact_state.ZONE])
@@ -196,27 +211,27 @@ class PymunkRelease:
 
     def _depart(self) -> Departure:
         """Let the block depart from the impact that has just ended."""
-        departure = Departure(self.table[self._zone], float(self.audit[contact_step.RECOIL]))
+        departure = Departure(self.table[self._zone], float(self.audit[RECOIL]))
         if end_impact(self.q, np.zeros(N_IMPACT), departure.row, self._block, self.audit):
-            found_i, found_r, _ = self._scratch
-            near = self._near[0], self._near[-1] + 1
-            contact_step.look_again(
-                self.q, *near, self._ground, self._block, *self._contacts, found_i, found_r
-            )
+            contact_step.look_again(self.q, self._range(), self._world, self._memory, self._found)
         self._zone = -1
         return departure
+
+    def _range(self) -> tuple[int, int]:
+        """First and one past the last index of the facets that the block is near."""
+        return self._near[0], self._near[-1] + 1
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            eased = contact_energy.ease(self._start["kinetic"], self._block, *self._contacts, self.table)
-            return self.contact_step * float(eased)
+            growth = contact_energy.step_growth(self._start["kinetic"], self._block, self._memory, self.table)
+            return self.contact_step * float(growth)
         longest, extra = air_stride(self.q, self.gravity, self._block)
         limit = min(longest, LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
         margin = MARGIN * self.block.radius_m
-        speed = math.hypot(self.q[3], self.q[4])
+        speed = math.hypot(self.q[VX], self.q[VY])
         far = limit * (speed + 0.5 * (self.gravity + extra) * limit) + 2 * self.block.reach_m
-        hit = self.space.point_query_nearest((self.q[0], self.q[1]), far, pymunk.ShapeFilter(group=1))
+        hit = self.space.point_query_nearest((self.q[X], self.q[Y]), far, pymunk.ShapeFilter(group=1))
         if hit is None:
             return limit
         # distance to the facets' margin, less a tenth of it: the handler must see the block in time
@@ -252,7 +267,7 @@ class PymunkRelease:
 
     def pressure(self) -> tuple[float, float, int]:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
-        return contact_energy.pressure(*self._contacts, self.table)
+        return contact_energy.pressure(self._memory, self.table)
 
     def knot_now(self) -> Knot:
         """The present state as a knot."""
@@ -264,11 +279,11 @@ class PymunkRelease:
         facets = self._ground.facets
         if not self._near:
             return -math.inf
-        return float(point_depth(self.q[0], self.q[1], facets, self._near[0], self._near[-1] + 1)[0])
+        return float(point_depth(self.q[X], self.q[Y], facets, self._near[0], self._near[-1] + 1)[0])
 
     def first_zone(self) -> str:
         """Zone of the first active contact."""
-        ints, _ = self._contacts
+        ints = self._memory.ints
         active = np.flatnonzero(ints[:, contact_state.ACTIVE])
         return self.cross_section.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
 
@@ -276,14 +291,14 @@ class PymunkRelease:
         """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
         m, q = self.block.mass_kg, self.q
         return {
-            "kinetic": 0.5 * m * float(q[3] ** 2 + q[4] ** 2)
-            + 0.5 * self.block.inertia_kg_m2 * float(q[5] ** 2),
-            "potential": m * self.gravity * float(q[1]),
-            "elastic": float(contact_energy.stored_energy(*self._contacts, self.table)),
-            "plastic": float(self.audit[contact_step.PLASTIC]),
-            "friction": float(self.audit[contact_step.FRICTION]),
-            "rolling": float(self.audit[contact_step.ROLLING]),
-            "effects": float(self.audit[contact_step.EFFECTS]),
+            "kinetic": 0.5 * m * float(q[VX] ** 2 + q[VY] ** 2)
+            + 0.5 * self.block.inertia_kg_m2 * float(q[OMEGA] ** 2),
+            "potential": m * self.gravity * float(q[Y]),
+            "elastic": float(contact_energy.stored_energy(self._memory, self.table)),
+            "plastic": float(self.audit[PLASTIC]),
+            "friction": float(self.audit[FRICTION]),
+            "rolling": float(self.audit[ROLLING]),
+            "effects": float(self.audit[EFFECTS]),
         }
 
     def energy_balance(self) -> dict[str, float]:
@@ -330,7 +345,7 @@ def run_pymunk(
     log = _ImpactLog(sim)
     log.add(sim.knot_now())
     knots.append(np.concatenate([[0.0], sim.q]))
-    watch = np.empty(8)
+    watch = np.empty(rest.N_WATCH)
     rest.forget_rest(watch)
     stop, airy = "time", bool(in_air(sim._block))
     while sim.time < time_limit_s:
@@ -339,7 +354,7 @@ def run_pymunk(
             flight.append((free or (knot.active == 0 and not log.open)) and not airy)
             knots.append(np.concatenate([[knot.time], knot.q]))
             log.add(knot)
-        if not x_exit[0] <= sim.q[0] <= x_exit[1]:
+        if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
         if knot.depth > 0.5 * block.radius_m and sim.centroid_depth_m() > 0:
@@ -390,7 +405,7 @@ class _ImpactLog:
             return
         self.open["penetration_m"] = max(self.open["penetration_m"], knot.depth)
         self.open["force_N"] = max(self.open["force_N"], knot.force)
-        if knot.force > contact_step.PRESSED * self.open["force_N"]:
+        if knot.force > LEAST_PRESSURE * self.open["force_N"]:
             self._left = None
         elif self._left is None:
             self._left = knot
@@ -408,9 +423,7 @@ class _ImpactLog:
             state = knot.q.copy()
             depart(state, *departure)
             knot = knot._replace(q=state)
-        values = [np.nan] * 7 if knot is None else [knot.time, *map(float, knot.q)]
-        for name, value in zip(("t_s", *STATE_NAMES), values, strict=True):
-            stem, _, unit = name.partition("_")
-            self.open[f"{stem}_after_{unit}"] = value
+        values = [np.nan] * len(INSTANT_NAMES) if knot is None else [knot.time, *map(float, knot.q)]
+        self.open.update(zip(map(after, INSTANT_NAMES), values, strict=True))
         self.impacts.append(self.open)
         self.open = None

@@ -2,39 +2,82 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.effects.forces import FIRST, departure
 from rock2d.engines.contact_energy import kinetic_energy
 from rock2d.engines.contact_state import ACTIVE, ZONE
-from rock2d.engines.contact_step import EFFECTS, PRESSED, RECOIL
 from rock2d.engines.event_detection import hermite_root
 from rock2d.engines.free_flight import fly, in_air
+from rock2d.records.columns import (
+    AFTER,
+    AFTER_INSTANT,
+    AT,
+    BEFORE,
+    EFFECTS,
+    I_FORCE,
+    I_PENETRATION,
+    I_TIME,
+    I_TIME_AFTER,
+    I_ZONE,
+    KNOT_FLIGHT,
+    N_POSE,
+    N_STATE,
+    OMEGA,
+    RECOIL,
+    THETA,
+    TIME,
+    VX,
+    VY,
+    X,
+    Y,
+)
 
-# one impact: zone id, t, state before (6), t after, state after (6), penetration, force
-N_IMPACT = 17
+# of an impact's largest force: below it the ground no longer presses
+LEAST_PRESSURE = 1e-6
+# columns of a measure line: its two ends
+LINE_X, LINE_Y, LINE_END_X, LINE_END_Y = range(4)
+
+
+class Recorder(NamedTuple):
+    """Where a release writes what it leaves."""
+
+    lines: np.ndarray  # (lines, 4) end points of measure lines, NaN where there are fewer
+    times: np.ndarray  # (times,) instants in s at which the pose is sampled, in order
+    impacts: np.ndarray  # (room, N_IMPACT)
+    crossings: np.ndarray  # (lines, N_INSTANT), NaN where a line was not crossed
+    samples: np.ndarray  # (times, 3)
+    audit: np.ndarray  # (N_AUDIT,)
+    knots: np.ndarray  # (room, N_KNOT); no room: no knots
 
 
 @kernel
-def cross(t, q0, tau, q1, flight, gravity, block, lines, crossings):
-    """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new."""
+def cross(interval, q0, q1, flight, world, recorder):
+    """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new.
+
+    interval : (time in s at q0, time in s from there to q1)
+    """
+    t, tau = interval
+    block, gravity, lines, crossings = world.block, world.gravity, recorder.lines, recorder.crossings
     new = 0
     for k in range(lines.shape[0]):
-        if crossings[k, 0] == crossings[k, 0] or lines[k, 0] != lines[k, 0]:
+        if crossings[k, TIME] == crossings[k, TIME] or lines[k, LINE_X] != lines[k, LINE_X]:
             continue
-        ax, ay = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
-        side0 = (q0[1] - lines[k, 1]) * ax - (q0[0] - lines[k, 0]) * ay
-        side1 = (q1[1] - lines[k, 1]) * ax - (q1[0] - lines[k, 0]) * ay
+        ax, ay = lines[k, LINE_END_X] - lines[k, LINE_X], lines[k, LINE_END_Y] - lines[k, LINE_Y]
+        side0 = (q0[Y] - lines[k, LINE_Y]) * ax - (q0[X] - lines[k, LINE_X]) * ay
+        side1 = (q1[Y] - lines[k, LINE_Y]) * ax - (q1[X] - lines[k, LINE_X]) * ay
         when = -1.0
         if flight and in_air(block):
             if side0 * side1 >= 0.0:
                 continue
-            rate0, rate1 = q0[4] * ax - q0[3] * ay, q1[4] * ax - q1[3] * ay
+            rate0, rate1 = q0[VY] * ax - q0[VX] * ay, q1[VY] * ax - q1[VX] * ay
             when = hermite_root(side0, rate0, side1, rate1, tau)
         elif flight:
             # a s² + b s + c = 0, the side of the line along the parabola
-            a, b = -0.5 * gravity * ax, q0[4] * ax - q0[3] * ay
+            a, b = -0.5 * gravity * ax, q0[VY] * ax - q0[VX] * ay
             if a == 0.0:
                 if b != 0.0:
                     when = -side0 / b
@@ -45,7 +88,7 @@ def cross(t, q0, tau, q1, flight, gravity, block, lines, crossings):
                     low, high = root / a, side0 / root if root != 0.0 else 0.0
                     if low > high:
                         low, high = high, low
-                    x, y = q0[0] + q0[3] * low, q0[1] + q0[4] * low - 0.5 * gravity * low * low
+                    x, y = q0[X] + q0[VX] * low, q0[Y] + q0[VY] * low - 0.5 * gravity * low * low
                     when = low if low > 0.0 and _on_line(x, y, lines[k], ax, ay) else high
             if not 0.0 < when <= tau:
                 continue
@@ -53,30 +96,31 @@ def cross(t, q0, tau, q1, flight, gravity, block, lines, crossings):
             when = tau * side0 / (side0 - side1)
         else:
             continue
-        found = crossings[k, 1:]
+        found = crossings[k, AT]
         copy(q0, found)
         if flight:
             fly(found, when, gravity, block)
         else:
             s = when / tau
-            for i in range(6):
+            for i in range(N_STATE):
                 found[i] = q0[i] + s * (q1[i] - q0[i])
-        if not _on_line(found[0], found[1], lines[k], ax, ay):
+        if not _on_line(found[X], found[Y], lines[k], ax, ay):
             found[:] = np.nan
             continue
-        crossings[k, 0] = t + when
+        crossings[k, TIME] = t + when
         new += 1
     return new
 
 
 @kernel
-def near_line(q, reach, lines, crossings):
+def near_line(q, reach, recorder):
     """True if the centroid is within `reach` of a measure line that it has not crossed."""
+    lines, crossings = recorder.lines, recorder.crossings
     for k in range(lines.shape[0]):
-        if crossings[k, 0] == crossings[k, 0] or lines[k, 0] != lines[k, 0]:
+        if crossings[k, TIME] == crossings[k, TIME] or lines[k, LINE_X] != lines[k, LINE_X]:
             continue
-        ax, ay = lines[k, 2] - lines[k, 0], lines[k, 3] - lines[k, 1]
-        dx, dy = q[0] - lines[k, 0], q[1] - lines[k, 1]
+        ax, ay = lines[k, LINE_END_X] - lines[k, LINE_X], lines[k, LINE_END_Y] - lines[k, LINE_Y]
+        dx, dy = q[X] - lines[k, LINE_X], q[Y] - lines[k, LINE_Y]
         along = min(max((dx * ax + dy * ay) / (ax * ax + ay * ay), 0.0), 1.0)
         dx, dy = dx - along * ax, dy - along * ay
         if dx * dx + dy * dy < reach * reach:
@@ -86,37 +130,50 @@ def near_line(q, reach, lines, crossings):
 
 @kernel
 def _on_line(x, y, line, ax, ay):
-    at = ((x - line[0]) * ax + (y - line[1]) * ay) / (ax * ax + ay * ay)
+    at = ((x - line[LINE_X]) * ax + (y - line[LINE_Y]) * ay) / (ax * ax + ay * ay)
     return 0.0 <= at <= 1.0
 
 
 @kernel
-def is_spent(q, stored, gravity, block, lines, crossings):
-    """True if no measure line that was not crossed begins low enough for the energy that is left."""
-    highest = q[1] + (kinetic_energy(q, block) + stored) / (block.mass * gravity)
+def is_spent(q, stored, world, recorder):
+    """True if no measure line that was not crossed begins low enough for the energy that is left.
+
+    stored : energy in J that the springs of contacts hold
+    """
+    lines, crossings = recorder.lines, recorder.crossings
+    highest = q[Y] + (kinetic_energy(q, world.block) + stored) / (world.block.mass * world.gravity)
     for k in range(lines.shape[0]):
-        if crossings[k, 0] != crossings[k, 0] and min(lines[k, 1], lines[k, 3]) <= highest:
+        if (
+            crossings[k, TIME] != crossings[k, TIME]
+            and min(lines[k, LINE_Y], lines[k, LINE_END_Y]) <= highest
+        ):
             return False
     return True
 
 
 @kernel
-def sample(t, q0, tau, q1, parabola, gravity, times, at, samples):
-    """Fill the samples that lie in (t, t + tau]; returns the index of the next one."""
+def sample(interval, q0, q1, parabola, gravity, recorder, at):
+    """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
+
+    interval : (t in s at q0, tau in s from there to q1); parabola: whether the way is a free flight; at: index of the
+    first sample beyond t
+    """
+    t, tau = interval
+    times, samples = recorder.times, recorder.samples
     while at < times.size and times[at] <= t + tau:
         s = times[at] - t
         if parabola:
-            samples[at, 0] = q0[0] + q0[3] * s
-            samples[at, 1] = q0[1] + q0[4] * s - 0.5 * gravity * s * s
-            samples[at, 2] = q0[2] + q0[5] * s
+            samples[at, X] = q0[X] + q0[VX] * s
+            samples[at, Y] = q0[Y] + q0[VY] * s - 0.5 * gravity * s * s
+            samples[at, THETA] = q0[THETA] + q0[OMEGA] * s
         else:
             u = s / tau
-            for i in range(3):
+            for i in range(N_POSE):
                 samples[at, i] = (
                     q0[i] * (1 + 2 * u) * (1 - u) ** 2
-                    + q0[i + 3] * tau * u * (1 - u) ** 2
+                    + q0[i + VX] * tau * u * (1 - u) ** 2
                     + q1[i] * u * u * (3 - 2 * u)
-                    + q1[i + 3] * tau * u * u * (u - 1)
+                    + q1[i + VX] * tau * u * u * (u - 1)
                 )
         at += 1
     return at
@@ -124,24 +181,27 @@ def sample(t, q0, tau, q1, parabola, gravity, times, at, samples):
 
 @kernel
 def knot(knots, used, t, q, flight):
+    """Note a knot if there is room; returns the number of knots, those without room included."""
     if used < len(knots):
-        knots[used, 0] = t
-        copy(q, knots[used, 1:7])
-        knots[used, 7] = flight
+        knots[used, TIME] = t
+        copy(q, knots[used, AT])
+        knots[used, KNOT_FLIGHT] = flight
     return used + 1
 
 
 @kernel
-def open_impact(current, t, q, ints):
-    current[0] = -1.0
+def open_impact(current, t, q, memory):
+    """Begin the record of an impact at time t, in the zone of the first active contact."""
+    ints = memory.ints
+    current[I_ZONE] = -1.0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            current[0] = ints[j, ZONE]
+            current[I_ZONE] = ints[j, ZONE]
             break
-    current[1] = t
-    copy(q, current[2:8])
-    current[8:15] = np.nan
-    current[15], current[16] = 0.0, 0.0
+    current[I_TIME] = t
+    copy(q, current[BEFORE])
+    current[AFTER_INSTANT] = np.nan
+    current[I_PENETRATION], current[I_FORCE] = 0.0, 0.0
 
 
 @kernel
@@ -150,13 +210,13 @@ def note_pressure(current, left, force, depth, t, q):
 
     Returns whether the ground has ceased to press; the state is noted where it last did.
     """
-    current[15] = max(current[15], depth)
-    current[16] = max(current[16], force)
-    if force > PRESSED * current[16]:
+    current[I_PENETRATION] = max(current[I_PENETRATION], depth)
+    current[I_FORCE] = max(current[I_FORCE], force)
+    if force > LEAST_PRESSURE * current[I_FORCE]:
         return False
     if not left:
-        current[8] = t
-        copy(q, current[9:15])
+        current[I_TIME_AFTER] = t
+        copy(q, current[AFTER])
     return True
 
 
@@ -164,7 +224,7 @@ def note_pressure(current, left, force, depth, t, q):
 def depart(state, row, recoil):
     """What effects make of a block's velocities at the end of an impact in the zone of `row`: back from the frame of
     recoiling ground, and whatever laws of departure say."""
-    state[3], state[4], state[5] = departure(row, FIRST, state[3] - recoil, state[4], state[5])
+    state[VX], state[VY], state[OMEGA] = departure(row, FIRST, state[VX] - recoil, state[VY], state[OMEGA])
 
 
 @kernel
@@ -172,7 +232,7 @@ def end_impact(q, current, row, block, audit):
     """Let the block depart from the open impact, and take what that takes into the audit. Returns whether it did."""
     before = kinetic_energy(q, block)
     depart(q, row, audit[RECOIL])
-    depart(current[9:15], row, audit[RECOIL])
+    depart(current[AFTER], row, audit[RECOIL])
     audit[RECOIL] = 0.0
     taken = before - kinetic_energy(q, block)
     audit[EFFECTS] += taken
@@ -185,5 +245,5 @@ def close_impact(current, left, impacts, count):
     if count < len(impacts):
         copy(current, impacts[count])
         if not left:
-            impacts[count, 8:15] = np.nan
+            impacts[count, AFTER_INSTANT] = np.nan
     return count + 1

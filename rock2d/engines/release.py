@@ -1,28 +1,37 @@
 """One release of the batch engine from its start to its end, compiled.
 
-Flight is not stepped: a lower bound of the time to the ground carries the block there in a few exact parabolas; then
+Flight is not stepped: a lower bound of the time to the ground carries the block there in a few exact parabolas. Then
 contact steps take over until the block is clear again: a full one where contacts begin, change or end, fast ones
-(`press`) in between.
+(`fast_contact_steps`) in between.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.forces import ACTS
-from rock2d.engines import contact_energy, contact_state, contact_step, fast_contact_steps, rest
+from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
-    DEPTH_MAX,
-    N_INTS,
-    N_REALS,
     OFFSET,
+    PEAK,
     RATE,
     SMOOTH_CONTACTS,
     VERTEX_CONTACTS,
     ZONE,
+)
+from rock2d.engines.fast_contact_steps import (
+    GUARD,
+    GUARD_LEFT,
+    TURN_ARM,
+    Horizon,
+    StepSizes,
+    fast_contact_steps,
+    floats,
 )
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import (
@@ -33,13 +42,15 @@ from rock2d.engines.geometry import (
     POINT_Y,
     BlockArrays,
     GroundArrays,
+    WorldArrays,
     facet_range,
     near_depth,
     point_depth,
     polygon_depth,
+    pose_of,
 )
+from rock2d.engines.guard import guard_distance
 from rock2d.engines.recording import (
-    N_IMPACT,
     close_impact,
     cross,
     end_impact,
@@ -52,16 +63,54 @@ from rock2d.engines.recording import (
 )
 from rock2d.engines.time_to_contact import safe_time, time_to_ground
 from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
+from rock2d.records.columns import (
+    EFFECTS,
+    I_PENETRATION,
+    I_ZONE,
+    N_IMPACT,
+    N_POSE,
+    N_STATE,
+    OMEGA,
+    THETA,
+    VX,
+    VY,
+    X,
+    Y,
+)
 
 STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
-TIME, REST, EXIT, IMPACTS, SPENT, BURIED = range(6)
-EASE_LIMIT = 4.0  # growth of contact steps as the motion dies down: a quarter of a radian is the most
-LOOK_EVERY = 8  # contact steps between two looks at what energy is left
-LAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
-VIEW = 2.0  # radii to each side within which a contact knows the ground
+STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED = range(len(STOPS))
+LARGEST_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
+STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
+LEAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
+VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 LONGEST_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
-FREE_STEP = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
+FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
+BURIED_SEARCH = 0.5  # radii of penetration from which a centroid may be buried
+TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
+
+
+class StopRules(NamedTuple):
+    """When a release ends before the block lies still."""
+
+    time_limit: float  # s
+    impact_limit: int  # at the end of so many impacts; 0: no limit
+    spent: bool  # when no measure line that was not crossed is within reach of the energy left
+    captured: bool  # when the energy left cannot carry the block on, see `rest.captured`
+
+
+class Workspace(NamedTuple):
+    """Scratch of one release."""
+
+    memory: contact_state.Contacts
+    found: contact_state.Contacts
+    scratch: contact_step.Scratch
+    stack: np.ndarray  # (TREE_STACK,)
+    old: np.ndarray  # (6,) the state before the step at hand
+    anchor: np.ndarray  # (4,) the pose whose guard is known, and the guard in m (0: none)
+    watch: np.ndarray  # (8,) see `rest.watch_rest`
+    impact: np.ndarray  # (N_IMPACT,) the open impact
 
 
 @njit
@@ -81,241 +130,257 @@ def _ground(packed, i):
 
 
 @njit
-def release(
-    packed, q, block_id, cross_section_id, table_id, h_loading, h_contact, gravity, time_limit, impact_limit, spent,
-    settled, times, impacts, crossings, samples, audit, knots,
-):  # fmt: skip
-    """One release; q ends as the last state. Returns (stop, time, number of impacts, number of knots)."""
+def release(packed, q, ids, gravity, step_sizes, rules, recorder):
+    """One release; q ends as the last state.
+
+    packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
+    step_sizes : contact steps in s, (while every contact is in first loading, else)
+    rules : StopRules; recorder : `recording.Recorder`
+
+    Returns (index into STOPS, time in s, number of impacts, number of knots).
+    """
+    block_id, cross_section_id, table_id = ids
     block, ground = _block(packed, block_id), _ground(packed, cross_section_id)
     tree = packed.trees[packed.tree_start[cross_section_id] : packed.tree_start[cross_section_id + 1]]
     corners = block.sides.shape[0]
     convex = int(packed.ground_reals[cross_section_id, 5])
     n = corners + min(VERTEX_CONTACTS, convex) if corners > 0 else SMOOTH_CONTACTS
-    ints, found_i = np.zeros((n, N_INTS), np.int64), np.zeros((n, N_INTS), np.int64)
-    reals, found_r = np.zeros((n, N_REALS)), np.zeros((n, N_REALS))
-    contact_state.clear(ints, reals)
-    return _descend(
-        block, ground, tree, packed.lines[cross_section_id], packed.tables[table_id], q, h_loading, h_contact, gravity,
-        time_limit, impact_limit, spent, settled, times, impacts, crossings, samples, audit, knots, ints, reals,
-        found_i, found_r, contact_step.scratch(n), np.empty(64, np.int64), np.empty((3, 8)), np.full(N_IMPACT, np.nan),
+    workspace = Workspace(
+        contact_state.new_contacts(n), contact_state.new_contacts(n), contact_step.new_scratch(n),
+        np.empty(TREE_STACK, np.int64), np.empty(N_STATE), np.empty(N_POSE + 1), np.empty(rest.N_WATCH),
+        np.full(N_IMPACT, np.nan),
     )  # fmt: skip
+    world = WorldArrays(block, ground, packed.tables[table_id], gravity)
+    h_loading, h_contact = step_sizes
+    sizes = StepSizes(h_loading, FLOATING_STEPS * h_contact, h_contact)
+    return _descend(world, tree, q, sizes, rules, recorder, workspace)
 
 
 @kernel
-def _descend(
-    block, ground, tree, lines, params, q, h_loading, h_contact, gravity, time_limit, impact_limit, spent, settled,
-    times, impacts, crossings, samples, audit, knots, ints, reals, found_i, found_r, work, stack, room, current,
-):  # fmt: skip
-    """`release` on prepared arrays: `room` (3, 8), `stack` and `work` are scratch, `current` an impact's row."""
-    old, anchor, watch = room[0, :6], room[1, :4], room[2]
-    anchor[3] = 0.0
+def _descend(world, tree, q, sizes, rules, recorder, workspace):
+    """`release` on prepared arrays."""
+    memory, found, scratch, stack, old, anchor, watch, current = workspace
+    contacts = (memory, found, scratch)
+    block, ground, law, gravity = world.block, world.ground, world.law, world.gravity
+    lines, times, audit, knots = recorder.lines, recorder.times, recorder.audit, recorder.knots
+    spent, time_limit, h_contact = rules.spent, rules.time_limit, sizes.other
+    anchor[GUARD] = 0.0
     radius, corners = block.radius, block.sides.shape[0]
     highest_energy = 0.0  # kinetic, at the beginning of any contact so far
-    t, stop, count, at, used = 0.0, TIME, 0, 0, 0
+    # numba compiles a function once more for each literal that is passed to it: these are none
+    zero, no = np.int64(0), corners < 0
+    t, stop, count, at, used = 0.0, STOP_TIME, zero, zero, zero
     while at < times.size and times[at] <= 0.0:
-        copy(q[0:3], samples[at])
+        copy(q[:N_POSE], recorder.samples[at])
         at += 1
-    # the impact that is open: its record, whether and where the ground has ceased to press
-    is_open, left = False, False
+    # the impact that is open: whether there is one, and whether the ground has ceased to press
+    is_open, left = no, no
     rest.forget_rest(watch)
-    active, steps, looked, eased = 0, 0, 0, 1.0
-    stale = False  # whether the contacts have not looked at the ground since the block moved
-    noticed = False  # whether the contacts know the ground at the present pose
+    active, steps, looked, growth = zero, zero, zero, 1.0
+    stale = no  # whether the contacts have not looked at the ground since the block moved
+    noticed = no  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
 
     while t < time_limit:
-        if not ground.x_low <= q[0] <= ground.x_high:
-            stop = EXIT
+        if not ground.x_low <= q[X] <= ground.x_high:
+            stop = STOP_EXIT
             break
-        if active == 0:
-            speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
+        flying = active == 0
+        if flying:
             longest, extra = air_stride(q, gravity, block)
-            tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
-            least = h_contact if corners > 0 else LAST_STRIDE * h_contact
-            if tau < least and corners > 0:
-                f0, f1 = facet_range(ground, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
-                gap = _gap(q, ground, block, f0, f1)
-                if gap > 0.0:
-                    # no farther than the facets that were looked at
-                    tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[5]) * radius, gravity + extra)
-            if tau >= least:
+            tau = _time_aloft(q, extra, world, tree, stack, h_contact)
+            if tau >= (h_contact if corners > 0 else LEAST_STRIDE * h_contact):
                 tau = min(tau, longest, time_limit - t)
                 copy(q, old)
                 used = knot(knots, used, t, q, 0.0 if airy else 1.0)
-                audit[contact_step.EFFECTS] += fly(q, tau, gravity, block)
-                new = cross(t, old, tau, q, True, gravity, block, lines, crossings)
-                at = sample(t, old, tau, q, not airy, gravity, times, at, samples)
+                audit[EFFECTS] += fly(q, tau, gravity, block)
+                new = cross((t, tau), old, q, flying, world, recorder)
+                at = sample((t, tau), old, q, not airy, gravity, recorder, at)
                 t += tau
                 noticed = stale = False
-                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, gravity, block, lines, crossings):
-                    stop = SPENT
+                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, world, recorder):
+                    stop = STOP_SPENT
                     break
                 continue
 
         # near the ground or on it
         if steps >= looked:
-            looked = steps + LOOK_EVERY
-            eased = min(EASE_LIMIT, contact_energy.ease(highest_energy, block, ints, reals, params))
+            looked = steps + STEPS_BETWEEN_LOOKS
+            growth = contact_energy.step_growth(highest_energy, block, memory, law)
+            growth = min(LARGEST_STEP_GROWTH, growth)
             if active > 0 and is_open:
-                if settled and rest.captured(q, gravity, ground, block, params, ints, reals):
-                    stop = REST
+                if rules.captured and rest.captured(q, world, memory):
+                    stop = STOP_REST
                     break
                 if rest.watch_rest(watch, t, q, radius, gravity):
-                    stop = REST
+                    stop = STOP_REST
                     break
                 if spent:
-                    stored = contact_energy.stored_energy(ints, reals, params)
-                    if is_spent(q, stored, gravity, block, lines, crossings):
-                        stop = SPENT
+                    stored = contact_energy.stored_energy(memory, law)
+                    if is_spent(q, stored, world, recorder):
+                        stop = STOP_SPENT
                         break
-        h = h_contact * eased
+        h = h_contact * growth
         copy(q, old)
-        flying = active == 0
-        pace = max(np.sqrt(q[3] * q[3] + q[4] * q[4]) + abs(q[5]) * radius, 1e-300)
-        if active > 0 and anchor[3] > 0.0:
-            # as fast as the block may become in so many steps, if the springs give all that they hold
-            held = contact_energy.kinetic_energy(q, block) + contact_energy.stored_energy(ints, reals, params)
-            span = LOOK_EVERY * FREE_STEP * h
-            reach = span * (np.sqrt(2.0 * held / block.mass) + abs(gravity) * span)
-            near = len(lines) > 0 and near_line(q, min(reach, 2.0 * anchor[3]), lines, crossings)
+        if active > 0 and anchor[GUARD] > 0.0:
+            near = len(lines) > 0 and near_line(
+                q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), recorder
+            )
             pause = times[at] if at < times.size else np.inf
-            until, done, left, why = fast_contact_steps.press(
-                q, t, 1 if near or recording else looked - steps, h_loading * eased, h, FREE_STEP * h, time_limit,
-                pause, anchor, gravity, ground, block, params, ints, reals, work, audit, current, left,
-            )  # fmt: skip
+            horizon = Horizon(1 if near or recording else looked - steps, time_limit, pause)
+            grown = StepSizes(sizes.loading * growth, FLOATING_STEPS * h, h)
+            until, done, left, why = fast_contact_steps(
+                q, t, (horizon, grown), anchor, world, contacts, (current, left, audit)
+            )
             steps += done
             if why > 0:
-                fresh = why == fast_contact_steps.GUARD_LEFT and (
-                    done > 0 or old[0] != anchor[0] or old[1] != anchor[1]
-                )
-                anchor[3] = 0.0
-                if fresh:
-                    f0, f1 = facet_range(ground, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                    set_anchor(anchor, q, h, f0, f1, ground, block, ints)
+                moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
+                anchor[GUARD] = 0.0
+                if why == GUARD_LEFT and moved:
+                    _set_anchor(anchor, q, h, world, memory)
             stale = stale or done > 0
             if done == 0:
                 continue
             used = knot(knots, used, t, old, 0.0)
         else:
             steps += 1
-            floating, near = False, True
+            near = True
+            loading, floating = _pressing(memory, law, FLOATING_STEPS * h)
+            floating = floating and left and active > 0
             if active > 0:
-                loading, floating = pressing(ints, reals, params, FREE_STEP * h)
-                floating = floating and left
-                h = FREE_STEP * h if floating else (h_loading * eased if loading else h)
+                h = FLOATING_STEPS * h if floating else (sizes.loading * growth if loading else h)
+            pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * radius, 1e-300)
             h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))
-            reach = near_reach(q, h, gravity, radius)
-            f0, f1 = facet_range(ground, q[0] - reach, q[0] + reach)
+            half = near_reach(q, h, gravity, radius)
+            seen = facet_range(ground, q[X] - half, q[X] + half)
             if active == 0 and not noticed:
-                contact_state.clear(ints, reals)
-                active = contact_step.begin(q, f0, f1, ground, block, ints, reals, found_i, found_r)
+                contact_state.clear(memory)
+                active = contact_step.begin(q, seen, world, memory, found)
                 noticed = True
                 if active > 0:
                     is_open, left = True, False
-                    open_impact(current, t, q, ints)
+                    open_impact(current, t, q, memory)
                     highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             flying = active == 0
             if stale:
-                contact_step.look_again(q, f0, f1, ground, block, ints, reals, found_i, found_r)
+                contact_step.look_again(q, seen, world, memory, found)
                 stale = False
             used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
-            until = t + contact_step.step(
-                q,
-                h,
-                f0,
-                f1,
-                gravity,
-                ground,
-                block,
-                params,
-                ints,
-                reals,
-                found_i,
-                found_r,
-                work,
-                audit,
-                floating,
-            )
+            until = t + contact_step.step(q, h, seen, world, contacts, audit, floating)
             before = active
-            force, depth, active = contact_energy.pressure(ints, reals, params)
+            force, depth, active = contact_energy.pressure(memory, law)
             if is_open:
                 left = note_pressure(current, left, force, depth, until, q)
             elif active > 0:
                 is_open, left = True, False
-                open_impact(current, until, q, ints)
+                open_impact(current, until, q, memory)
                 highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
-                f0, f1 = facet_range(ground, q[0] - VIEW * radius, q[0] + VIEW * radius)
-                set_anchor(anchor, q, h, f0, f1, ground, block, ints)
+                _set_anchor(anchor, q, h, world, memory)
         gone = until - t
         if near:
-            cross(t, old, gone, q, flying, gravity, block, lines, crossings)
-        at = sample(t, old, gone, q, flying and not airy, gravity, times, at, samples)
+            cross((t, gone), old, q, flying, world, recorder)
+        at = sample((t, gone), old, q, flying and not airy, gravity, recorder, at)
         t = until
-        if is_open and current[15] > 0.5 * radius:
-            f0, f1 = facet_range(ground, q[0] - 2.0 * radius, q[0] + 2.0 * radius)
-            if point_depth(q[0], q[1], ground.facets, f0, f1)[0] > 0.0:
-                stop = BURIED
-                break
+        if is_open and current[I_PENETRATION] > BURIED_SEARCH * radius and _is_buried(q, world):
+            stop = STOP_BURIED
+            break
         if active == 0 and is_open:
-            noticed = noticed and not end_impact(q, current, params[int(current[0])], block, audit)
-            count = close_impact(current, left, impacts, count)
+            noticed = noticed and not end_impact(q, current, law[int(current[I_ZONE])], block, audit)
+            count = close_impact(current, left, recorder.impacts, count)
             is_open = False
             rest.forget_rest(watch)
-            if count == impact_limit:
-                stop = IMPACTS
+            if count == rules.impact_limit:
+                stop = STOP_IMPACTS
                 break
-            if spent and is_spent(q, 0.0, gravity, block, lines, crossings):
-                stop = SPENT
+            if spent and is_spent(q, 0.0, world, recorder):
+                stop = STOP_SPENT
                 break
-    if is_open and stop != IMPACTS:
-        count = close_impact(current, left, impacts, count)
-    while at < times.size and stop == REST:
-        copy(q[0:3], samples[at])
+    if is_open and stop != STOP_IMPACTS:
+        count = close_impact(current, left, recorder.impacts, count)
+    while at < times.size and stop == STOP_REST:
+        copy(q[:N_POSE], recorder.samples[at])
         at += 1
     used = knot(knots, used, t, q, 1.0)
     return stop, t, count, used
 
 
+@kernel
+def _time_aloft(q, extra, world, tree, stack, h_contact):
+    """Time in s for which the flying block surely stays clear of the ground.
+
+    extra : bound of the acceleration in m/s² beside gravity's; h_contact : contact step in s
+    """
+    block, ground, gravity, radius = world.block, world.ground, world.gravity, world.block.radius
+    tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
+    if tau < h_contact and block.sides.shape[0] > 0:
+        near = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
+        gap = _gap(q, near, world)
+        if gap > 0.0:
+            # no farther than the facets that were looked at
+            speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
+            tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[OMEGA]) * radius, gravity + extra)
+    return tau
+
+
+@kernel
+def _reach(q, h, world, memory):
+    """How far in m the centroid can come until the next look, if the springs give all the energy that they hold."""
+    held = contact_energy.kinetic_energy(q, world.block) + contact_energy.stored_energy(memory, world.law)
+    span = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
+    return span * (np.sqrt(2.0 * held / world.block.mass) + abs(world.gravity) * span)
+
+
 @kernel(inline="always")
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
-    return (np.sqrt(q[3] * q[3] + q[4] * q[4]) + gravity * h) * h + 1.1 * radius
+    return (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + gravity * h) * h + 1.1 * radius
 
 
 @kernel
-def set_anchor(anchor, q, h, f0, f1, ground, block, ints):
-    """Take q as the pose whose guard is known, if it lasts for a step of h; facets f0 to f1 - 1 reach VIEW radii to
-    each side."""
-    anchor[0], anchor[1], anchor[2] = q[0], q[1], q[2]
-    allowance = min(VIEW - 1.0, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
-    anchor[3] = fast_contact_steps.guard_distance(q, allowance, f0, f1, ground, block, ints)
-    if anchor[3] < h * (abs(q[3]) + abs(q[4]) + fast_contact_steps.TURN_ARM * block.radius * abs(q[5])):
-        anchor[3] = 0.0
+def _set_anchor(anchor, q, h, world, memory):
+    """Take q as the pose whose guard is known, if it lasts for a step of h (s)."""
+    block, ground = world.block, world.ground
+    near = facet_range(ground, q[X] - VIEW_RADII * block.radius, q[X] + VIEW_RADII * block.radius)
+    anchor[X], anchor[Y], anchor[THETA] = q[X], q[Y], q[THETA]
+    allowance = min(VIEW_RADII - 1.0, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
+    anchor[GUARD] = guard_distance(q, allowance, near, world, memory)
+    if anchor[GUARD] < h * (abs(q[VX]) + abs(q[VY]) + TURN_ARM * block.radius * abs(q[OMEGA])):
+        anchor[GUARD] = 0.0
 
 
 @kernel
-def pressing(ints, reals, params, step):
-    """(every contact goes deeper into first-loading soil, none touches the bottom of its indentation)."""
+def _pressing(memory, law, step):
+    """(every contact goes deeper in first loading, none touches the bottom of its indentation)."""
+    ints, reals = memory.ints, memory.reals
     loading, floating = True, True
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            p, pressed, peak = params[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX]
+            p, pressed, peak = law[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK]
             loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
             floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
-            floating = floating and fast_contact_steps.floats(
-                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step
-            )
+            floating = floating and floats(pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step)
     return loading, floating
 
 
 @kernel
-def _gap(q, ground, block, f0, f1):
-    """Lower bound of the distance between a polygon near the ground and the ground."""
-    x, y, c, s = q[0], q[1], np.cos(q[2]), np.sin(q[2])
+def _is_buried(q, world):
+    """Whether the centroid lies below the surface."""
+    ground, radius = world.ground, world.block.radius
+    f0, f1 = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
+    return point_depth(q[X], q[Y], ground.facets, f0, f1)[0] > 0.0
+
+
+@kernel
+def _gap(q, near, world):
+    """Lower bound in m of the distance between a polygon near the ground and the ground."""
+    pose = pose_of(q)
+    x, y, c, s = pose
+    block, ground = world.block, world.ground
     facets, sides = ground.facets, block.sides
+    f0, f1 = near
     gap = np.inf
     for i in range(sides.shape[0]):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
@@ -324,6 +389,6 @@ def _gap(q, ground, block, f0, f1):
         gap = min(gap, -depth - block.rounding)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:
-            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], x, y, c, s, sides)
+            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], pose, sides)
             gap = min(gap, -depth)
     return gap

@@ -6,19 +6,21 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.engines.contact_energy import kinetic_energy, stored_energy
-from rock2d.engines.contact_state import ACTIVE, DEPTH, DEPTH_MAX, INDEX, KIND, OFFSET, PART, ROTATION, ZONE
-from rock2d.engines.geometry import SMOOTH_FACET, contact_point, is_ball
+from rock2d.engines.contact_state import ACTIVE, DEPTH, INDEX, KIND, OFFSET, PART, PEAK, ROTATION, ZONE
+from rock2d.engines.geometry import SMOOTH_FACET, contact_point, is_ball, pose_of
 from rock2d.laws.contact import K_L, K_R, K_UL, MU, normal_force
+from rock2d.records.columns import VX, VY, X, Y
 
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
 # motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
 # below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
 # creeps without gaining speed. What slides above the friction angle, or tips, gains speed.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
-HOLD = 0.7  # of the friction must do to hold a captured block; the rest stops it
-STEEPEST = 100.0  # friction coefficient that stands for one without limit
+HOLDING_SHARE = 0.7  # of the friction must hold a captured block; what is over stops it
+LARGEST_FRICTION = 100.0  # friction coefficient that stands for one without limit
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before
 W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_BEFORE = range(8)
+N_WATCH = W_BEFORE + 1
 
 
 @kernel
@@ -31,7 +33,7 @@ def forget_rest(watch):
 @kernel
 def watch_rest(watch, t, q, radius, gravity):
     """Note the state at time t of a block in contact; True if it has come to rest (see REST_WINDOW)."""
-    x, y = q[0], q[1]
+    x, y = q[X], q[Y]
     if watch[W_TIME] < 0.0:
         watch[W_TIME], watch[W_X], watch[W_Y] = t, x, y
         watch[W_LOW_X], watch[W_HIGH_X], watch[W_LOW_Y], watch[W_HIGH_Y] = x, x, y, y
@@ -48,26 +50,25 @@ def watch_rest(watch, t, q, radius, gravity):
 
 
 @kernel
-def captured(q, gravity, ground, block, params, ints, reals):
+def captured(q, world, memory):
     """True if the energy that is left cannot carry the block farther than REST_DRIFT radii, but for the creep that the
     law grants a trembling block for ever.
 
-    It stands on contacts left and right of its centroid that hold it with HOLD of the friction (the rest stops it
-    within that way), and has not half the energy to tip over the nearer one; or it is a ball that friction holds,
-    that cannot leave its indentation, and that its rolling spring turns back.
+    Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the
+    rest stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that
+    friction holds, that cannot leave its indentation, and that its rolling spring turns back.
     """
-    energy = kinetic_energy(q, block) + stored_energy(ints, reals, params)
-    weight, radius = block.mass * gravity, block.radius
+    block, ground, law, ints, reals = world.block, world.ground, world.law, memory.ints, memory.reals
+    energy = kinetic_energy(q, block) + stored_energy(memory, law)
+    weight, radius = block.mass * world.gravity, block.radius
     if energy > weight * radius:
         return False
-    c, s = np.cos(q[2]), np.sin(q[2])
+    pose = pose_of(q)
     left, right, count, last = -1, -1, 0, -1  # the outermost contacts, how many, the last
     left_x, right_x = 0.0, 0.0
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
-            _, _, _, rx, _ = contact_point(
-                ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
-            )
+            _, _, _, rx, _ = contact_point(ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, block, ground)
             if rx < left_x:
                 left, left_x = j, rx
             if rx > right_x:
@@ -77,20 +78,20 @@ def captured(q, gravity, ground, block, params, ints, reals):
         support = min(-left_x, right_x)
         if energy > 0.25 * weight * support * support / radius:
             return False
-        low1, high1, y1, mu1 = _force_slopes(left, q, c, s, block, ground, params, ints)
-        low2, high2, y2, mu2 = _force_slopes(right, q, c, s, block, ground, params, ints)
-        if energy > REST_DRIFT * radius * weight * (1.0 - HOLD) * min(mu1, mu2):
+        low1, high1, y1, mu1 = _force_slopes(left, pose, world, ints)
+        low2, high2, y2, mu2 = _force_slopes(right, pose, world, ints)
+        if energy > REST_DRIFT * radius * weight * (1.0 - HOLDING_SHARE) * min(mu1, mu2):
             return False
-        return _stands(left_x, y1, low1, high1, right_x, y2, low2, high2)
+        return _stands((left_x, y1, low1, high1), (right_x, y2, low2, high2))
     j = last
     if count != 1 or ints[j, KIND] != SMOOTH_FACET or not is_ball(block):
         return False
-    p = params[ints[j, ZONE]]
-    depth, nx, ny, _, _ = contact_point(SMOOTH_FACET, ints[j, INDEX], 0, q[0], q[1], c, s, block, ground)
+    p = law[ints[j, ZONE]]
+    depth, nx, ny, _, _ = contact_point(ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, block, ground)
     if p[K_R] <= 0.0 or ny <= 0.0 or energy > REST_DRIFT * radius * weight * (p[MU] * ny - abs(nx)):
         return False
-    force = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, DEPTH_MAX], p[K_L], p[K_UL])
-    v_n = q[3] * nx + q[4] * ny
+    force = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
+    v_n = q[VX] * nx + q[VY] * ny
     if 0.5 * (block.mass * v_n * v_n + force * force / p[K_UL]) >= weight * ny * depth:
         return False
     pull = weight * abs(nx) * radius
@@ -99,27 +100,30 @@ def captured(q, gravity, ground, block, params, ints, reals):
 
 
 @kernel
-def _force_slopes(j, q, c, s, block, ground, params, ints):
-    """(least, greatest ratio of horizontal to upward force within HOLD of the friction cone of contact j, height of the
-    contact above the centroid, friction coefficient); an empty range if the cone does not point upward."""
+def _force_slopes(j, pose, world, ints):
+    """(least, greatest ratio of horizontal to upward force, height of contact j above the centroid in m, friction
+    coefficient): within HOLDING_SHARE of the friction cone. An empty range if the cone does not point upward."""
     _, nx, ny, _, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], q[0], q[1], c, s, block, ground
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], pose, world.block, world.ground
     )
-    mu = min(params[ints[j, ZONE], MU], STEEPEST)
-    most = HOLD * mu
+    mu = min(world.law[ints[j, ZONE], MU], LARGEST_FRICTION)
+    most = HOLDING_SHARE * mu
     if ny - most * abs(nx) <= 0.0:
         return 1.0, -1.0, ry, mu
     return (nx - most * ny) / (ny + most * nx), (nx + most * ny) / (ny - most * nx), ry, mu
 
 
 @kernel
-def _stands(x1, y1, low1, high1, x2, y2, low2, high2):
-    """True if a unit weight at the origin stands on contacts at (x1 < 0, y1) and (x2 > 0, y2) whose forces keep to
-    their ranges of slopes.
+def _stands(first, second):
+    """True if a unit weight at the origin stands on two contacts whose forces keep to their ranges of slopes.
+
+    first, second : (x, y, least slope, greatest slope), the first left and the second right of the origin
 
     The contacts push against each other with H, and bear f1 = a - b H and f2 = 1 - f1: an interval of H must meet
     low1 f1 <= H <= high1 f1, low2 f2 <= -H <= high2 f2, f1 >= 0 and f2 >= 0, all linear in H.
     """
+    x1, y1, low1, high1 = first
+    x2, y2, low2, high2 = second
     if low1 > high1 or low2 > high2:
         return False
     a, b = x2 / (x2 - x1), (y1 - y2) / (x2 - x1)

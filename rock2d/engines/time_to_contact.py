@@ -21,7 +21,9 @@ from rock2d.engines.geometry import (
     TANGENT_X,
     TANGENT_Y,
     is_ball,
+    pose_of,
 )
+from rock2d.records.columns import OMEGA, VX, VY, X, Y
 
 LEAF = 4  # facets in a leaf
 NO_BOX = 1.0e300
@@ -77,36 +79,41 @@ def _fall_time(gap, rate, pull):
 
 
 @kernel(inline="always")
-def _line_time(nx, ny, offset, q, c, s, gravity, extra, block):
+def _line_time(line, q, pose, pulls, block):
     """Lower bound of the time until a point of the block comes down to the line n · p = offset.
 
     A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation and ½ `extra` t² by other forces.
+
+    line : (n_x, n_y, offset); pulls : (gravity, extra) in m/s²
     """
-    height, rate = q[0] * nx + q[1] * ny - offset, q[3] * nx + q[4] * ny
+    nx, ny, offset = line
+    _, _, c, s = pose
+    gravity, extra = pulls
+    height, rate = q[X] * nx + q[Y] * ny - offset, q[VX] * nx + q[VY] * ny
     sides = block.sides
     n = sides.shape[0]
     if n == 0:
-        spin = 0.0 if is_ball(block) else abs(q[5]) * block.radius
+        spin = 0.0 if is_ball(block) else abs(q[OMEGA]) * block.radius
         return _fall_time(height - block.radius, rate - spin, gravity * ny + extra)
     height -= block.rounding
-    soonest, pull = NO_BOX, gravity * ny + q[5] * q[5] * block.radius + extra
+    soonest, pull = NO_BOX, gravity * ny + q[OMEGA] * q[OMEGA] * block.radius + extra
     for i in range(n):
         rx = c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         ry = s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        turning = q[5] * (rx * ny - ry * nx)
+        turning = q[OMEGA] * (rx * ny - ry * nx)
         soonest = min(soonest, _fall_time(height + rx * nx + ry * ny, rate + turning, pull))
     return soonest
 
 
 @kernel
-def _node_time(tree, node, q, c, s, speed, gravity, extra, block):
+def _node_time(tree, node, q, pose, speed, pulls, block):
     if tree[node, LOW_X] > tree[node, HIGH_X]:
         return NO_BOX
-    dx = max(max(tree[node, LOW_X] - q[0], q[0] - tree[node, HIGH_X]), 0.0)
-    dy = max(max(tree[node, LOW_Y] - q[1], q[1] - tree[node, HIGH_Y]), 0.0)
-    away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity + extra)
+    dx = max(max(tree[node, LOW_X] - q[X], q[X] - tree[node, HIGH_X]), 0.0)
+    dy = max(max(tree[node, LOW_Y] - q[Y], q[Y] - tree[node, HIGH_Y]), 0.0)
+    away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, pulls[0] + pulls[1])
     down = _line_time(
-        tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET], q, c, s, gravity, extra, block
+        (tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET]), q, pose, pulls, block
     )
     return max(away, down)
 
@@ -119,8 +126,8 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
     """
     leaves = tree.shape[0] // 2
     n = facets.shape[0] - 1
-    c, s = np.cos(q[2]), np.sin(q[2])
-    speed = np.sqrt(q[3] * q[3] + q[4] * q[4])
+    pose, pulls = pose_of(q), (gravity, extra)
+    speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
     stack[0] = 1
     top, soonest = 1, NO_BOX
     while top > 0:
@@ -129,8 +136,8 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
         if node < leaves:
             # the child that can be met first is looked at first
             near, far = 2 * node, 2 * node + 1
-            t_near = _node_time(tree, near, q, c, s, speed, gravity, extra, block)
-            t_far = _node_time(tree, far, q, c, s, speed, gravity, extra, block)
+            t_near = _node_time(tree, near, q, pose, speed, pulls, block)
+            t_far = _node_time(tree, far, q, pose, speed, pulls, block)
             if t_far < t_near:
                 near, far, t_near, t_far = far, near, t_far, t_near
             if t_far < soonest:
@@ -144,13 +151,13 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
         for f in range(start, min(start + LEAF, n)):
             tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
             px, py = facets[f, POINT_X], facets[f, POINT_Y]
-            dx, dy = q[0] - px, q[1] - py
+            dx, dy = q[X] - px, q[Y] - py
             along = min(max(dx * tx + dy * ty, 0.0), facets[f, LENGTH])
             dx, dy = dx - along * tx, dy - along * ty
             away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, gravity + extra)
             if away >= soonest:
                 continue
             nx, ny = facets[f, NORMAL_X], facets[f, NORMAL_Y]
-            down = _line_time(nx, ny, px * nx + py * ny, q, c, s, gravity, extra, block)
+            down = _line_time((nx, ny, px * nx + py * ny), q, pose, pulls, block)
             soonest = min(soonest, max(away, down))
     return soonest

@@ -2,7 +2,7 @@
 
 Source: the paper's section "DEM modelling" and its Table 4. Pure functions of one contact point; every engine
 calls these and no other. SI units. δ is the penetration, δmax its largest value since the contact began,
-s the stretch of the tangential spring, ρ the rotation that the rolling spring has taken up.
+s the tangential displacement that the tangential spring has taken up, ρ the rotation of the rolling spring.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from rock2d.errors import ParameterError
 from rock2d.scene.cross_section import by_zone
 
 # columns of a parameter row
-K_L, K_UL, K_T, MU, K_R, CAP, INDENTATION = range(7)
+CONTACT_LAW_COLUMNS = (
+    "k_l_N_m", "k_ul_N_m", "k_t_N_m", "tan_phi", "k_r_Nm_rad", "rolling_cap", "rolling_in_indentation",
+)  # fmt: skip
+K_L, K_UL, K_T, MU, K_R, CAP, INDENTATION = range(len(CONTACT_LAW_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -56,26 +59,20 @@ class ContactParameters:
             raise ParameterError("k_r_Nm_rad", f"k_r_Nm_rad must not be negative, got {self.k_r_Nm_rad:g}")
 
     def row(self) -> np.ndarray:
-        """(7,) k_l, k_ul, k_t, tan φ (inf at 90°), k_r, cap and indentation (0 or 1): what the compiled law reads."""
+        """The columns CONTACT_LAW_COLUMNS, which the compiled law reads: tan φ is inf at 90°, switches are 0 or 1."""
+        return np.array([float(getattr(self, name)) for name in CONTACT_LAW_COLUMNS])
+
+    @property
+    def tan_phi(self) -> float:
+        """Friction coefficient tan φ; inf at 90°."""
         angle = self.friction_angle_deg
-        mu = np.inf if angle == 90 else np.tan(np.deg2rad(angle))
-        return np.array(
-            [
-                self.k_l_N_m,
-                self.k_ul_N_m,
-                self.k_t_N_m,
-                mu,
-                self.k_r_Nm_rad,
-                float(self.rolling_cap),
-                float(self.rolling_in_indentation),
-            ]
-        )
+        return float(np.inf if angle == 90 else np.tan(np.deg2rad(angle)))
 
 
 def parameter_table(
     parameters: Mapping[str, ContactParameters] | ContactParameters, zone_names: tuple[str, ...]
 ) -> np.ndarray:
-    """(zones, 7) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+    """(zones, columns) rows in the order of `zone_names`; the key "default" serves zones that are not named.
 
     Raises ValueError if a zone has neither its own parameters nor a default.
     """
@@ -86,7 +83,7 @@ def parameter_table(
 
 @kernel(inline="always")
 def normal_force(delta, delta_max, k_l, k_ul):
-    """F_n in N. Virgin loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
+    """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
     if delta <= 0.0:
         return 0.0
     if delta >= delta_max:
@@ -101,9 +98,9 @@ def residual(delta_max, k_l, k_ul):
 
 
 @kernel(inline="always")
-def tangential_force(stretch, force_n, k_t, mu):
-    """Force of the tangential spring along +stretch in N: k_t s, but never beyond tan φ F_n."""
-    force = k_t * stretch
+def tangential_force(displacement, force_n, k_t, mu):
+    """Force of the tangential spring in N, along the tangential displacement s: k_t s, at most tan φ F_n."""
+    force = k_t * displacement
     if force_n <= 0.0:
         return 0.0
     if mu == np.inf:
@@ -155,11 +152,11 @@ def cross_zone(force_n, force_t, rotation, old, new):
     so no crossing creates energy. What is lost counts as plastic work.
     """
     force = force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL]))
-    stretch = 0.0
+    displacement = 0.0
     if new[K_T] > 0.0 and old[K_T] > 0.0:
         kept = force_t * min(1.0, np.sqrt(new[K_T] / old[K_T]))
-        stretch = tangential_force(kept / new[K_T], force, new[K_T], new[MU]) / new[K_T]
+        displacement = tangential_force(kept / new[K_T], force, new[K_T], new[MU]) / new[K_T]
     turned = 0.0
     if new[K_R] > 0.0:
         turned = rotation * min(old[K_R] / new[K_R], np.sqrt(old[K_R] / new[K_R]))
-    return force / new[K_L], stretch, turned
+    return force / new[K_L], displacement, turned

@@ -18,7 +18,10 @@ from rock2d.errors import ParameterError
 from rock2d.scene.cross_section import by_zone
 
 # columns of a parameter row
-TAN_PHI, M_HALF, R_T, ALPHA, UNIFORM = range(5)
+REBOUND_LAW_COLUMNS = (
+    "tan_phi", "momentum_half_kg_m_s", "tangential_restitution", "slope_reduction_rad", "slope_reduction_drawn",
+)  # fmt: skip
+TAN_PHI, M_HALF, R_T, ALPHA, UNIFORM = range(len(REBOUND_LAW_COLUMNS))
 
 BALL = 0.4  # I / (m r²) of the ball whose spin the point carries
 
@@ -78,7 +81,7 @@ class ReboundParameters:
         return self.slope_reduction == "uniform" and self.slope_reduction_deg > 0
 
     def row(self) -> np.ndarray:
-        """(5,) tan φ, M½, r_t, α in rad, 1 if α is drawn else 0: what the compiled law reads."""
+        """The columns REBOUND_LAW_COLUMNS, which the compiled law reads; the last is 1 if α is drawn, else 0."""
         return np.array(
             [
                 np.tan(np.deg2rad(self.friction_angle_deg)),
@@ -91,7 +94,7 @@ class ReboundParameters:
 
 
 def rebound_table(parameters: Mapping[str, ReboundParameters], zone_names: tuple[str, ...]) -> np.ndarray:
-    """(zones, 5) rows in the order of `zone_names`; the key "default" serves zones that are not named.
+    """(zones, columns) rows in the order of `zone_names`; the key "default" serves zones that are not named.
 
     Raises ValueError if a zone has neither its own parameters nor a default.
     """
@@ -132,8 +135,9 @@ def slope_reduction(p, draw):
 
 
 @njit
-def rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p):
-    """(vx', vy', ω') after an impact on the facet with unit tangent (tx, ty), reduced by `alpha` (rad).
+def rebound(velocity, tangent, alpha, body, p):
+    """(vx', vy', ω') after an impact with `velocity` (vx, vy, ω) on the facet with unit tangent (x, y), reduced by
+    `alpha` (rad). body : (mass in kg, radius of the spin in m); p : parameter row.
 
     α lowers the slope as the travelling block meets it: the facet is turned against the motion, counter-
     clockwise for v_x > 0 and clockwise for v_x < 0 (a vertical fall travels down the facet). Two cases that
@@ -144,6 +148,8 @@ def rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p):
 
     Each rebound takes energy or none, so neither case can create any.
     """
+    vx, vy, omega = velocity
+    tx, ty = tangent
     travel = np.sign(vx)
     if travel == 0.0:
         travel = np.sign(vy * ty * tx)
@@ -151,13 +157,16 @@ def rebound(vx, vy, omega, tx, ty, alpha, mass, radius, p):
     ax, ay = c * tx - s * ty, s * tx + c * ty
     if vy * ax - vx * ay >= 0.0:
         ax, ay = tx, ty
-    vx, vy, omega = _on_facet(vx, vy, omega, ax, ay, mass, radius, p)
+    vx, vy, omega = _on_facet((vx, vy, omega), (ax, ay), body, p)
     if alpha != 0.0 and vy * tx - vx * ty < 0.0:
-        vx, vy, omega = _on_facet(vx, vy, omega, tx, ty, mass, radius, p)
+        vx, vy, omega = _on_facet((vx, vy, omega), tangent, body, p)
     return vx, vy, omega
 
 
 @njit
-def _on_facet(vx, vy, omega, tx, ty, mass, radius, p):
+def _on_facet(velocity, tangent, body, p):
+    vx, vy, omega = velocity
+    tx, ty = tangent
+    mass, radius = body
     v_t, v_n, omega = rebound_local(vx * tx + vy * ty, vy * tx - vx * ty, omega, mass, radius, p)
     return v_t * tx - v_n * ty, v_t * ty + v_n * tx, omega

@@ -135,11 +135,11 @@ def test_the_tree_finds_the_impact_that_a_look_at_every_facet_finds(pieces, mirr
         )
         vx, vy = 10 ** rng.uniform(-2.5, 1) * direction
         each = [
-            facet_impact(surface.facets, j, x, y, vx, vy, G, j == current, surface.reach_m)[0]
+            facet_impact(surface.facets, j, (x, y, vx, vy), G, j == current, surface.reach_m)[0]
             for j in range(len(cross_section.zones))
         ]
         first = min([tau for tau in each if tau >= 0.0], default=5.0)
-        found = next_impact(surface, stack, x, y, vx, vy, G, current, 5.0)
+        found = next_impact(surface, stack, (x, y, vx, vy), G, current, 5.0)
         assert found[0] == min(first, 5.0)
         assert found[1] == -1 or each[found[1]] == first
         hits += found[1] >= 0

@@ -9,6 +9,7 @@ from rock2d.laws.rebound import ReboundParameters, normal_restitution, rebound, 
 
 UNTIMED = settings(deadline=None)  # the first example waits for the compiler
 MASS, RADIUS = 0.022, 0.0125  # the paper's sphere
+BODY = (MASS, RADIUS)
 
 parameters = st.builds(
     ReboundParameters,
@@ -109,7 +110,7 @@ def test_on_a_reduced_slope_energy_never_rises_and_the_block_leaves_the_ground(p
     vx, vy = v_t * tx - v_n * ty, v_t * ty + v_n * tx
     assume(vy * tx - vx * ty < 0)
     row = p.row()
-    vx1, vy1, omega1 = rebound(vx, vy, omega, tx, ty, slope_reduction(row, 0.5), MASS, RADIUS, row)
+    vx1, vy1, omega1 = rebound((vx, vy, omega), (tx, ty), slope_reduction(row, 0.5), BODY, row)
     assert energy(vx1, vy1, omega1) <= energy(vx, vy, omega) * (1 + 1e-12)
     assert vy1 * tx - vx1 * ty >= -1e-12 * speed
 
@@ -120,8 +121,8 @@ def test_the_mirrored_impact_is_the_mirror_of_the_impact(p, slope, vx, vy, omega
     tx, ty, row = np.cos(slope), np.sin(slope), p.row()
     assume(vy * tx - vx * ty < -1e-6)
     alpha = slope_reduction(row, 0.0)
-    here = rebound(vx, vy, omega, tx, ty, alpha, MASS, RADIUS, row)
-    there = rebound(-vx, vy, -omega, tx, -ty, alpha, MASS, RADIUS, row)
+    here = rebound((vx, vy, omega), (tx, ty), alpha, BODY, row)
+    there = rebound((-vx, vy, -omega), (tx, -ty), alpha, BODY, row)
     assert (-there[0], there[1], -there[2]) == here
 
 
@@ -129,7 +130,7 @@ def test_the_mirrored_impact_is_the_mirror_of_the_impact(p, slope, vx, vy, omega
 def test_slope_reduction_turns_the_ground_against_the_motion(travel):
     # r_t = 1, no friction, r_n ~ 1: a mirror. 45° down onto level ground turned by 10° leaves 20° steeper.
     p = law(0.0, 1e9, 1.0, 10.0).row()
-    vx, vy, _ = rebound(travel, -1.0, 0.0, 1.0, 0.0, np.deg2rad(10), MASS, RADIUS, p)
+    vx, vy, _ = rebound((travel, -1.0, 0.0), (1.0, 0.0), np.deg2rad(10), BODY, p)
     assert np.degrees(np.arctan2(vy, travel * vx)) == pytest.approx(45 + 20, abs=1e-6)
 
 
@@ -137,7 +138,7 @@ def test_a_vertical_fall_counts_as_travel_down_the_slope():
     p = law(0.0, 1e9, 1.0, 10.0).row()
     for down in (1.0, -1.0):  # 30° slope down to the right, then to the left
         tx, ty = np.cos(np.deg2rad(30)), -down * np.sin(np.deg2rad(30))
-        vx, vy, _ = rebound(0.0, -1.0, 0.0, tx, ty, np.deg2rad(10), MASS, RADIUS, p)
+        vx, vy, _ = rebound((0.0, -1.0, 0.0), (tx, ty), np.deg2rad(10), BODY, p)
         assert np.degrees(np.arctan2(vy, down * vx)) == pytest.approx(90 - 2 * 20, abs=1e-6)
 
 
@@ -146,7 +147,7 @@ def test_a_turned_facet_that_would_not_be_hit_leaves_the_facet_as_it_lies():
     velocity = (0.5, -5.0, 10.0)
     args = (*velocity, np.cos(slope), np.sin(slope))
     p = law(11.0, 0.04, 0.89, 40.0).row()
-    assert rebound(*args, np.deg2rad(40), MASS, RADIUS, p) == rebound(*args, 0.0, MASS, RADIUS, p)
+    assert rebound(*args, np.deg2rad(40), BODY, p) == rebound(*args, 0.0, BODY, p)
 
 
 def test_a_rebound_off_the_turned_facet_into_the_ground_is_followed_by_one_on_the_ground():
@@ -155,7 +156,7 @@ def test_a_rebound_off_the_turned_facet_into_the_ground_is_followed_by_one_on_th
     args = (1.0, -5.0, 0.0, 1.0, 0.0)
     turned = np.deg2rad(60)
     along = 1.0 * np.cos(turned) - 5.0 * np.sin(turned)  # all that is left after the first rebound
-    vx, vy, _ = rebound(*args, turned, MASS, RADIUS, p)
+    vx, vy, _ = rebound(*args, turned, BODY, p)
     assert vx == pytest.approx(along * np.cos(turned), rel=1e-6)
     assert 0 < vy < 1e-6
 

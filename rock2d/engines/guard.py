@@ -1,0 +1,142 @@
+"""How far a block may move before its contacts can change, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.engines.contact_state import ACTIVE, INDEX, KIND
+from rock2d.engines.geometry import (
+    CONVEX,
+    CORNER_FACET,
+    CORNER_X,
+    CORNER_Y,
+    FACE_OFFSET,
+    FACE_X,
+    FACE_Y,
+    LENGTH,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    RUN_FIRST,
+    RUN_LAST,
+    SMOOTH_FACET,
+    TANGENT_X,
+    TANGENT_Y,
+    facet_range,
+    is_ball,
+    near_depth,
+    pose_of,
+)
+
+
+@kernel
+def guard_distance(q, allowance, near, world, memory):
+    """How far in m any point of the block may move from pose q before a contact begins or changes its feature.
+
+    near : (first, one past the last) index of the facets that are looked at
+    allowance : width in m that these facets reach beyond the block: the most that is returned; 0 where the distance is
+        not known. Passing on within a run of facets is no change: `fast_contact_steps` follows it.
+    """
+    x, y, c, s = pose_of(q)
+    block, ground, ints = world.block, world.ground, memory.ints
+    f0, f1 = near
+    facets, sides = ground.facets, block.sides
+    n, guard = sides.shape[0], allowance
+    if n == 0:
+        return _ball_guard(x, y, guard, near, world, memory)
+    for i in range(n):
+        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        if not ints[i, ACTIVE]:
+            depth, _, _ = near_depth(px, py, ground, f0, f1, guard + block.rounding)
+            guard = min(guard, -depth - block.rounding)
+        elif ints[i, KIND] != CORNER_FACET:
+            return 0.0
+        else:
+            own = ints[i, INDEX]
+            dx, dy = px - facets[own, POINT_X], py - facets[own, POINT_Y]
+            above = dx * facets[own, NORMAL_X] + dy * facets[own, NORMAL_Y]
+            guard = min(guard, _within_run(px, py, own, facets))
+            width = guard + 2.0 * abs(above)
+            g0, g1 = facet_range(ground, px - width, px + width)
+            other = np.inf  # squared distance to the nearest facet of another run
+            for f in range(max(f0, g0), min(f1, g1)):
+                if facets[own, RUN_FIRST] <= f <= facets[own, RUN_LAST]:
+                    continue
+                dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+                along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+                away = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+                beyond = max(-along, along - facets[f, LENGTH], 0.0)
+                other = min(other, away * away + beyond * beyond)
+            guard = min(guard, 0.5 * (np.sqrt(other) - abs(above)))
+        if guard <= 0.0:
+            return 0.0
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] <= 0.0:
+            continue
+        dx, dy = facets[v, POINT_X] - x, facets[v, POINT_Y] - y
+        bx, by = c * dx + s * dy, -s * dx + c * dy
+        nearest, second = np.inf, np.inf  # depth below the faces
+        for k in range(n):
+            d = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
+            if d < nearest:
+                nearest, second = d, nearest
+            elif d < second:
+                second = d
+        if nearest > 0.0 and block.rounding > 0.0:
+            return 0.0  # a face's flat part may end there
+        guard = min(guard, 0.5 * (second - nearest) if nearest > 0.0 else -nearest)
+    return max(guard, 0.0)
+
+
+@kernel(inline="always")
+def _within_run(px, py, own, facets):
+    """How far in m a point may move along the ground before it leaves the run of facet `own`."""
+    first, last = int(facets[own, RUN_FIRST]), int(facets[own, RUN_LAST])
+    dx, dy = px - facets[first, POINT_X], py - facets[first, POINT_Y]
+    behind = dx * facets[first, TANGENT_X] + dy * facets[first, TANGENT_Y]
+    dx, dy = px - facets[last, POINT_X], py - facets[last, POINT_Y]
+    ahead = facets[last, LENGTH] - dx * facets[last, TANGENT_X] - dy * facets[last, TANGENT_Y]
+    return min(behind, ahead)
+
+
+@kernel
+def _ball_guard(x, y, guard, near, world, memory):
+    """`guard_distance` of a smooth profile: that of a ball, whose contact points lie below its centre."""
+    block, facets, ints = world.block, world.ground.facets, memory.ints
+    f0, f1 = near
+    if not is_ball(block):
+        return 0.0  # an ellipse's contact point runs ahead of its motion
+    r = block.radius
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            if ints[j, KIND] != SMOOTH_FACET:
+                return 0.0
+            guard = min(guard, _within_run(x, y, ints[j, INDEX], facets))
+    f = f0
+    while f < f1 and guard > 0.0:
+        owned = False  # by a contact: its run has been seen to
+        for j in range(ints.shape[0]):
+            if ints[j, ACTIVE] and facets[f, RUN_FIRST] <= ints[j, INDEX] <= facets[f, RUN_LAST]:
+                owned = True
+        if owned:
+            f = int(facets[f, RUN_LAST]) + 1
+            continue
+        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
+        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        guard = min(guard, max(above - r, -along, along - facets[f, LENGTH]))
+        f += 1
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] > 0.0:
+            owned = False  # by a contact whose run begins or ends there
+            for j in range(ints.shape[0]):
+                if ints[j, ACTIVE]:
+                    own = ints[j, INDEX]
+                    owned = owned or facets[own, RUN_FIRST] == v or facets[own, RUN_LAST] == v - 1
+            if not owned:
+                dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
+                guard = min(guard, np.sqrt(dx * dx + dy * dy) - r)
+    return max(guard, 0.0)

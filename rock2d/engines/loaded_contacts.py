@@ -1,0 +1,154 @@
+"""The active contacts of a block, loaded into rows for the steps to come, and the forces that they exert, compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.compiled import kernel, njit
+from rock2d.effects.columns import N_COLUMNS
+from rock2d.effects.forces import ACTS, FIRST, ground_forces, recoil
+from rock2d.engines.contact_state import (
+    ACTIVE,
+    DISPLACEMENT,
+    INDEX,
+    KIND,
+    OFFSET,
+    PART,
+    PEAK,
+    ROTATION,
+    ZONE,
+)
+from rock2d.engines.free_flight import in_air
+from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
+from rock2d.laws.contact import (
+    CAP,
+    CONTACT_LAW_COLUMNS,
+    INDENTATION,
+    K_L,
+    K_R,
+    K_T,
+    K_UL,
+    MU,
+    normal_force,
+    residual,
+    rolling_moment,
+    tangential_force,
+)
+
+# columns of a loaded contact: its feature (`geometry.load_feature`), the law's parameters, its memory, its kind,
+# whether effects act in it, and their columns
+L_FEATURE = 0
+L_LAW = L_FEATURE + N_FEATURE
+L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
+L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_ACTS, L_EFFECTS = range(L_OFFSET + 1, L_OFFSET + 7)
+N_LOADED = L_EFFECTS + N_COLUMNS - FIRST
+# columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
+TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
+# columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
+# point after it
+DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP = range(6)
+
+
+class LoadedContacts(NamedTuple):
+    """Rows of the contacts that are active; the first rows are in use."""
+
+    rows: np.ndarray  # (contacts, N_LOADED)
+    which: np.ndarray  # (contacts,) the contact that a row belongs to
+    rates: np.ndarray  # (contacts, 4) TAKEN_DISPLACEMENT ... SPIN_RATE
+    trial: np.ndarray  # (contacts, 6) DEPTH_0 ... SLIP
+
+
+@njit
+def new_loaded(count):
+    """Rows for `count` contacts."""
+    return LoadedContacts(
+        np.empty((count, N_LOADED)), np.empty(count, np.int64), np.empty((count, 4)), np.empty((count, 6))
+    )
+
+
+@kernel
+def load_active(world, memory, loaded):
+    """Copy feature, parameters and memory of the active contacts into rows; returns how many there are."""
+    ints, reals, rows, law = memory.ints, memory.reals, loaded.rows, world.law
+    active = np.int64(0)
+    for j in range(ints.shape[0]):
+        if ints[j, ACTIVE]:
+            feature = load_feature(
+                ints[j, KIND], ints[j, INDEX], ints[j, PART], world.block, world.ground.facets
+            )
+            px, py, nx, ny, w1, w2, w3, w4 = feature
+            rows[active, 0], rows[active, 1], rows[active, 2], rows[active, 3] = px, py, nx, ny
+            rows[active, 4], rows[active, 5], rows[active, 6], rows[active, 7] = w1, w2, w3, w4
+            zone = ints[j, ZONE]
+            for i in range(FIRST):
+                rows[active, L_LAW + i] = law[zone, i]
+            rows[active, L_ACTS] = law[zone, ACTS]
+            if law[zone, ACTS] != 0.0:
+                for i in range(N_COLUMNS - FIRST):
+                    rows[active, L_EFFECTS + i] = law[zone, FIRST + i]
+            rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
+            rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
+                reals[j, DISPLACEMENT],
+                reals[j, ROTATION],
+            )
+            rows[active, L_KIND] = ints[j, KIND]
+            loaded.which[active] = j
+            active += 1
+    return active
+
+
+@kernel
+def effects_act(block, active, rows):
+    """Whether effects of the catalogue act on the block, by the air or in a loaded contact."""
+    act = in_air(block)
+    for a in range(active):
+        act = act or rows[a, L_ACTS] != 0.0
+    return act
+
+
+@kernel(inline="always")
+def placed(rows, a, pose):
+    """`contact_point` of the a-th loaded contact."""
+    feature = (rows[a, 0], rows[a, 1], rows[a, 2], rows[a, 3], rows[a, 4], rows[a, 5], rows[a, 6], rows[a, 7])
+    return place_feature(int(rows[a, L_KIND]), feature, pose)
+
+
+@kernel(inline="always")
+def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
+    """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none while
+    unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x
+    that recoiling ground adds.
+
+    velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m, rotation in rad: of its springs
+    """
+    depth, nx, ny, rx, ry = placed(rows, a, pose)
+    vx, vy, omega = velocity
+    k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + CAP]
+    depth -= rows[a, L_OFFSET]
+    peak = rows[a, L_PEAK]
+    ux, uy = vx - omega * ry, vy + omega * rx
+    slip = ux * ny - uy * nx
+    force_n, mu = normal_force(depth, peak, k_l, k_ul), rows[a, L_LAW + MU]
+    bottom = residual(peak, k_l, k_ul)
+    indentation = rows[a, L_LAW + INDENTATION]
+    spin = omega if depth >= bottom or indentation > 0.0 else 0.0
+    drag = taken = push = 0.0
+    if effects and rows[a, L_ACTS] != 0.0:
+        rate, law_n = -(ux * nx + uy * ny), force_n
+        force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
+        mu *= factor
+        taken = (force_n - law_n) * rate + drag * slip
+        if force_n <= 0.0 < law_n and indentation == 0.0:
+            spin = 0.0
+    force_t = tangential_force(displacement, force_n, rows[a, L_LAW + K_T], mu)
+    arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0
+    rolling = rolling_moment(rotation, force_n, arm, rows[a, L_LAW + K_R], cap, indentation)
+    along = force_t
+    if effects:
+        along += drag
+    fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
+    if effects and rows[a, L_ACTS] != 0.0:
+        push = recoil(rows[a], L_EFFECTS) * fx
+    return fx, fy, rx * fy - ry * fx - rolling, slip, spin, force_t * slip, rolling * omega, taken, push

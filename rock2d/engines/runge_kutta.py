@@ -1,0 +1,119 @@
+"""The classical fourth-order Runge-Kutta step of a block on its contacts, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.compiled import copy, kernel
+from rock2d.effects.forces import flight
+from rock2d.engines.free_flight import fly, in_air
+from rock2d.engines.geometry import is_ball
+from rock2d.engines.loaded_contacts import (
+    L_DISPLACEMENT,
+    L_ROTATION,
+    SLIP_RATE,
+    SPIN_RATE,
+    TAKEN_DISPLACEMENT,
+    TAKEN_ROTATION,
+    contact_rates,
+)
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
+
+
+@kernel(inline="always")
+def _turned(c, s, angle):
+    """(cos, sin) of a direction turned by a small angle in rad: series to rounding below a tenth, else exact."""
+    if abs(angle) > 0.1:
+        ca, sa = np.cos(angle), np.sin(angle)
+    else:
+        u = angle * angle
+        ca = 1.0 - u * (1.0 / 2 - u * (1.0 / 24 - u * (1.0 / 720 - u / 40320.0)))
+        sa = angle * (1.0 - u * (1.0 / 6 - u * (1.0 / 120 - u * (1.0 / 5040 - u / 362880.0))))
+    return c * ca - s * sa, s * ca + c * sa
+
+
+@kernel
+def runge_kutta(q, direction, h, world, contacts, q1):
+    """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
+
+    contacts : (number of active contacts, their `LoadedContacts`); at the end TAKEN_DISPLACEMENT and TAKEN_ROTATION
+        of their rates hold the springs' new tangential displacement and rotation
+
+    Returns the work of the tangential springs, of the rolling springs and of effects in J, and the velocity in m/s that
+    recoiling ground added. Without contacts the step is free flight. No effect of the catalogue may act: the code of
+    effects slows the plain law down, see `runge_kutta_with_effects`.
+    """
+    return _four_stages(q, direction, h, world, contacts, q1, False)
+
+
+@kernel
+def runge_kutta_with_effects(q, direction, h, world, contacts, q1):
+    """`runge_kutta` where effects of the catalogue may act."""
+    if contacts[0] == 0:
+        copy(q, q1)
+        return 0.0, 0.0, fly(q1, h, world.gravity, world.block), 0.0
+    return _four_stages(q, direction, h, world, contacts, q1, True)
+
+
+@kernel(inline="always")
+def _four_stages(q, direction, h, world, contacts, q1, effects):
+    """`runge_kutta` with and without effects."""
+    block, gravity = world.block, world.gravity
+    active, loaded = contacts
+    rows, rates = loaded.rows, loaded.rates
+    c0, s0 = direction
+    x, y, vx, vy, omega = q[X], q[Y], q[VX], q[VY], q[OMEGA]
+    if active == 0:
+        q1[X], q1[Y], q1[THETA] = x + h * vx, y + h * (vy - 0.5 * gravity * h), q[THETA] + h * omega
+        q1[VX], q1[VY], q1[OMEGA] = vx, vy - h * gravity, omega
+        return 0.0, 0.0, 0.0, 0.0
+    ax = ay = alpha = 0.0
+    per_mass, per_inertia = 1.0 / block.mass, 1.0 / block.inertia
+    for a in range(active):
+        for i in range(4):
+            rates[a, i] = 0.0
+    dx = dy = dtheta = dvx = dvy = domega = 0.0
+    work_t = work_r = work_e = pushed = 0.0
+    c, s = c0, s0
+    turning = not is_ball(block)
+    for k in range(4):
+        weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
+        ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)
+        if k > 0:  # the next stage, from the rates of the stage before
+            x, y = q[X] + ahead * vx, q[Y] + ahead * vy
+            if turning:
+                c, s = _turned(c0, s0, ahead * omega)
+            vx, vy, omega = q[VX] + ahead * ax, q[VY] + ahead * ay, q[OMEGA] + ahead * alpha
+        fx = fy = moment = push = 0.0
+        for a in range(active):
+            f, g, m, slip, spin, power_t, power_r, power_e, recoiled = contact_rates(
+                rows, a, (x, y, c, s), (vx, vy, omega),
+                rows[a, L_DISPLACEMENT] + ahead * rates[a, SLIP_RATE],
+                rows[a, L_ROTATION] + ahead * rates[a, SPIN_RATE], effects,
+            )  # fmt: skip
+            fx, fy, moment = fx + f, fy + g, moment + m
+            rates[a, TAKEN_DISPLACEMENT] += weight * slip
+            rates[a, TAKEN_ROTATION] += weight * spin
+            rates[a, SLIP_RATE], rates[a, SPIN_RATE] = slip, spin
+            work_t += weight * power_t
+            work_r += weight * power_r
+            if effects:
+                work_e += weight * power_e
+                push += recoiled
+        ax, ay, alpha = fx * per_mass, fy * per_mass - gravity, moment * per_inertia
+        if effects:
+            bx = by = beta = 0.0
+            if in_air(block):
+                bx, by, beta = flight(block.air, vx, vy, omega, block.mass, block.inertia)
+            bx += push
+            pushed += weight * push
+            ax, ay, alpha = ax + bx, ay + by, alpha + beta
+            work_e -= weight * (block.mass * (bx * vx + by * vy) + block.inertia * beta * omega)
+        dx, dy, dtheta = dx + weight * vx, dy + weight * vy, dtheta + weight * omega
+        dvx, dvy, domega = dvx + weight * ax, dvy + weight * ay, domega + weight * alpha
+    q1[X], q1[Y], q1[THETA] = q[X] + h * dx, q[Y] + h * dy, q[THETA] + h * dtheta
+    q1[VX], q1[VY], q1[OMEGA] = q[VX] + h * dvx, q[VY] + h * dvy, q[OMEGA] + h * domega
+    for a in range(active):
+        rates[a, TAKEN_DISPLACEMENT] = rows[a, L_DISPLACEMENT] + h * rates[a, TAKEN_DISPLACEMENT]
+        rates[a, TAKEN_ROTATION] = rows[a, L_ROTATION] + h * rates[a, TAKEN_ROTATION]
+    return h * work_t, h * work_r, h * work_e, h * pushed

@@ -1,0 +1,51 @@
+"""The columns of every array and table that a release leaves: one schema, from which positions and widths follow.
+
+Compiled code indexes rows by the integers below; tables carry the names. SI units, as the names say.
+"""
+
+from __future__ import annotations
+
+# a state of the centre of mass
+STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+X, Y, THETA, VX, VY, OMEGA = range(len(STATE_NAMES))
+N_STATE = len(STATE_NAMES)
+N_POSE = THETA + 1  # x, y, theta: the first columns of a state
+
+
+def after(name: str) -> str:
+    """Name of a state's column once an impact is over: "vx_m_s" becomes "vx_after_m_s"."""
+    stem, _, unit = name.partition("_")
+    return f"{stem}_after_{unit}"
+
+
+# an instant: time and state (knots, ends, crossings)
+INSTANT_NAMES = ("t_s", *STATE_NAMES)
+TIME = 0
+N_INSTANT = len(INSTANT_NAMES)
+AT = slice(1, 1 + N_STATE)  # the state in a row of an instant
+
+# an impact as an engine records it: zone, instant before, instant after, largest penetration, largest force
+IMPACT_NAMES = ("zone", *INSTANT_NAMES, *map(after, INSTANT_NAMES), "penetration_m", "force_N")
+I_ZONE, I_TIME = 0, 1
+I_BEFORE = I_TIME + 1
+I_TIME_AFTER = I_TIME + N_INSTANT
+I_AFTER = I_TIME_AFTER + 1
+I_PENETRATION = I_TIME_AFTER + N_INSTANT
+I_FORCE = I_PENETRATION + 1
+N_IMPACT = len(IMPACT_NAMES)
+BEFORE, AFTER = slice(I_BEFORE, I_BEFORE + N_STATE), slice(I_AFTER, I_AFTER + N_STATE)
+AFTER_INSTANT = slice(I_TIME_AFTER, I_TIME_AFTER + N_INSTANT)
+VELOCITIES_AFTER = slice(I_AFTER + VX, I_AFTER + OMEGA + 1)
+# a row of impacts.csv
+IMPACT_COLUMNS = ("release", "block", *IMPACT_NAMES)
+
+# a knot of a track: an instant, and whether the block flies freely to the next knot (1) or not (0)
+KNOT_FLIGHT = N_INSTANT
+N_KNOT = N_INSTANT + 1
+
+# the energy audit: energy in J that each mechanism has taken, effects of the catalogue as one
+AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
+PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
+# beside it, during an impact: the velocity in m/s that it owes to ground that recoils, in whose frame it runs
+RECOIL = len(AUDIT_NAMES)
+N_AUDIT = RECOIL + 1

@@ -156,7 +156,7 @@ def diagnose(
             bar.set_description(name)
             bar.update()
 
-        found = run_diagnosis(read, seed=seed, workers=workers or os.cpu_count() or 1, step=on_model)
+        found = run_diagnosis(read, seed=seed, workers=workers or os.cpu_count() or 1, on_progress=on_model)
     return DiagnosisResult(found, diagnosis_json(found))
 
 

@@ -34,11 +34,11 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
-from rock2d.kinematics.columns import X
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import INDENTATION
+from rock2d.records.columns import X
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
 

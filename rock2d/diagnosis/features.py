@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.kinematics.columns import LINEAR_VELOCITY, OMEGA, THETA, X, Y
 from rock2d.kinematics.impacts import ground_axes
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, THETA, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

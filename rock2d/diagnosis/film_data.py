@@ -16,9 +16,9 @@ from rock2d.diagnosis.features import (
     standardised,
 )
 from rock2d.diagnosis.impact_prediction import outcomes
-from rock2d.kinematics.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.states import drift
+from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

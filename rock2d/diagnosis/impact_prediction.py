@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.columns import POSE, POSITION, THETA, VX, VY, X, Y
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.impacts import Impacts, ground_axes
 from rock2d.kinematics.states import States, drift
+from rock2d.records.columns import POSE, POSITION, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

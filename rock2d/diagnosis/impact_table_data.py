@@ -15,12 +15,12 @@ from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.features import history_groups, incident_features, incident_groups
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.kinematics.columns import POSE, RATES, VX, VY, X, Y
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
+from rock2d.records.columns import POSE, RATES, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

@@ -10,8 +10,8 @@ from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
-from rock2d.kinematics.columns import LINEAR_VELOCITY, OMEGA
 from rock2d.kinematics.film_segments import STATE_SIZE
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA
 from rock2d.scene.world import World
 
 Array = np.ndarray

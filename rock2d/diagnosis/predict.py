@@ -15,13 +15,13 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.columns import THETA, X, Y
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.sanity import FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
+from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
 
 if TYPE_CHECKING:

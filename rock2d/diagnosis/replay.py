@@ -14,9 +14,9 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_RATIO, BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
 from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.columns import X
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
+from rock2d.records.columns import X
 from rock2d.scene.world import World
 
 Array = np.ndarray

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -218,7 +218,7 @@ def run_batch(
         np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)),
     )  # fmt: skip
     rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured)
-    starts = _Starts(states, *ids, steps, limits, times)
+    starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
     _run_ensemble(packed, starts, float(gravity_m_s2), rules, written)
     return BatchResult(*written[:-1], written.audit[:, : len(AUDIT_NAMES)])
 
@@ -253,7 +253,7 @@ def run_batch_track(
         if used <= room and count <= len(impacts):
             break
         room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
-    rows = []
+    rows: list[dict[str, Any]] = []
     for row in impacts[:count]:
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]

@@ -8,7 +8,7 @@ ends a series of fast steps (a contact that begins, ends or changes its feature 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class StepSizes(NamedTuple):
 class Horizon(NamedTuple):
     """How far a series of fast steps may go."""
 
-    steps: int
+    steps: Any  # int64
     time_limit: float  # s
     pause: (
         float  # instant in s that only the first step may reach, so that a caller sees the states around it
@@ -162,7 +162,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
     turning = not is_ball(block)
     arm = TURN_ARM * block.radius
-    done, why = np.int64(0), np.int64(0)
+    zero: Any = np.int64(0)
+    done, why = zero, zero
     while done < horizon.steps:
         loading, unpressed = _branches(active, rows, trial, sizes.floating, effects)
         unpressed = unpressed and left

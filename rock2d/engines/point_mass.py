@@ -10,7 +10,7 @@ short one (`parabola_intersection`).
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,7 +99,7 @@ class Written(NamedTuple):
     impacts: Array  # (n, room, N_REBOUND): as many as there is room for
     crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
     ends: Array  # (n, 2, 7) first and last instant
-    count: Array  # (n,) impacts
+    impact_count: Array  # (n,)
     stop: Array  # (n,) index into STOPS
 
 
@@ -154,7 +154,7 @@ def run_point_mass(
     while True:
         written = new_written(1, room, 0)
         descend(0, releases, inputs, make_surface(cross_section), NO_LINES, written)
-        count = int(written.count[0])
+        count = int(written.impact_count[0])
         if count <= room:
             break
         room = count  # the same release once more, with room for all
@@ -207,7 +207,7 @@ def _track(
     if stop == "rest":  # it ended with the last impact
         knots, flight = knots[:-1], flight[:-1]
     flight[-1] = False
-    events = []
+    events: list[dict[str, Any]] = []
     for row, first, second in zip(impacts, before, after, strict=True):
         values = [np.nan, *first, *second, np.nan, np.nan]
         events.append(dict(zip(IMPACT_NAMES, map(float, values), strict=True)))
@@ -296,7 +296,7 @@ def descend(i, releases, inputs, surface, lines, written):
                 break
             mark_t, mark_x, mark_y = t, x, y
     _store(ends, i, 1, (t, x, y, theta, vx, vy, omega))
-    written.count[i], written.stop[i] = count, stop
+    written.impact_count[i], written.stop[i] = count, stop
 
 
 @njit

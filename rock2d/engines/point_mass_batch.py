@@ -87,7 +87,7 @@ def run_point_mass_batch(
     finally:
         numba.set_num_threads(threads)
     return PointMassBatch(
-        written.stop, written.ends[:, 1].copy(), written.count, written.crossings, written.impacts
+        written.stop, written.ends[:, 1].copy(), written.impact_count, written.crossings, written.impacts
     )
 
 

@@ -20,7 +20,7 @@ from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, read_text, shown
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
-from rock2d.records.track import IMPACT_COLUMNS
+from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.graphics.palette import MEASURED_COLOUR
-from rock2d.records.track import T, Track
+from rock2d.records.columns import TIME
+from rock2d.records.track import Track
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,9 +69,9 @@ class Clip:
 def clip_from_track(track: Track, *, label: str = "", colour: str = "", step_s: float = 1e-3) -> Clip:
     """A clip of a simulated release, sampled every `step_s` and at every knot (straight lines between samples
     err by g step²/8, a micrometre)."""
-    start, end = float(track.knots[0, T]), track.end_s
+    start, end = float(track.knots[0, TIME]), track.end_s
     count = int(np.ceil((end - start) / step_s)) + 1
-    t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, T])
+    t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, TIME])
     states = track.states(t)
     return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], label, colour)
 

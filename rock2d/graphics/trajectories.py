@@ -13,7 +13,8 @@ from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle, plain_text
 from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SKY, block_colours
 from rock2d.graphics.scenery import ground_image, placed_names
-from rock2d.records.track import T, Track
+from rock2d.records.columns import TIME
+from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -109,8 +110,10 @@ def draw_cross_section(
 
 def positions_of(track: Track, until_s: float | None = None) -> Array:
     """Positions (n, 2) along a track, fine enough for print."""
-    end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, T]))
-    t = np.union1d(np.linspace(track.knots[0, T], end, 600), track.knots[track.knots[:, T] <= end, T])
+    end = track.end_s if until_s is None else max(float(until_s), float(track.knots[0, TIME]))
+    t = np.union1d(
+        np.linspace(track.knots[0, TIME], end, 600), track.knots[track.knots[:, TIME] <= end, TIME]
+    )
     return track.states(t)[:, :2]
 
 

@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.kinematics.columns import OMEGA, RATES, VX, X, Y
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis
+from rock2d.records.columns import OMEGA, RATES, VX, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

@@ -20,7 +20,6 @@ from rock2d.engines.geometry import (
     polygon_depth,
 )
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.columns import POSITION, THETA, X, Y
 from rock2d.kinematics.segmentation import (
     ACCELERATION_SD,
     CONTACT,
@@ -29,6 +28,7 @@ from rock2d.kinematics.segmentation import (
     SPIN_ACCELERATION_SD,
     partition,
 )
+from rock2d.records.columns import POSITION, THETA, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.columns import POSITION
 from rock2d.kinematics.impacts import release_order
+from rock2d.records.columns import POSITION
 from rock2d.scene.nearest_facet import nearest_facets
 
 Array = np.ndarray

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.kinematics.columns import POSE, POSITION
 from rock2d.kinematics.flights import Segmentation, clearances
 from rock2d.kinematics.states import Basis, States, drift
+from rock2d.records.columns import POSE, POSITION
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 

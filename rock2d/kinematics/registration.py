@@ -18,8 +18,8 @@ import numpy as np
 from rock2d.effects import catalogue
 from rock2d.effects.changes import image
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.kinematics.columns import X, Y
 from rock2d.kinematics.flights import Film, clearances
+from rock2d.records.columns import X, Y
 from rock2d.scene.world import View, World
 
 Array = np.ndarray

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.registration import POSSIBLE_BELOW_GROUND, below_ground, registered_world
 from rock2d.kinematics.setup_world import setup_world
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.scene.world import View, World
 
 Array = np.ndarray

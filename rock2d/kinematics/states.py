@@ -16,8 +16,8 @@ import numpy as np
 from rock2d.compiled import njit
 from rock2d.engines.free_flight import fly
 from rock2d.engines.geometry import BlockArrays
-from rock2d.kinematics.columns import VX, X, Y
 from rock2d.kinematics.flights import Film, Flights
+from rock2d.records.columns import VX, X, Y
 from rock2d.scene.blocks import poses_at
 from rock2d.scene.world import World
 

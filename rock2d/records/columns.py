@@ -10,6 +10,8 @@ STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 X, Y, THETA, VX, VY, OMEGA = range(len(STATE_NAMES))
 N_STATE = len(STATE_NAMES)
 N_POSE = THETA + 1  # x, y, theta: the first columns of a state
+POSITION, POSE = slice(X, THETA), slice(X, VX)
+LINEAR_VELOCITY, RATES = slice(VX, OMEGA), slice(VX, OMEGA + 1)
 
 
 def after(name: str) -> str:
@@ -23,6 +25,7 @@ INSTANT_NAMES = ("t_s", *STATE_NAMES)
 TIME = 0
 N_INSTANT = len(INSTANT_NAMES)
 AT = slice(1, 1 + N_STATE)  # the state in a row of an instant
+AT_X, AT_Y, AT_THETA, AT_VX, AT_VY, AT_OMEGA = range(AT.start, AT.stop)
 
 # an impact as an engine records it: zone, instant before, instant after, largest penetration, largest force
 IMPACT_NAMES = ("zone", *INSTANT_NAMES, *map(after, INSTANT_NAMES), "penetration_m", "force_N")

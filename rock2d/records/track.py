@@ -12,17 +12,9 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from rock2d.records.columns import AT_VX, AT_VY, AT_X, AT_Y, TIME
 
-T, X, Y, THETA, VX, VY, OMEGA = range(7)
-STATE_NAMES = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
-IMPACT_VALUES = (
-    "t_s", *STATE_NAMES,
-    "t_after_s", "x_after_m", "y_after_m", "theta_after_rad",
-    "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
-    "penetration_m", "force_N",
-)  # fmt: skip
-IMPACT_COLUMNS = ("release", "block", "zone", *IMPACT_VALUES)
+Array = np.ndarray
 
 
 @dataclass
@@ -54,11 +46,11 @@ class Track:
     @property
     def end_s(self) -> float:
         """Time of the last knot."""
-        return float(self.knots[-1, T])
+        return float(self.knots[-1, TIME])
 
     def shift_time(self, offset_s: float) -> None:
         """Put the track on another clock: all times + `offset_s`."""
-        self.knots[:, T] += offset_s
+        self.knots[:, TIME] += offset_s
         for impact in self.impacts:
             impact["t_s"] += offset_s
             impact["t_after_s"] += offset_s
@@ -70,15 +62,15 @@ class Track:
         k = self.knots
         if len(k) == 1:
             out = np.repeat(k[:, 1:], t.size, axis=0)
-            out[:, 3:] = np.where((t > k[0, T])[:, None], 0.0, out[:, 3:])
+            out[:, 3:] = np.where((t > k[0, TIME])[:, None], 0.0, out[:, 3:])
             return out
-        i = np.clip(np.searchsorted(k[:, T], t, side="right") - 1, 0, len(k) - 2)
+        i = np.clip(np.searchsorted(k[:, TIME], t, side="right") - 1, 0, len(k) - 2)
         a, b = k[i], k[i + 1]
         moving = np.where(
-            self.flight[i][:, None], ballistic(a, t - a[:, T], self.gravity_m_s2), _hermite(a, b, t)
+            self.flight[i][:, None], ballistic(a, t - a[:, TIME], self.gravity_m_s2), _hermite(a, b, t)
         )
-        last = np.where((t == k[-1, T])[:, None], k[-1, 1:], np.concatenate([k[-1, 1:4], np.zeros(3)]))
-        return np.where((t < k[-1, T])[:, None], moving, last)
+        last = np.where((t == k[-1, TIME])[:, None], k[-1, 1:], np.concatenate([k[-1, 1:4], np.zeros(3)]))
+        return np.where((t < k[-1, TIME])[:, None], moving, last)
 
     def crossings(self, line: Array) -> Array:
         """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time.
@@ -87,30 +79,30 @@ class Track:
         """
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-        side = (self.knots[:, X] - origin[0]) * normal[0] + (self.knots[:, Y] - origin[1]) * normal[1]
+        side = (self.knots[:, AT_X] - origin[0]) * normal[0] + (self.knots[:, AT_Y] - origin[1]) * normal[1]
         length2 = along[0] * along[0] + along[1] * along[1]
         found: list[Array] = []
         # only intervals in which the centroid comes as far as the line
-        span = np.diff(self.knots[:, T])
-        speed = np.hypot(self.knots[:-1, VX], self.knots[:-1, VY])
+        span = np.diff(self.knots[:, TIME])
+        speed = np.hypot(self.knots[:-1, AT_VX], self.knots[:-1, AT_VY])
         far = np.abs(side[:-1]) > 1.001 * (speed + self.gravity_m_s2 * span) * span
         for i in np.flatnonzero(~(far & self.flight[: len(span)])):
             a, b = self.knots[i], self.knots[i + 1]
             if span[i] <= 0:
                 continue
             if self.flight[i]:
-                across = a[VX] * normal[0] + a[VY] * normal[1]
+                across = a[AT_VX] * normal[0] + a[AT_VY] * normal[1]
                 times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span[i])
                 states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
             elif side[i] * side[i + 1] < 0 or (side[i] == 0 != side[i + 1]):
                 times = [span[i] * side[i] / (side[i] - side[i + 1])]
-                states = _hermite(a[None], b[None], np.array(times) + a[T])
+                states = _hermite(a[None], b[None], np.array(times) + a[TIME])
             else:
                 continue
             for tau, state in zip(times, states, strict=True):
                 at = ((state[0] - origin[0]) * along[0] + (state[1] - origin[1]) * along[1]) / length2
                 if 0.0 <= at <= 1.0:
-                    found.append(np.concatenate([[a[T] + tau], state]))
+                    found.append(np.concatenate([[a[TIME] + tau], state]))
         return np.array(found).reshape(-1, 7)
 
 
@@ -126,8 +118,8 @@ def ballistic(knot: Array, tau_s: Array, gravity_m_s2: float) -> Array:
 
 
 def _hermite(a: Array, b: Array, t: Array) -> Array:
-    span = np.where(b[:, T] > a[:, T], b[:, T] - a[:, T], 1.0)[:, None]
-    s = (t - a[:, T])[:, None] / span
+    span = np.where(b[:, TIME] > a[:, TIME], b[:, TIME] - a[:, TIME], 1.0)[:, None]
+    s = (t - a[:, TIME])[:, None] / span
     p, q, v, w = a[:, 1:4], b[:, 1:4], a[:, 4:7] * span, b[:, 4:7] * span
     pos = (
         p * (1 + 2 * s) * (1 - s) ** 2 + v * s * (1 - s) ** 2 + q * s * s * (3 - 2 * s) + w * s * s * (s - 1)

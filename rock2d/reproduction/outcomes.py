@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.track import VX, VY, T
+from rock2d.records.columns import AT_VX, AT_VY, TIME
 from rock2d.reproduction.hypotheses import (
     ZONES,
     KnownSetup,
@@ -190,12 +190,12 @@ def _past_slope(zones: Array, n: int) -> Array:
 def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:
     """`crossings` (k, n, lines, 7); `zones` (k n) of first impacts, NaN without one; states `before` them (k n, 7)."""
     k, n = crossings.shape[:2]
-    velocity = before[:, VX : VY + 1].reshape(k, n, 2)
+    velocity = before[:, AT_VX : AT_VY + 1].reshape(k, n, 2)
     facing = np.radians(facing_deg)
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])
     return Outcome(
-        np.isfinite(crossings[..., T]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
+        np.isfinite(crossings[..., TIME]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
         np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, :, LINES.index("line_2")], possible,
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.files.setup_keys import block_keys
-from rock2d.records.track import STATE_NAMES
+from rock2d.records.columns import STATE_NAMES
 from rock2d.reproduction import published
 from rock2d.reproduction.hypotheses import (
     KnownSetup,

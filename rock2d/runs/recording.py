@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.records.track import T, Track
+from rock2d.records.columns import TIME
+from rock2d.records.track import Track
 from rock2d.runs.incident_states import NOISE_STREAM
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def trajectories_table(tracks: Sequence[Track], recording: Recording) -> pd.Data
     for track in tracks:
         t = recording.times_s.get(track.release)
         if t is None:
-            begin = float(track.knots[0, T])
+            begin = float(track.knots[0, TIME])
             whole = int((track.end_s - begin) * recording.fps + FRAME_TOLERANCE)
             t = begin + np.arange(whole + 1) / recording.fps
         pose = track.states(t)[:, :3]

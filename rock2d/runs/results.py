@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
-from rock2d.records.track import STATE_NAMES
+from rock2d.records.columns import STATE_NAMES
 from rock2d.runs.comparison import write_comparison
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.simulation import TRAJECTORIES, Simulation

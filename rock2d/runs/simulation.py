@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.records.track import STATE_NAMES, Track
+from rock2d.records.columns import STATE_NAMES
+from rock2d.records.track import Track
 from rock2d.runs.engines import ReleaseInputs, engine_named
 from rock2d.runs.incident_states import drawn_seeds
 from rock2d.runs.indicators import indicators

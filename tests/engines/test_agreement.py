@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.engines.batch import STEP_FRACTION, STOPS, Ensemble, run_batch
+from rock2d.engines.batch import STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.release import STOPS
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, LAW, SETUP

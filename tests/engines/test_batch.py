@@ -9,7 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from rock2d.engines.batch import STOPS, Ensemble, run_batch, run_batch_track
+from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
+from rock2d.engines.release import STOPS
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
 from rock2d.scene.cross_section import CrossSection

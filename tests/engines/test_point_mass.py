@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rock2d.engines.parabola_intersection import facet_impact, make_surface, next_impact
 from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
 from rock2d.laws.rebound import ReboundParameters
-from rock2d.records.track import T, X, Y
+from rock2d.records.columns import AT_X, AT_Y, TIME
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 
@@ -101,7 +101,7 @@ def test_no_release_of_a_thousand_gets_into_the_ground(law):
     x, y = [], []
     for seed, state in enumerate(random_states(1000)):
         track = run(state, law=law, seed=seed)
-        knots = track.knots[:, T]
+        knots = track.knots[:, TIME]
         within = knots[:-1, None] + np.diff(knots)[:, None] * [0.0, 0.25, 0.5, 0.75]
         times = np.concatenate([within.ravel(), np.linspace(0, track.end_s, 50)])
         states = track.states(times)
@@ -203,7 +203,7 @@ def test_in_flight_energy_is_kept_and_the_block_turns_freely():
     track = run([-0.5, 0.7, 0.2, 1.5, 0.5, 30], law=RANDOM_LAW)
     energy, flying = energy_J(track.knots), np.flatnonzero(track.flight)
     np.testing.assert_allclose(energy[flying + 1], energy[flying], rtol=1e-12)
-    turned = track.knots[flying, 3] + track.knots[flying, 6] * np.diff(track.knots[:, T])[flying]
+    turned = track.knots[flying, 3] + track.knots[flying, 6] * np.diff(track.knots[:, TIME])[flying]
     np.testing.assert_allclose(track.knots[flying + 1, 3], turned, rtol=1e-12)
 
 
@@ -241,10 +241,10 @@ def test_without_friction_or_reduction_no_generator_is_needed_and_with_a_draw_it
 def test_ways_to_end():
     assert run([0, 0.1, 0, 0, 0, 0], FLOOR).stop == "rest"
     gone = run([0, 1, 0, 30, 0, 0], FLOOR)
-    assert (gone.stop, gone.knots[-1, X]) == ("exit", pytest.approx(5, abs=1e-9))
+    assert (gone.stop, gone.knots[-1, AT_X]) == ("exit", pytest.approx(5, abs=1e-9))
     late = run([0, 1, 0, 0.5, 0, 0], FLOOR, time_limit_s=0.1)
     assert (late.stop, late.end_s) == ("time", 0.1)
-    assert late.knots[-1, Y] == pytest.approx(1 - 0.5 * G * 0.01, rel=1e-14)
+    assert late.knots[-1, AT_Y] == pytest.approx(1 - 0.5 * G * 0.01, rel=1e-14)
 
 
 def test_bounces_too_many_to_follow_end_at_rest():
@@ -263,13 +263,13 @@ def test_a_block_does_not_come_to_rest_on_a_wall():
     slow = track.impacts[0]["vx_after_m_s"], track.impacts[0]["vy_after_m_s"]
     assert np.hypot(*slow) < 0.5 * 0.1 * np.sqrt(G * SPHERE.size_m)
     assert track.impacts[0]["zone"] == "wall"
-    assert track.knots[-1, Y] == 0.0
+    assert track.knots[-1, AT_Y] == 0.0
 
 
 def test_a_start_in_the_ground_is_lifted_onto_it_and_one_in_an_overhang_is_left_in_the_air():
-    assert run([-0.4, -0.1, 0, 0.5, 0.5, 0]).knots[0, Y] == pytest.approx(0.3, abs=1e-12)
+    assert run([-0.4, -0.1, 0, 0.5, 0.5, 0]).knots[0, AT_Y] == pytest.approx(0.3, abs=1e-12)
     under_the_nose = run([0.095, 0.01, 0, 0, 0, 0])
-    assert under_the_nose.knots[0, Y] == 0.01
+    assert under_the_nose.knots[0, AT_Y] == 0.01
     assert under_the_nose.impacts[0]["zone"] == "ditch"
     on_it = run([-0.4, 0.3, 0, 0.5, -1, 0])
     assert on_it.impacts[0]["t_s"] == 0.0

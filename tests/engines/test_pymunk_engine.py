@@ -16,7 +16,8 @@ from rock2d.engines import contact_step, pymunk_engine
 from rock2d.engines.pymunk_engine import CallbackError, PymunkRelease, run_pymunk
 from rock2d.laws import closed_forms
 from rock2d.laws.contact import ContactParameters, parameter_table
-from rock2d.records.track import T, Track, ballistic
+from rock2d.records.columns import TIME
+from rock2d.records.track import Track, ballistic
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.laws.test_contact import REFERENCE
@@ -139,7 +140,7 @@ def test_free_flight_is_the_exact_parabola(name):
     start = np.array([-4.0, 50.0, 0.3, 2.0, 1.0, -7.0])
     track = run_pymunk(BLOCKS[name], FLOOR, LAW, start, time_limit_s=2.5)
     k = track.knots
-    exact = ballistic(np.repeat(k[:1], len(k), axis=0), k[:, T], 9.81)
+    exact = ballistic(np.repeat(k[:1], len(k), axis=0), k[:, TIME], 9.81)
     assert len(k) > 10 and track.flight.all()
     np.testing.assert_allclose(k[:, 1:], exact, rtol=1e-12, atol=1e-12)
 

@@ -18,9 +18,9 @@ from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
-from rock2d.kinematics.columns import POSITION
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
 from rock2d.kinematics.states import drift
+from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray

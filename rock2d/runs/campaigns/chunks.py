@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.track import IMPACT_COLUMNS, IMPACT_VALUES
+from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES
 from rock2d.runs.campaigns.ensembles import Group, Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.engines import ENGINES
@@ -124,7 +124,7 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> dict[str, dict[s
         out["crossings"] = columns(CROSSING_COLUMNS, release, line=_text(list(lines), line), **named)
     if found.impacts is not None:
         release, zone, values = found.impacts
-        named = dict(zip(IMPACT_VALUES, values.T, strict=True))
+        named = dict(zip(IMPACT_NAMES[1:], values.T, strict=True))
         zones = _text(job.cross_section.zone_names, zone)
         out["impacts"] = columns(IMPACT_COLUMNS, release, zone=zones, **named)
     if found.samples is not None:

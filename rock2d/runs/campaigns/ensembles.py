@@ -49,7 +49,8 @@ class Outcome:
 
 def batch_outcome(job: Job, group: Group) -> Outcome:
     """A group of releases with the batch engine."""
-    from rock2d.engines.batch import STOPS, Ensemble, run_batch
+    from rock2d.engines.batch import Ensemble, run_batch
+    from rock2d.engines.release import STOPS
     from rock2d.laws.contact import parameter_table
 
     table = parameter_table(job.parameters[group.block], job.cross_section.zone_names)

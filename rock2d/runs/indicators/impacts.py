@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from rock2d.records.track import IMPACT_COLUMNS, Track
+from rock2d.records.columns import IMPACT_COLUMNS
+from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 
 if TYPE_CHECKING:

@@ -111,7 +111,9 @@ def _material(result: Diagnosis) -> str:
         material += f", {len(result.data.impact_release)} impacts"
     if isinstance(result.data, FilmData):
         material += f", {len(result.data.cut.flights)} flights"
-    return material + (f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else "")
+    return material + (
+        f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
+    )
 
 
 def _evidence(

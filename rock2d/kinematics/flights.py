@@ -303,6 +303,6 @@ def _clearance(block, ground, x, y, theta):
         gap = min(gap, -depth)
     for v in range(max(f0, 1), f1):
         if facets[v, CONVEX] > 0.0:
-            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], x, y, c, s, sides)
+            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], (x, y, c, s), sides)
             gap = min(gap, -depth)
     return gap

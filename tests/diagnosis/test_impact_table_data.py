@@ -12,6 +12,7 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.records.columns import AFTER, BEFORE
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
@@ -30,7 +31,7 @@ def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
     ])  # fmt: skip
     ensemble, tables = world_ensemble(world)
     row = run_batch(ensemble, states, table_ids=tables, impact_limit=1, impact_room=1).impacts[:, 0]
-    before, after = row[:, 2:8], row[:, 9:15]
+    before, after = row[:, BEFORE], row[:, AFTER]
     after[:, 3:] *= 1 + noise * rng.normal(size=(n, 3))
     columns = {"release": np.arange(n), "block": "square"}
     names = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")

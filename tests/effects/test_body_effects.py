@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rock2d.engines import contact_state
-from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.pymunk_engine import PymunkRelease, run_pymunk
 from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.blocks import make_block, states_at
 from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import (
@@ -39,18 +40,15 @@ BODIES = {"round_cube": ROUND_CUBE, "round_slab": ROUND_SLAB, "off_sphere": OFF_
 
 def closest(block, cross_section, pose):
     """Features of all contacts at a pose: kind, depth, rate of depth per unit of motion in x, y, theta."""
-    arrays, ground = block_arrays(block), ground_arrays(cross_section, 1.0)
+    compiled = WorldArrays(block_arrays(block), ground_arrays(cross_section, 1.0), np.zeros((1, 1)), 0.0)
     n = contact_state.contact_count(block)
     rates = []
     for axis in range(3):
-        ints, _ = contact_state.new_contacts(block)
-        found_i, found_r = contact_state.new_contacts(block)
+        memory, found = contact_state.new_contacts(n), contact_state.new_contacts(n)
         q = np.concatenate([pose, np.eye(3)[axis]])
-        contact_state.find_features(
-            q, 1.0, 0, len(cross_section.zones), ground, arrays, ints, found_i, found_r
-        )
-        rates.append(found_r[:, contact_state.RATE].copy())
-    depth = found_r[:, contact_state.DEPTH]
+        contact_state.find_features(q, 1.0, (0, len(cross_section.zones)), compiled, memory, found)
+        rates.append(found.reals[:, contact_state.RATE].copy())
+    depth = found.reals[:, contact_state.DEPTH]
     kept = depth > contact_state.NOWHERE
     assert n == len(depth)
     return np.where(kept, depth, -np.inf), np.array(rates).T
@@ -206,6 +204,6 @@ def test_both_engines_agree(name):
         impact = run_pymunk(block, SETUP, LAW, state, impact_limit=1).impacts[0]
         after = [impact[k] for k in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
         scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.reach_m])
-        errors.append(np.abs((batch.impacts[i, 0, 12:15] - after) / scale).max())
+        errors.append(np.abs((batch.impacts[i, 0, VELOCITIES_AFTER] - after) / scale).max())
     assert np.median(errors) < 2e-4
     assert np.mean(np.array(errors) < 1e-3) >= 0.9

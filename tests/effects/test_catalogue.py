@@ -18,6 +18,7 @@ from rock2d.effects.surface_roughness import roughened
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import K_L, K_UL, parameter_table
+from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
 from tests.effects.worlds import (
     CATALOGUE,
@@ -115,7 +116,7 @@ def test_both_engines_agree_with_every_effect(name):
         impact = track.impacts[0]
         after = [impact[k] for k in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
         scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
-        errors.append(np.abs((batch.impacts[i, 0, 12:15] - after) / scale).max())
+        errors.append(np.abs((batch.impacts[i, 0, VELOCITIES_AFTER] - after) / scale).max())
     assert np.nanmedian(errors) < 3e-4
     assert (
         np.nanmean(np.array(errors) < 1e-3) >= 0.8
@@ -218,7 +219,7 @@ row = widened(ContactParameters().row())
 row[column("stiffer_N_m")] = 3e4
 row = engine_rows(row)
 depth, rate, slip, peak, bottom, force_n = 1e-3, 0.5, 0.1, 1e-3, 8e-4, 10.0
-whole, factor, drag = forces.ground_forces(row, forces.FIRST, depth, rate, slip, peak, bottom, force_n)
+whole, factor, drag = forces.ground_forces(row, forces.FIRST, (depth, rate, slip, peak, bottom), force_n)
 print(whole, factor, drag, row[forces.ACTS], len(catalogue()), sum(forces.ground_forces.stats.cache_hits.values()))
 """
 

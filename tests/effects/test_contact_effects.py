@@ -10,6 +10,7 @@ from rock2d.effects.adhesion import ONSET_WAY
 from rock2d.effects.columns import column
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
+from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.cross_section import CrossSection
 from tests.effects.worlds import (
     CATALOGUE,
@@ -30,7 +31,7 @@ NO_ROLLING = {"k_r_Nm_rad": 0.0}
 def rebound(w, vx=0.0, vy=-2.0, omega=0.0, **options) -> dict[str, np.ndarray]:
     """Velocities of a ball after its first impact, by either engine; the ball starts just above y = 0."""
     state = np.array([0.0, R + 1e-4, 0.0, vx, vy, omega])
-    batch = run(w, state[None], impact_limit=1, impact_room=1, **options).impacts[0, 0, 12:15]
+    batch = run(w, state[None], impact_limit=1, impact_room=1, **options).impacts[0, 0, VELOCITIES_AFTER]
     impact = first_impact(w, state)
     keys = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
     return {"batch": batch, "pymunk": np.array([impact[k] for k in keys])}
@@ -203,7 +204,9 @@ def test_an_effect_of_one_zone_stays_there():
         "step_fraction": 0.03,
     }  # steps are chosen by the stiffest zone
     here, plain = run(replace(w, contact=contact), state, **fine), run(base, state, **fine)
-    assert here.impacts[0, 0, 12:15] == pytest.approx(plain.impacts[0, 0, 12:15], rel=1e-4)
+    assert here.impacts[0, 0, VELOCITIES_AFTER] == pytest.approx(
+        plain.impacts[0, 0, VELOCITIES_AFTER], rel=1e-4
+    )
     assert here.audit[0, 3] == 0.0
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from rock2d.engines.batch import STEP_FRACTION, Ensemble, run_batch
-from rock2d.engines.release import STOPS
 from rock2d.engines.pymunk_engine import run_pymunk
+from rock2d.engines.release import STOPS
 from rock2d.laws.contact import parameter_table
+from rock2d.records.columns import VELOCITIES_AFTER
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, LAW, SETUP
 
 EACH = 18  # releases of each block on each zone: 5 blocks, 6 zones, 540 in all
@@ -56,7 +57,7 @@ def test_state_after_the_first_impact(name):
             seen.add(impact["zone"])
             after = [impact[key] for key in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
             scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
-            error, again = (np.abs((row[12:15] - after) / scale).max() for row in (first, halved))
+            error, again = (np.abs((row[VELOCITIES_AFTER] - after) / scale).max() for row in (first, halved))
             beyond += error > 1e-3
             assert error < 3e-3
             assert again < 1e-3

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
-from rock2d.engines.release import STOPS
 from rock2d.engines.pymunk_engine import run_pymunk
+from rock2d.engines.release import STOPS
 from rock2d.laws.contact import parameter_table
+from rock2d.records.columns import VELOCITIES_AFTER
 from rock2d.scene.cross_section import CrossSection
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE
 
@@ -43,7 +44,7 @@ def test_first_impacts_agree_with_the_pymunk_engine(name):
             assert row[1] == pytest.approx(impact["t_s"], abs=1e-7)  # cubic root against a corner
             after = [impact["vx_after_m_s"], impact["vy_after_m_s"], impact["omega_after_rad_s"]]
             scale = np.hypot(impact["vx_m_s"], impact["vy_m_s"]) / np.array([1, 1, block.radius_m])
-            errors.append(np.abs((row[12:15] - after) / scale).max())
+            errors.append(np.abs((row[VELOCITIES_AFTER] - after) / scale).max())
         # where a corner leaves the ground a moment before or after the next one lands, the impact ends, or not
         assert np.median(errors) < 1e-4
         assert np.mean(np.array(errors) < 1e-3) >= 0.97

@@ -18,6 +18,7 @@ from rock2d.engines.geometry import (
     ground_arrays,
     nearest_on_ellipse,
     point_depth,
+    pose_of,
 )
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
@@ -82,7 +83,7 @@ def test_the_force_acts_along_the_gradient_of_the_depth_so_that_a_spring_conserv
     cross_section, arrays = ground_arrays(GROUND, 1.0), block_arrays(block)
 
     def point(p):
-        return contact_point(kind, index, part, p[0], p[1], np.cos(p[2]), np.sin(p[2]), arrays, cross_section)
+        return contact_point(kind, index, part, pose_of(np.asarray(p)), arrays, cross_section)
 
     _, nx, ny, rx, ry = point(pose)
     assert np.hypot(nx, ny) == pytest.approx(1.0)

@@ -43,7 +43,7 @@ def cli() -> None:
               "crossings. With crossings alone a release stops once it can reach no other line; samples "
               "(at the scenario's frame rate) are large.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler, keep, quiet) -> None:
+def run(scenarios, engines, out, data, video, quiet, **options) -> None:
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
@@ -53,8 +53,9 @@ def run(scenarios, engines, seed, releases, out, data, video, workers, scheduler
     from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
     from rock2d.runs.command import run_scenarios
 
-    options = CampaignOptions(None, seed, releases, keep)
-    run_scenarios(scenarios, out, options, Workers(workers, scheduler), engines=engines, data_root=data, video=video,
+    campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
+    workers = Workers(options["workers"], options["scheduler"])
+    run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
                   progress=not quiet, report=click.echo)  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
-from rock2d.records.columns import POSE, RATES, VX, VY, X, Y
+from rock2d.records.columns import AFTER, POSE, RATES, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -30,7 +30,6 @@ SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
 LONGEST_IMPACT = 3.0  # in √(radius / g)
 RELATIVE_PRECISION = 1e-3  # of the numbers in a table, in units of the spread of their column
-STATE_AFTER = slice(9, 15)  # columns of `BatchResult.impacts`
 
 
 @dataclass
@@ -66,7 +65,7 @@ class TableData(ImpactTable):
             ensemble, starts, block_ids=self.impact_block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
             time_limit_s=limit, impact_limit=1, impact_room=1,
         )  # fmt: skip
-        end = result.impacts[:, 0, STATE_AFTER]
+        end = result.impacts[:, 0, AFTER]
         recorded = _recorded_velocities(world, end)
         d = recorded - self.after
         residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])

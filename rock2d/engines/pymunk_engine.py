@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pymunk
@@ -21,12 +21,12 @@ from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays, point_depth
-from rock2d.engines.recording import LEAST_PRESSURE, depart, end_impact
+from rock2d.engines.impact_log import Departure, ImpactLog, Knot
+from rock2d.engines.recording import end_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
     EFFECTS,
     FRICTION,
-    INSTANT_NAMES,
     N_AUDIT,
     N_IMPACT,
     N_STATE,
@@ -40,7 +40,6 @@ from rock2d.records.columns import (
     VY,
     X,
     Y,
-    after,
 )
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
@@ -49,26 +48,6 @@ from rock2d.scene.cross_section import CrossSection
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
 LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
-
-
-class Departure(NamedTuple):
-    """What effects make of the velocities at the end of an impact: its zone's parameters, and the velocity in m/s that
-    recoiling ground gave it."""
-
-    row: np.ndarray
-    recoil: float
-
-
-class Knot(NamedTuple):
-    """State at one instant; sum of normal forces and largest penetration of the active contacts; where an impact has
-    just ended, how the block departs."""
-
-    time: float
-    q: np.ndarray
-    active: int = 0
-    force: float = 0.0
-    depth: float = 0.0
-    departure: Departure | None = None
 
 
 class CallbackError(RuntimeError):
@@ -342,7 +321,7 @@ def run_pymunk(
     x_exit = (cross_section.points_m[0, 0], cross_section.points_m[-1, 0])
     knots: list[np.ndarray] = []
     flight: list[bool] = []
-    log = _ImpactLog(sim)
+    log = ImpactLog(sim.first_zone)
     log.add(sim.knot_now())
     knots.append(np.concatenate([[0.0], sim.q]))
     watch = np.empty(rest.N_WATCH)
@@ -380,50 +359,3 @@ def run_pymunk(
         gravity_m_s2,
         sim.energy_balance(),
     )
-
-
-class _ImpactLog:
-    """Cuts the knots of a run into impacts.
-
-    An impact begins at the first touch and ends when the ground last presses before the block is clear of it
-    (not when it has climbed out of its own indentation: gravity acts meanwhile, the law does not).
-    """
-
-    def __init__(self, sim: PymunkRelease) -> None:
-        self.sim = sim
-        self.impacts: list[dict[str, Any]] = []
-        self.open: dict[str, Any] | None = None
-        self._left: Knot | None = None  # where the ground ceased to press, unless it presses again
-
-    def add(self, knot: Knot) -> None:
-        if self.open is None:
-            if knot.active:
-                self.open = {"zone": self.sim.first_zone(), "t_s": knot.time}
-                self.open.update(zip(STATE_NAMES, map(float, knot.q), strict=True))
-                self.open.update(penetration_m=0.0, force_N=0.0)
-                self._left = None
-            return
-        self.open["penetration_m"] = max(self.open["penetration_m"], knot.depth)
-        self.open["force_N"] = max(self.open["force_N"], knot.force)
-        if knot.force > LEAST_PRESSURE * self.open["force_N"]:
-            self._left = None
-        elif self._left is None:
-            self._left = knot
-        if not knot.active:
-            self._end(self._left, knot.departure)
-
-    def close(self) -> None:
-        """The run is over: an impact that still presses has no state after."""
-        if self.open is not None:
-            self._end(self._left, None)
-
-    def _end(self, knot: Knot | None, departure: Departure | None) -> None:
-        assert self.open is not None
-        if knot is not None and departure is not None:
-            state = knot.q.copy()
-            depart(state, *departure)
-            knot = knot._replace(q=state)
-        values = [np.nan] * len(INSTANT_NAMES) if knot is None else [knot.time, *map(float, knot.q)]
-        self.open.update(zip(map(after, INSTANT_NAMES), values, strict=True))
-        self.impacts.append(self.open)
-        self.open = None

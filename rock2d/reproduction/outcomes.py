@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import AT_VX, AT_VY, TIME
+from rock2d.engines.point_mass import FACET
+from rock2d.records.columns import AT_VX, AT_VY, BEFORE_INSTANT, I_ZONE, N_INSTANT, TIME
 from rock2d.reproduction.hypotheses import (
     ZONES,
     KnownSetup,
@@ -31,10 +32,6 @@ SHARE_PAST_SLOPE = 0.5  # least share of a hypothesis' releases that must not to
 SLOPE_ZONE = ZONES.index("slope")
 FACING_ZONE = ZONES.index("uphill_face")
 DITCH_ZONE = ZONES.index("ditch")
-# columns of the first impact in `BatchResult.impacts` and `PointMassBatch.impacts`
-BATCH_ZONE, BATCH_STATE_BEFORE = 0, slice(1, 8)
-POINT_MASS_STATE_BEFORE, POINT_MASS_FACET = slice(0, 7), 10
-STATE_WIDTH = 7  # time and state
 
 WorldChange = Callable[[World, int], World]  # world of hypothesis i -> the world to simulate
 
@@ -111,13 +108,13 @@ def _contact_model_outcome(
             worlds.append(world if change is None else change(world, i))
         states = every[chosen]
         result = _simulate(worlds, block_name, states, impact_limit=1, impact_room=1)
-        zones, before = result.impacts[:, 0, BATCH_ZONE], result.impacts[:, 0, BATCH_STATE_BEFORE]
+        zones, before = result.impacts[:, 0, I_ZONE], result.impacts[:, 0, BEFORE_INSTANT]
         possible = begin.possible[chosen] & _past_slope(zones, n)
-        crossings = np.full((len(chosen), n, len(LINES), STATE_WIDTH), np.nan)
+        crossings = np.full((len(chosen), n, len(LINES), N_INSTANT), np.nan)
         if lines and possible.any():
             remaining = [world for world, useful in zip(worlds, possible, strict=True) if useful]
             result = _simulate(remaining, block_name, states[possible], stop_when_spent=True)
-            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), STATE_WIDTH)
+            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), N_INSTANT)
         parts.append(_outcome(crossings, zones, before, values["facing_deg"][chosen], possible))
     return _joined(parts)
 
@@ -169,10 +166,10 @@ def probabilistic_outcome(
             block, ground, {"default": ditch, "uphill_face": facing}, states, seeds,
             gravity_m_s2=known.gravity_m_s2, time_limit_s=TIME_LIMIT_S, impact_room=1,
         )  # fmt: skip
-        facet = result.impacts[:, 0, POINT_MASS_FACET]
+        facet = result.impacts[:, 0, FACET]
         zones = np.where(np.isfinite(facet), ground.zone_ids[np.nan_to_num(facet).astype(int)], np.nan)
         possible = begin.possible[i : i + 1] & _past_slope(zones, n)
-        before, angle = result.impacts[:, 0, POINT_MASS_STATE_BEFORE], values["facing_deg"][i : i + 1]
+        before, angle = result.impacts[:, 0, :N_INSTANT], values["facing_deg"][i : i + 1]
         parts.append(_outcome(result.crossings[None], zones, before, angle, possible))
     return _joined(parts)
 

@@ -15,13 +15,13 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
+from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
 DEEP_PENETRATION_SIZES = 0.1  # of the block's size: penetration from which the block hides itself
 LOW_REBOUND_SIZES = 0.25  # of the block's size: rebound below which a flight tells little
-STATE_COLUMNS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 
 
 def flights_and_impacts(
@@ -53,7 +53,7 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
         "begin_s": film.t_s[flights.first], "end_s": film.t_s[flights.last - 1],
         "frames": flights.last - flights.first, "t_s": data.basis.middle,
     })  # fmt: skip
-    for k, name in enumerate(STATE_COLUMNS):
+    for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
     return table
@@ -85,8 +85,8 @@ def _impacts(
         ("_after", after, impacts.after, begins),
     ):
         error = _errors(data, which, dt, misfit)
-        for k in range(3, 6):
-            name = STATE_COLUMNS[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
+        for k in (VX, VY, OMEGA):
+            name = STATE_NAMES[k].replace("_m_s", f"{label}_m_s").replace("_rad_s", f"{label}_rad_s")
             table[name], table[f"{name}_se"] = state[:, k], error[:, k]
     deep, high = _depths(experiment, data)
     size = np.array([b.size_m for b in experiment.blocks.values()])[impacts.block]

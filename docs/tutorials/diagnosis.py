@@ -41,7 +41,8 @@ print("verdict:", found.verdict)
 print(found.to_pandas().head(5).round(3).to_string(index=False))
 
 # %% [markdown]
-# How large is the effect, and how far does the gap shrink on held-out releases?
+# How large is the effect, and how far does the gap shrink on held-out releases? The true tilt is 0.0349 rad.
+# `centre_right` and `centre_up` are the point about which the picture is turned, in widths of embankment and ditch.
 
 # %%
 content = found.to_dict()

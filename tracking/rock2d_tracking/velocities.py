@@ -15,7 +15,7 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
-from rock2d.records.columns import OMEGA, VX, VY
+from rock2d.records.columns import OMEGA, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
 
 Array = np.ndarray

@@ -391,10 +391,10 @@ def test_a_state_that_is_no_longer_a_number_stops_the_run(monkeypatch):
 RUN = """
 import hashlib, sys
 sys.path.insert(0, sys.argv[1])
-from tests.engines.test_pymunk_engine import BENCH, BLOCKS, CONTRAST, random_state, run_pymunk
+from tests.engines.test_pymunk_engine import SETUP, BLOCKS, CONTRAST, random_state, run_pymunk
 digest = hashlib.sha256()
 for i, block in enumerate(BLOCKS.values()):
-    digest.update(run_pymunk(block, BENCH, CONTRAST, random_state(i), time_limit_s=0.3).knots.tobytes())
+    digest.update(run_pymunk(block, SETUP, CONTRAST, random_state(i), time_limit_s=0.3).knots.tobytes())
 print(digest.hexdigest())
 """
 

@@ -145,7 +145,7 @@ def test_a_vertical_fall_counts_as_travel_down_the_slope():
 def test_a_turned_facet_that_would_not_be_hit_leaves_the_facet_as_it_lies():
     slope = np.deg2rad(65)  # an uphill face, met from almost straight above
     velocity = (0.5, -5.0, 10.0)
-    args = (*velocity, np.cos(slope), np.sin(slope))
+    args = (velocity, (np.cos(slope), np.sin(slope)))
     p = law(11.0, 0.04, 0.89, 40.0).row()
     assert rebound(*args, np.deg2rad(40), BODY, p) == rebound(*args, 0.0, BODY, p)
 
@@ -153,7 +153,7 @@ def test_a_turned_facet_that_would_not_be_hit_leaves_the_facet_as_it_lies():
 def test_a_rebound_off_the_turned_facet_into_the_ground_is_followed_by_one_on_the_ground():
     # level ground turned by 60°: a fast flat block slips along the turned facet, backwards and down
     p = law(0.0, 1e-9, 1.0, 60.0).row()
-    args = (1.0, -5.0, 0.0, 1.0, 0.0)
+    args = ((1.0, -5.0, 0.0), (1.0, 0.0))
     turned = np.deg2rad(60)
     along = 1.0 * np.cos(turned) - 5.0 * np.sin(turned)  # all that is left after the first rebound
     vx, vy, _ = rebound(*args, turned, BODY, p)

@@ -12,6 +12,7 @@ from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 from rock2d.runs.campaigns.outputs import OUTPUTS
 from rock2d.runs.engines import ENGINES
+from rock2d.schemas import SCHEMAS, file_schema
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
@@ -260,13 +261,12 @@ def export(experiment, out) -> None:
 
 
 @cli.command()
-def schema() -> None:
-    """Print the JSON Schema of a scenario file, for editors."""
+@click.argument("kind", type=click.Choice(list(SCHEMAS)), default="scenario")
+def schema(kind) -> None:
+    """Print the JSON Schema of a KIND of file, for editors and other programs. Default: scenario."""
     import json
 
-    from rock2d.files.scenario import scenario_json_schema
-
-    click.echo(json.dumps(scenario_json_schema(), indent=2, ensure_ascii=False))
+    click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
 def _print_warnings_in_one_line() -> None:

@@ -15,9 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
-from rock2d.graphics.figure_style import blank_figure, finish, handle
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.statistics import wilson_interval
-from rock2d_figures.style import SMALL_PT
 
 ONE_EFFECT, TWO_EFFECTS = "one effect", "two effects, one named"
 OUTSIDE_CAUSE, NO_CAUSE = "outside the catalogue", "nothing"

@@ -40,7 +40,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 OUTPUT_FOLDER = Path(__file__).resolve().parents[1]
 SEED = 1
-RELEASES_PER_CALL = 100_000  # releases in one call
+COST_RELEASES_PER_CALL = 100_000  # releases in one call
 FACET_COUNTS = (10, 30, 100, 300, 1000, 3000, 10_000)
 FACET_RELEASES = {"batch": 500, "point mass": 10_000}
 UNDULATION_LENGTH_M, UNDULATION_HEIGHT_M = 8.0, 0.05  # its shortest wave
@@ -87,7 +87,7 @@ def main(releases: int, rounds: int, seconds: float, out: Path) -> None:
 def cost_of_releases(most: int, rounds: int, seconds: float) -> dict[str, Any]:
     """By engine: numbers of releases, all times in s, their medians."""
     scenario = load_scenario(scenario_file("paper_setup.yaml"))
-    states = incident_states_of(scenario, "sphere", min(most, RELEASES_PER_CALL))
+    states = incident_states_of(scenario, "sphere", min(most, COST_RELEASES_PER_CALL))
     numbers = [10**k for k in range(2, 8) if 10**k < most] + [most]
     found: dict[str, Any] = {e: {"releases": numbers, "times_s": [], "median_s": []} for e in ENGINES}
     for number in numbers:
@@ -154,8 +154,8 @@ def prepared_run(
     ensemble = Ensemble([block], [cross_section], [table])
 
     def run(number: int = number) -> None:
-        for first in range(0, number, RELEASES_PER_CALL):
-            part = states[: min(RELEASES_PER_CALL, number - first)]
+        for first in range(0, number, COST_RELEASES_PER_CALL):
+            part = states[: min(COST_RELEASES_PER_CALL, number - first)]
             if engine == "batch":
                 run_batch(ensemble, part, stop_when_captured=True, **shared)
             else:

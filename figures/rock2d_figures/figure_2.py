@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import blank_figure, finish, handle
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.results import Results
-from rock2d_figures.style import SMALL_PT, STYLES
+from rock2d_figures.style import STYLES
 
 Array = np.ndarray
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import blank_figure, finish
+from rock2d.graphics.figure_style import TEXT_PT, blank_figure, finish
 from rock2d.graphics.trajectories import draw_cross_section, positions_of
 from rock2d.runs.results import RunResult
-from rock2d_figures.style import STYLES, TEXT_PT, setup_view, with_short_lines
+from rock2d_figures.style import STYLES, setup_view, with_short_lines
 
 PANEL_WIDTH_IN = 3.45
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import blank_figure, finish, handle
-from rock2d_figures.style import SMALL_PT, STYLES
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d_figures.style import STYLES
 
 
 def figure(table: pd.DataFrame) -> Figure:

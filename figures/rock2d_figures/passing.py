@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from rock2d.graphics.figure_style import blank_figure, finish, handle
-from rock2d_figures.style import SMALL_PT, STYLES, spelled
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d_figures.style import STYLES, spelled
 
 MARKER_SHIFT = {"experiment": -0.3, "deterministic": -0.1, "probabilistic": 0.1}
 PAPER_MARKER_SHIFT = {"deterministic": -0.1, "probabilistic": 0.1}

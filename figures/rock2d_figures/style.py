@@ -18,7 +18,6 @@ STYLES: dict[str, tuple[str, Any, str]] = {
 }
 MARGIN_LEFT_M, MARGIN_RIGHT_M, MARGIN_BELOW_M = 0.12, 0.12, 0.02  # of the picture round ditch and embankment
 SHOWN_LINE_LENGTH_M = 0.11  # of measure lines, so that their names stay in the picture
-TEXT_PT, SMALL_PT = 9.0, 7.5  # as in `rock2d.graphics.plots`
 
 
 def spelled(name: str) -> str:

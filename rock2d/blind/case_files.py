@@ -21,7 +21,7 @@ from rock2d.files.folders import atomic_folder
 
 Array = np.ndarray
 
-CASES, LABELS, INDEX = "cases", "labels.json", "cases.json"
+CASES, LABELS, INDEX_FILE = "cases", "labels.json", "cases.json"
 
 
 def make_trial(
@@ -50,7 +50,7 @@ def make_trial(
         digest = hashlib.sha256(text.encode()).hexdigest()
         (folder / LABELS).write_text(text, encoding="utf-8")
         index = {"count": count, "seed": seed, "labels_sha256": digest}
-        (folder / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
+        (folder / INDEX_FILE).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
     return digest
 
 
@@ -132,7 +132,7 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
 
 def read_index(folder: Path) -> dict[str, Any]:
     """cases.json of a trial; raises `InputError`."""
-    path = folder / INDEX
+    path = folder / INDEX_FILE
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except OSError:

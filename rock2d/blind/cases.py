@@ -26,7 +26,7 @@ KINDS = ("laboratory", "laboratory", "laboratory", "laboratory", "flat", "field"
 FRAME_RATES_HZ = (240.0, 500.0, 1000.0, 1000.0, 1000.0, 2000.0)
 FIELD_FRAME_RATES_HZ = (120.0, 240.0, 500.0)
 FEWEST_FRAMES_PER_FALL = 8.0  # in the time that a block needs to fall half its size
-FEWEST_RELEASES, MOST_RELEASES, USUAL_RELEASES = 10, 200, 120
+FEWEST_CASE_RELEASES, MOST_CASE_RELEASES, USUAL_RELEASES = 10, 200, 120
 HELDOUT_SHARE = 0.4  # further releases for the check, over those of the fit
 FILM_LENGTH = 17.0  # √(size / g)
 GRAVITY_M_S2 = 9.81
@@ -129,9 +129,9 @@ def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator)
 
 def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Block, number of earlier releases of the same block, and whether held out, of each release."""
-    releases = FEWEST_RELEASES
+    releases = FEWEST_CASE_RELEASES
     if not smallest:
-        releases = round(math.exp(rng.uniform(math.log(FEWEST_RELEASES), math.log(MOST_RELEASES))))
+        releases = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(MOST_CASE_RELEASES))))
         if rng.random() < 0.5:
             releases = USUAL_RELEASES
     per_block = max(2, releases // n_blocks)

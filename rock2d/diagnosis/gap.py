@@ -20,7 +20,7 @@ from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResidu
 
 Array = np.ndarray
 
-BOOTSTRAPS = 1000
+GAP_BOOTSTRAPS = 1000
 SIGNIFICANT_CELL_Z = 2.0
 GAP_UNIT = "mean square residual over the variance that noise and the soil's scatter leave"
 
@@ -70,7 +70,7 @@ def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> G
         data, np.ones_like(found.base_regressed.impacts), np.ones_like(found.base_regressed.flights)
     )
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    draws = rng.multinomial(len(base), np.full(len(base), 1.0 / len(base)), size=BOOTSTRAPS)
+    draws = rng.multinomial(len(base), np.full(len(base), 1.0 / len(base)), size=GAP_BOOTSTRAPS)
     b, a, f = draws @ base, draws @ augmented, (draws @ floors.T).min(axis=1)
     floor = floors[floors.sum(axis=1).argmin()]
     low, high, share_closed = 0.0, 0.0, 0.0

@@ -8,14 +8,14 @@ from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.world import World
 
-NONE, X, Y, THETA = range(4)
+MIRROR_NONE, MIRROR_X, MIRROR_Y, MIRROR_THETA = range(4)
 
 
 def apply(world: World, values: Sequence[float]) -> World:
     """x, y or θ recorded = -x, -y or -θ. `values[0]` is a choice: 0 none, 1 x (about x = 0), 2 y (about y = 0), 3 θ."""
     mirror = list(world.view.mirror)
     axis = round(float(values[0]))
-    if axis != NONE:
+    if axis != MIRROR_NONE:
         mirror[axis - 1] *= -1.0
     return with_view(world, mirror=tuple(mirror))
 
@@ -29,11 +29,11 @@ EFFECT = Effect(
         Parameter(
             "axis",
             "choice",
-            float(NONE),
-            float(NONE),
-            float(THETA),
+            float(MIRROR_NONE),
+            float(MIRROR_NONE),
+            float(MIRROR_THETA),
             "0 none, 1 x, 2 y, 3 theta; no size",
-            choices=(float(X), float(Y), float(THETA)),
+            choices=(float(MIRROR_X), float(MIRROR_Y), float(MIRROR_THETA)),
         ),
     ),
     apply=apply,

@@ -18,7 +18,7 @@ from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import Recorder
-from rock2d.engines.release import STOPS, StopRules
+from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
@@ -33,6 +33,7 @@ from rock2d.records.columns import (
     N_KNOT,
     N_POSE,
     N_STATE,
+    STOPS,
     TIME,
 )
 from rock2d.records.track import Track
@@ -46,7 +47,7 @@ FIRST_KNOTS, KNOTS_PER_IMPACT = (
     4096,
     64,
 )  # room for the knots of a track, and how many there are at least to an impact
-STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
+BATCH_STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
 
 
 class Packed(NamedTuple):
@@ -177,7 +178,7 @@ def run_batch(
     stop_when_spent: bool = False,
     stop_when_captured: bool = False,
     times_s: Array | None = None,
-    step_fraction: float = STEP_FRACTION,
+    step_fraction: float = BATCH_STEP_FRACTION,
 ) -> BatchResult:
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega in SI), on all threads.
 
@@ -233,7 +234,7 @@ def run_batch_track(
     gravity_m_s2: float = 9.81,
     time_limit_s: float = 5.0,
     impact_limit: int = 0,
-    step_fraction: float = STEP_FRACTION,
+    step_fraction: float = BATCH_STEP_FRACTION,
 ) -> Track:
     """One release of the batch engine as a track, every contact step a knot."""
     ensemble = Ensemble([block], [cross_section], [table])

@@ -64,7 +64,7 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
-STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
+FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
 class Scratch(NamedTuple):
@@ -83,7 +83,9 @@ def new_scratch(count):
     return Scratch(np.empty(N_STATE), np.empty(count), np.empty(count), np.empty(4), new_loaded(count))
 
 
-def contact_steps_s(block: Block, tables: np.ndarray, fraction: float = STEP_FRACTION) -> tuple[Any, Any]:
+def contact_steps_s(
+    block: Block, tables: np.ndarray, fraction: float = FINE_STEP_FRACTION
+) -> tuple[Any, Any]:
     """Contact steps in s, while every contact is on its loading branch and else: `fraction` of a radian of the
     stiffest oscillation, ω² = k (1/m + r²/I), where r is the largest lever of the force: the normal force of a
     circle has none. Damping c of effects counts as the rate c (1/m + r²/I). For parameters (zones, columns) two

@@ -20,9 +20,9 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-LEAF = 4  # facets in a leaf of the tree
+BOX_FACETS = 4  # facets in a leaf of the tree
 # columns of a facet: start, unit tangent, length
-START_X, START_Y, TANGENT_X, TANGENT_Y, LENGTH = range(5)
+START_X, START_Y, ALONG_X, ALONG_Y, FACET_LENGTH = range(5)
 # columns of a box: x range; slope m and greatest y - m x; x between which there are facets of this box only
 BOX_LOW, BOX_HIGH, BOX_SLOPE, BOX_TOP, ONLY_FROM, ONLY_TO = range(6)
 
@@ -59,7 +59,7 @@ def make_surface(cross_section: CrossSection) -> Surface:
     facets = np.ascontiguousarray(np.column_stack([points[:-1], cross_section.tangents, length]))
     reach = 1e-12 * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
     leaves = 1
-    while leaves * LEAF < len(facets):
+    while leaves * BOX_FACETS < len(facets):
         leaves *= 2
     left, right = float(points[:, 0].min()) - reach, float(points[:, 0].max()) + reach
     surface = Surface(facets, cross_section.zone_ids, _tree(points, leaves, reach), left, right, reach)
@@ -76,8 +76,8 @@ def _tree(points, leaves, reach):
     for j in range(last):
         before[j + 1] = max(before[j], before[j + 1])
         after[last - j - 1] = min(after[last - j], after[last - j - 1])
-    held, first = leaves * LEAF, 0  # facets a box holds, first box of the level
-    while held >= LEAF:
+    held, first = leaves * BOX_FACETS, 0  # facets a box holds, first box of the level
+    while held >= BOX_FACETS:
         for i in range(first, 2 * first + 1):
             start = (i - first) * held
             stop = min(start + held, last)
@@ -111,9 +111,9 @@ def _facet(facets, j):
     return (
         facets[j, START_X],
         facets[j, START_Y],
-        facets[j, TANGENT_X],
-        facets[j, TANGENT_Y],
-        facets[j, LENGTH],
+        facets[j, ALONG_X],
+        facets[j, ALONG_Y],
+        facets[j, FACET_LENGTH],
     )
 
 
@@ -131,7 +131,7 @@ def next_impact(surface, stack, flight, gravity, current, limit):
     per_vx = 1.0 / vx if abs(vx) > 1e-300 else 0.0
     first_child = 1 if vx >= 0.0 else 2  # the one that the flight gets to first
     # most flights are short: search the leaf where this one starts, then wider and wider around it
-    searched = 0 if current < 0 else first_leaf + current // LEAF
+    searched = 0 if current < 0 else first_leaf + current // BOX_FACETS
     box, top, met = searched, 0, True
     while True:
         # both children are looked at, without a branch between them: the processor could not guess it
@@ -144,8 +144,8 @@ def next_impact(surface, stack, flight, gravity, current, limit):
             met = near_met | far_met
             box = near if near_met else far
         if met:
-            start = (box - first_leaf) * LEAF
-            for j in range(start, min(start + LEAF, len(facets))):
+            start = (box - first_leaf) * BOX_FACETS
+            for j in range(start, min(start + BOX_FACETS, len(facets))):
                 tau, v_n = facet_impact(facets, j, flight, gravity, j == current, surface.reach_m)
                 # of two facets met at once, at a joint, the one that is hit harder
                 if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
@@ -244,8 +244,8 @@ def lifted(surface, stack, x, y):
             stack[top], stack[top + 1] = 2 * i + 1, 2 * i + 2
             top += 2
             continue
-        start = (i - first_leaf) * LEAF
-        for j in range(start, min(start + LEAF, len(facets))):
+        start = (i - first_leaf) * BOX_FACETS
+        for j in range(start, min(start + BOX_FACETS, len(facets))):
             x0, y0, tx, ty, length = _facet(facets, j)
             x1 = x0 + length * tx
             if tx == 0.0 or not min(x0, x1) <= x < max(x0, x1):

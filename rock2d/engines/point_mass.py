@@ -16,11 +16,11 @@ import numpy as np
 
 from rock2d.compiled import njit
 from rock2d.engines.parabola_intersection import (
-    LENGTH,
+    ALONG_X,
+    ALONG_Y,
+    FACET_LENGTH,
     START_X,
     START_Y,
-    TANGENT_X,
-    TANGENT_Y,
     lifted,
     make_surface,
     next_impact,
@@ -43,6 +43,10 @@ from rock2d.records.columns import (
     N_POSE,
     N_STATE,
     OMEGA,
+    STOP_EXIT,
+    STOP_REST,
+    STOP_TIME,
+    STOPS,
     THETA,
     TIME,
     VX,
@@ -55,9 +59,6 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
-
-STOPS = ("rest", "exit", "time")
-STOP_REST, STOP_EXIT, STOP_TIME = range(len(STOPS))
 
 # columns of a rebound: the instant before, the velocities after, the facet
 VX_AFTER, VY_AFTER, OMEGA_AFTER, FACET = range(N_INSTANT, N_INSTANT + 4)
@@ -272,8 +273,8 @@ def descend(i, releases, inputs, surface, lines, written):
             break
 
         x0, y0 = facets[facet, START_X], facets[facet, START_Y]
-        tx, ty = facets[facet, TANGENT_X], facets[facet, TANGENT_Y]
-        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, LENGTH])
+        tx, ty = facets[facet, ALONG_X], facets[facet, ALONG_Y]
+        along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, FACET_LENGTH])
         x, y = x0 + along * tx, y0 + along * ty
         k = zones[facet]
         p = (table[k, TAN_PHI], table[k, M_HALF], table[k, R_T], table[k, ALPHA], table[k, UNIFORM])

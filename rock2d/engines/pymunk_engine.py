@@ -47,7 +47,7 @@ from rock2d.scene.cross_section import CrossSection
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
-LONGEST_STRIDE = 2.0  # of a flight, in units of √(radius / g)
+LONGEST_FLIGHT_STRIDE = 2.0  # of a flight, in units of √(radius / g)
 
 
 class CallbackError(RuntimeError):
@@ -206,7 +206,7 @@ class PymunkRelease:
             growth = contact_energy.step_growth(self._start["kinetic"], self._block, self._memory, self.table)
             return self.contact_step * float(growth)
         longest, extra = air_stride(self.q, self.gravity, self._block)
-        limit = min(longest, LONGEST_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
+        limit = min(longest, LONGEST_FLIGHT_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
         margin = MARGIN * self.block.radius_m
         speed = math.hypot(self.q[VX], self.q[VY])
         far = limit * (speed + 0.5 * (self.gravity + extra) * limit) + 2 * self.block.reach_m

@@ -71,6 +71,12 @@ from rock2d.records.columns import (
     N_POSE,
     N_STATE,
     OMEGA,
+    STOP_BURIED,
+    STOP_EXIT,
+    STOP_IMPACTS,
+    STOP_REST,
+    STOP_SPENT,
+    STOP_TIME,
     THETA,
     VX,
     VY,
@@ -78,14 +84,12 @@ from rock2d.records.columns import (
     Y,
 )
 
-STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
-STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED = range(len(STOPS))
-LARGEST_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
+LARGEST_BATCH_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
 STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
 LEAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
 VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
-LONGEST_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
+LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
 FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
 BURIED_SEARCH = 0.5  # radii of penetration from which a centroid may be buried
 TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
@@ -207,7 +211,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
         if steps >= looked:
             looked = steps + STEPS_BETWEEN_LOOKS
             growth = contact_energy.step_growth(highest_energy, block, memory, law)
-            growth = min(LARGEST_STEP_GROWTH, growth)
+            growth = min(LARGEST_BATCH_STEP_GROWTH, growth)
             if active > 0 and is_open:
                 if rules.captured and rest.captured(q, world, memory):
                     stop = STOP_REST
@@ -250,7 +254,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
             if active > 0:
                 h = FLOATING_STEPS * h if floating else (sizes.loading * growth if loading else h)
             pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * radius, 1e-300)
-            h = min(h, time_limit - t, max(h_contact, LONGEST_STRIDE * radius / pace))
+            h = min(h, time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * radius / pace))
             half = near_reach(q, h, gravity, radius)
             seen = facet_range(ground, q[X] - half, q[X] + half)
             if active == 0 and not noticed:

@@ -25,10 +25,10 @@ from rock2d.engines.geometry import (
 )
 from rock2d.records.columns import OMEGA, VX, VY, X, Y
 
-LEAF = 4  # facets in a leaf
+NODE_FACETS = 4  # facets in a leaf
 NO_BOX = 1.0e300
 # columns of a node: a box, and a line (normal, largest offset along it) above which no facet of the node rises
-LOW_X, LOW_Y, HIGH_X, HIGH_Y, LINE_X, LINE_Y, LINE_OFFSET = range(7)
+LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
 
 
 def facet_tree(points: np.ndarray) -> np.ndarray:
@@ -38,11 +38,11 @@ def facet_tree(points: np.ndarray) -> np.ndarray:
     """
     n = len(points) - 1
     leaves = 1
-    while leaves * LEAF < n:
+    while leaves * NODE_FACETS < n:
         leaves *= 2
     tree = np.empty((2 * leaves, 7))
     tree[:, :HIGH_X], tree[:, HIGH_X:] = NO_BOX, -NO_BOX
-    held, first = LEAF, leaves  # facets that a node holds, first node of the level
+    held, first = NODE_FACETS, leaves  # facets that a node holds, first node of the level
     while first >= 1:
         for node in range(first, first + -(-n // held)):
             start = (node - first) * held
@@ -113,7 +113,7 @@ def _node_time(tree, node, q, pose, speed, pulls, block):
     dy = max(max(tree[node, LOW_Y] - q[Y], q[Y] - tree[node, HIGH_Y]), 0.0)
     away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, pulls[0] + pulls[1])
     down = _line_time(
-        (tree[node, LINE_X], tree[node, LINE_Y], tree[node, LINE_OFFSET]), q, pose, pulls, block
+        (tree[node, HULL_X], tree[node, HULL_Y], tree[node, HULL_OFFSET]), q, pose, pulls, block
     )
     return max(away, down)
 
@@ -147,8 +147,8 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
                 stack[top] = near
                 top += 1
             continue
-        start = (node - leaves) * LEAF
-        for f in range(start, min(start + LEAF, n)):
+        start = (node - leaves) * NODE_FACETS
+        for f in range(start, min(start + NODE_FACETS, n)):
             tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
             px, py = facets[f, POINT_X], facets[f, POINT_Y]
             dx, dy = q[X] - px, q[Y] - py

@@ -20,7 +20,7 @@ PAGE_STYLE = (
     "td,th{padding:.15rem .8rem .15rem 0;border-bottom:1px solid #eee;vertical-align:top;text-align:left}"
     "img,video{max-width:100%}"
 )
-FIGURE_DPI = 110  # of embedded PNG pictures
+PAGE_FIGURE_DPI = 110  # of embedded PNG pictures
 
 
 def html_page(title: str, body: str) -> str:
@@ -61,7 +61,7 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
 
     buffer = io.BytesIO()
     if image_format == "png":
-        figure.savefig(buffer, format="png", dpi=FIGURE_DPI)
+        figure.savefig(buffer, format="png", dpi=PAGE_FIGURE_DPI)
         return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})

@@ -61,9 +61,9 @@ def trajectories_figure(
         axis.set_title(
             f"{plain_text(name.replace('_', ' '))}, {len(own)} {plural}", loc="left", fontsize=TEXT_PT
         )
-        axis.set_ylabel(f"y ({length_unit(limits)[0]})")
+        axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:
-            axis.set_xlabel(f"x ({length_unit(limits)[0]})")
+            axis.set_xlabel(f"x ({length_unit(view.limits_m)[0]})")
     handles = [
         handle(STOP_MARKERS[s][1], marker=STOP_MARKERS[s][0], ls="none", ms=4.5, mfc="#777777", mec="white")
         for s in STOP_MARKERS

@@ -26,7 +26,7 @@ Array = np.ndarray
 
 CAMERA_GRID = 21  # positions of the camera's axis that are tried along x and y each, within the image's width
 CROSS_SECTION_GRID = 9  # values of each parameter of the cross-section that are tried
-MOST_FRAMES = 5000  # of all releases, among which their lowest points are searched
+MOST_REGISTRATION_FRAMES = 5000  # of all releases, among which their lowest points are searched
 GRAVITY_UNCERTAINTY = 0.03  # of scale and tilt (rad) as read from the recorded gravity
 POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
 LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points of most releases
@@ -51,7 +51,7 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
 
     gravity : (2,) acceleration in m/s² of flights as recorded, None if it is not known
     """
-    step = max(1, len(film.t_s) // MOST_FRAMES)
+    step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
     frames = [film.pose[film.release == r][::step] for r in range(len(film.release_names))]
     blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
     reach = 10 * max(radius for _, radius in blocks)

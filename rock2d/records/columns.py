@@ -20,6 +20,10 @@ def after(name: str) -> str:
     return f"{stem}_after_{unit}"
 
 
+# how a release ends
+STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
+STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED = range(len(STOPS))
+
 # an instant: time and state (knots, ends, crossings)
 INSTANT_NAMES = ("t_s", *STATE_NAMES)
 TIME = 0

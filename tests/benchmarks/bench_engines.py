@@ -1,6 +1,6 @@
 """What the engines cost, on the paper's set-up and at field scale, and what half the contact step changes.
 
-    make set-up
+    make bench
 
 or, with the extra `bench` installed,
 
@@ -23,12 +23,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rock2d.engines.batch import STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.engines.release import STOPS
 from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table
+from rock2d.records.columns import STOPS
 from rock2d.runs.incident_states import incident_states
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
@@ -144,7 +144,7 @@ def test_half_the_contact_step(benchmark, name, block_name):
         return np.isfinite(run.crossings[:, :, 0])
 
     def both():
-        return passed(STEP_FRACTION), passed(0.5 * STEP_FRACTION)
+        return passed(BATCH_STEP_FRACTION), passed(0.5 * BATCH_STEP_FRACTION)
 
     before, after = benchmark.pedantic(both, rounds=1)
     rows = []

@@ -12,14 +12,14 @@ from bench_engines import FOLDER, row
 ROUNDS = 5
 FIRST = f"""
 import numpy as np
-from rock2d.incident import starts
-from rock2d.scenario import load_scenario
-scenario = load_scenario({str(FOLDER / "paper_bench.yaml")!r})
-ground, block = scenario.ground(), scenario.make_blocks()["cube"]
-states = np.array([s.state for s in starts(scenario, 1, 10) if s.block == "cube"])
+from rock2d.files.scenario import load_scenario
+from rock2d.runs.incident_states import incident_states
+scenario = load_scenario({str(FOLDER / "paper_setup.yaml")!r})
+ground, block = scenario.make_cross_section(), scenario.make_blocks()["cube"]
+states = np.array([s.state for s in incident_states(scenario, 1, 10) if s.block == "cube"])
 """
 BATCH = """
-from rock2d.contact import parameter_table
+from rock2d.laws.contact import parameter_table
 from rock2d.engines.batch import Ensemble, run_batch
 table = parameter_table(scenario.contact_parameters(), ground.zone_names)
 print(run_batch(Ensemble([block], [ground], [table]), states).ends[0])

@@ -7,7 +7,12 @@ import pytest
 
 from rock2d.diagnosis.replay import Releases
 from rock2d.diagnosis.report.bar_charts import Axis, axis_over
-from rock2d.diagnosis.report.practical_indicators import PERCENTILES, Quantity, film_quantities, measure_lines
+from rock2d.diagnosis.report.practical_indicators import (
+    COMPARED_PERCENTILES,
+    Quantity,
+    film_quantities,
+    measure_lines,
+)
 from rock2d.diagnosis.report.text import number, percent, share_closed
 from rock2d.statistics import wilson_interval
 from tests.kinematics.synthetic_films import film, world
@@ -69,13 +74,15 @@ def test_passing_energy_height_and_runout_of_parabolas(experiment):
         if passed.sum() >= 8:
             values = [e.value for e in energy[name]["measured"]]
             np.testing.assert_allclose(
-                values, 1e3 * np.percentile(true[passed], PERCENTILES), rtol=0.02
+                values, 1e3 * np.percentile(true[passed], COMPARED_PERCENTILES), rtol=0.02
             )  # mJ
     (height,) = of(found, "Bounce").values()
     assert height["measured"][0].value <= 1e3 * (0.03 + 1.6**2 / (2 * G)) + 1e-6
     (runout,) = of(found, "Runout").values()
     np.testing.assert_allclose(
-        [e.value for e in runout["measured"]], 1e3 * np.percentile(speeds * end_s, PERCENTILES), rtol=1e-6
+        [e.value for e in runout["measured"]],
+        1e3 * np.percentile(speeds * end_s, COMPARED_PERCENTILES),
+        rtol=1e-6,
     )
 
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.engines.batch import STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.engines.release import STOPS
 from rock2d.laws.contact import parameter_table
-from rock2d.records.columns import VELOCITIES_AFTER
+from rock2d.records.columns import STOPS, VELOCITIES_AFTER
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, LAW, SETUP
 
 EACH = 18  # releases of each block on each zone: 5 blocks, 6 zones, 540 in all
@@ -44,7 +43,7 @@ def test_state_after_the_first_impact(name):
         ensemble = Ensemble([block], [SETUP], [table])
         coarse, fine = (
             run_batch(ensemble, part, impact_limit=1, impact_room=1, step_fraction=f)
-            for f in (STEP_FRACTION, 0.5 * STEP_FRACTION)
+            for f in (BATCH_STEP_FRACTION, 0.5 * BATCH_STEP_FRACTION)
         )
         rows = zip(part, coarse.stop, coarse.impacts[:, 0], fine.impacts[:, 0], strict=True)
         for state, stop, first, halved in rows:

@@ -11,9 +11,8 @@ import pytest
 
 from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.engines.release import STOPS
 from rock2d.laws.contact import parameter_table
-from rock2d.records.columns import VELOCITIES_AFTER
+from rock2d.records.columns import STOPS, VELOCITIES_AFTER
 from rock2d.scene.cross_section import CrossSection
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE
 

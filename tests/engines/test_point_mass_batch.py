@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rock2d.engines.point_mass import STOPS, run_point_mass
+from rock2d.engines.point_mass import run_point_mass
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import load_scenario
+from rock2d.records.columns import STOPS
 from rock2d.runs.incident_states import incident_states
 from rock2d.scene.cross_section import CrossSection
 

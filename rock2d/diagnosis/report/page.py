@@ -36,8 +36,8 @@ Progress = Callable[[str], None]
 PAGE, VIDEO = "report.html", "side_by_side.webm"
 FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
 SHOWN_CELLS = 8  # places; the others are folded away
-MOST_FRAMES = 150_000  # of the film for the practical indicators
-MOST_RELEASES = 4_000  # simulated for them
+MOST_REPORTED_FRAMES = 150_000  # of the film for the practical indicators
+MOST_REPORTED_RELEASES = 4_000  # simulated for them
 LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
 VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
 
@@ -252,8 +252,8 @@ def _film(
 ) -> dict[str, Any]:  # fmt: skip
     """Sections of a film: whole releases simulated again, single impacts, the video."""
     signs, experiment = tables.signs_of(result), result.experiment
-    film = measured_releases(data, signs, MOST_FRAMES)
-    repetitions = int(np.clip(MOST_RELEASES // len(film), 1, 8))
+    film = measured_releases(data, signs, MOST_REPORTED_FRAMES)
+    repetitions = int(np.clip(MOST_REPORTED_RELEASES // len(film), 1, 8))
     drawn = {"measured": film.pose[None]}
     plain = {}
     for name, fit in models.fits.items():

@@ -23,9 +23,9 @@ from rock2d.statistics import wilson_interval
 
 Array = np.ndarray
 
-PERCENTILES = (50.0, 75.0, 95.0)
+COMPARED_PERCENTILES = (50.0, 75.0, 95.0)
 FEWEST_VALUES = 8  # for a percentile
-BOOTSTRAPS = 400
+INDICATOR_BOOTSTRAPS = 400
 VELOCITY_WINDOW = 0.15  # of √(radius / g): half the time over which a velocity is fitted
 ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # column of `crossing_values`
 
@@ -56,7 +56,7 @@ class Quantity:
     title: str
     unit: str
     rows: list[Row]
-    percentiles: tuple[float, ...] = PERCENTILES
+    percentiles: tuple[float, ...] = COMPARED_PERCENTILES
 
 
 def measure_lines(experiment: Experiment, top_m: float) -> tuple[dict[str, Array], str]:
@@ -235,7 +235,7 @@ def _frequency(values: Array, rng: np.random.Generator) -> list[Estimate]:
     n = passed.shape[1]
     low, high = wilson_interval(int(passed.sum()), passed.size)
     if len(values) > 1:
-        draws = passed.mean(axis=0)[rng.integers(0, n, (BOOTSTRAPS, n))].mean(axis=1)
+        draws = passed.mean(axis=0)[rng.integers(0, n, (INDICATOR_BOOTSTRAPS, n))].mean(axis=1)
         low, high = min(low, float(np.quantile(draws, 0.025))), max(high, float(np.quantile(draws, 0.975)))
     return [Estimate(100 * float(passed.mean()), 100 * low, 100 * high, int(passed.sum()))]
 
@@ -246,7 +246,8 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
     if count < FEWEST_VALUES:
         return []
     n = values.shape[1]
-    draws = values[:, rng.integers(0, n, (BOOTSTRAPS, n))].transpose(1, 0, 2).reshape(BOOTSTRAPS, -1)
+    drawn = values[:, rng.integers(0, n, (INDICATOR_BOOTSTRAPS, n))]
+    draws = drawn.transpose(1, 0, 2).reshape(INDICATOR_BOOTSTRAPS, -1)
     spread = _quantiles(np.sort(draws, axis=1))
     middle = _quantiles(np.sort(values.reshape(1, -1), axis=1))[0]
     low, high = np.nanquantile(spread, [0.025, 0.975], axis=0)
@@ -256,7 +257,7 @@ def _percentiles(values: Array, rng: np.random.Generator) -> list[Estimate]:
 def _quantiles(ranked: Array) -> Array:
     """(m, percentiles) of rows sorted with NaN last, linear between values as numpy does it; NaN of an empty row."""
     last = np.isfinite(ranked).sum(axis=1) - 1
-    at = np.maximum(last, 0)[:, None] * (np.array(PERCENTILES) / 100.0)
+    at = np.maximum(last, 0)[:, None] * (np.array(COMPARED_PERCENTILES) / 100.0)
     below = at.astype(int)
     rows = np.arange(len(ranked))[:, None]
     a, b = ranked[rows, below], ranked[rows, np.minimum(below + 1, np.maximum(last, 0)[:, None])]

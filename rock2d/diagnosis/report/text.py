@@ -22,7 +22,7 @@ LOOKALIKES = (
     ("soil_compaction", "zone_contrast", "geometry_error"),
     ("mass_eccentricity", "rounded_edges", "angle_offset", "inertia_error"),
 )
-PHASES = {
+PHASE_SENTENCES = {
     "impact": "arises in impacts",
     "flight": "arises in flight",
     "rest": "appears where blocks come to rest",
@@ -209,7 +209,7 @@ def _place_tile(content: Mapping[str, Any]) -> list[Tile]:
         Tile(
             "Where",
             spoken(zone),
-            f"{100 * of_zone:.0f} % of the gap lies there; {100 * of_phase:.0f} % {PHASES[phase]}",
+            f"{100 * of_zone:.0f} % of the gap lies there; {100 * of_phase:.0f} % {PHASE_SENTENCES[phase]}",
         )
     ]
 
@@ -249,7 +249,8 @@ def where_sentence(content: Mapping[str, Any]) -> str:
     phase, of_phase = largest_share(cells, "phase")
     zone, of_zone = largest_share(cells, "zone")
     block, of_block = largest_share(cells, "block")
-    text = f"{100 * of_phase:.0f} % of the gap {PHASES[phase]}. The {spoken(zone)} has {100 * of_zone:.0f} % of it"
+    text = f"{100 * of_phase:.0f} % of the gap {PHASE_SENTENCES[phase]}. "
+    text += f"The {spoken(zone)} has {100 * of_zone:.0f} % of it"
     if len({cell["block"] for cell in cells}) > 1:
         text += f", the {spoken(block)} {100 * of_block:.0f} %"
     return f"{text}."

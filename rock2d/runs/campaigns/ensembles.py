@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds
 
@@ -15,11 +16,6 @@ Array = np.ndarray
 
 FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; a release with more runs once more
 SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # impacts that such a second run may have room for at once
-
-# columns of the impacts of `point_mass_batch.PointMassBatch`; a rebound takes no time and changes no pose
-BEFORE, POSE_AFTER, VELOCITY_AFTER, FACET = slice(0, 7), slice(0, 4), slice(7, 10), 10
-# columns of the impacts of `batch.BatchResult`
-ZONE, IMPACT_FROM_T = 0, slice(1, None)
 
 
 class Group(NamedTuple):
@@ -50,7 +46,6 @@ class Outcome:
 def batch_outcome(job: Job, group: Group) -> Outcome:
     """A group of releases with the batch engine."""
     from rock2d.engines.batch import Ensemble, run_batch
-    from rock2d.engines.release import STOPS
     from rock2d.laws.contact import parameter_table
 
     table = parameter_table(job.parameters[group.block], job.cross_section.zone_names)
@@ -65,9 +60,9 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
         )  # fmt: skip
 
     def impacts(rows: Array) -> tuple[Array, Array]:
-        return rows[:, ZONE].astype(int), rows[:, IMPACT_FROM_T]
+        return rows[:, I_ZONE].astype(int), rows[:, I_TIME:]
 
-    outcome, result = _outcome(job, STOPS, run, impacts)
+    outcome, result = _outcome(job, run, impacts)
     if times is not None:
         outcome.samples = result.samples
     return outcome
@@ -75,7 +70,7 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
 
 def point_mass_outcome(job: Job, group: Group) -> Outcome:
     """A group of releases with the point-mass engine."""
-    from rock2d.engines.point_mass import STOPS
+    from rock2d.engines.point_mass import FACET, VELOCITIES
     from rock2d.engines.point_mass_batch import run_point_mass_batch
 
     seeds = drawn_seeds(job.seed, group.block, group.first, group.first + len(group.states))
@@ -88,15 +83,15 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
 
     def impacts(rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
-        values = np.column_stack([rows[:, BEFORE], rows[:, POSE_AFTER], rows[:, VELOCITY_AFTER], unknown])
+        before = rows[:, :N_INSTANT]  # a rebound takes no time and changes no pose
+        values = np.column_stack([before, before[:, : AT_THETA + 1], rows[:, VELOCITIES], unknown])
         return job.cross_section.zone_ids[rows[:, FACET].astype(int)], values
 
-    return _outcome(job, STOPS, run, impacts)[0]
+    return _outcome(job, run, impacts)[0]
 
 
 def _outcome(
     job: Job,
-    stops: Sequence[str],
     run: Callable[[Array | slice, int], Any],
     impacts: Callable[[Array], tuple[Array, Array]],
 ) -> tuple[Outcome, Any]:
@@ -104,7 +99,7 @@ def _outcome(
     indices and values."""
     keep = "impacts" in job.keep
     result = run(slice(None), FIRST_IMPACT_ROOM if keep else 0)
-    outcome = Outcome([stops[i] for i in result.stop], result.ends, result.crossings)
+    outcome = Outcome([STOPS[i] for i in result.stop], result.ends, result.crossings)
     if keep:
         release, rows = _all_impacts(result.impacts, result.impact_count, run)
         outcome.impacts = release, *impacts(rows)

@@ -211,7 +211,7 @@ EFFECT = Effect(
 '''
 USE = """
 import numpy as np
-from rock2d.contact import ContactParameters
+from rock2d.laws.contact import ContactParameters
 from rock2d.effects import catalogue, forces
 from rock2d.effects.columns import column, engine_rows, widened
 

@@ -74,7 +74,7 @@ def test_results_do_not_depend_on_the_number_of_threads():
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
         "from tests.engines.test_batch import *\n"
-        "r = run_batch(Ensemble([CUBE, SPHERE], [BENCH], [TABLE]), states(40, 3), block_ids=np.arange(40) % 2)\n"
+        "r = run_batch(Ensemble([CUBE, SPHERE], [SETUP], [TABLE]), states(40, 3), block_ids=np.arange(40) % 2)\n"
         "print(r.ends.tobytes().hex())\n"
     )
     seen = set()

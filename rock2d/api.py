@@ -112,8 +112,8 @@ def diagnose(
 ) -> DiagnosisResult:
     """Say where the simulation of an experiment is wrong and which effect it misses.
 
-    Every effect of the `catalogue` is fitted together with the base law and judged on releases that the fit did not
-    see. This takes minutes.
+    Every effect of the `catalogue` is fitted together with the base law and tested on releases that the fit did not
+    use. This takes minutes.
 
     Parameters
     ----------

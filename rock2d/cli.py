@@ -49,7 +49,7 @@ def run(scenarios, engines, out, data, video, quiet, **options) -> None:
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
     10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
-    same command goes on with it after an interruption. Campaigns need pip install 'rock2d[scale]'.
+    same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
     """
     from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
     from rock2d.runs.command import run_scenarios
@@ -81,15 +81,15 @@ def demo(out, quiet) -> None:
 @click.option("--hypotheses", type=click.IntRange(16), default=448, show_default=True,
               help="Hypotheses of each calibration.")  # fmt: skip
 @click.option("--releases", type=click.IntRange(8), default=40, show_default=True,
-              help="Releases of each block that a hypothesis is judged by.")  # fmt: skip
+              help="Releases of each block that test a hypothesis.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     """Make the paper's Tables 2 to 4 and Figures 1 to 3, and say where this project agrees better or worse with the
     experiment than the paper's models.
 
-    Both models are calibrated on the sphere and on what the text says of first impacts, slope reductions on their own
-    block; what the paper did not publish is marginalised over. An interrupted reproduction goes on with the
-    calibrations that it had finished.
+    Both models are calibrated on the sphere and on the statements of the text on first impacts. Each slope reduction
+    is calibrated on its own block. Values that the paper does not publish are marginalised. An interrupted
+    reproduction keeps the calibrations that it had finished.
     """
     from rock2d_figures.command import reproduce as run_reproduction
 
@@ -114,8 +114,8 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
 def diagnose(experiment, out, seed, workers, quiet) -> None:
     """Say where the simulation of EXPERIMENT (a folder) is wrong, which effect is missing, how far the gap shrinks.
 
-    Every effect of the catalogue is fitted with the paper's law and judged on releases that the fit did not see.
-    An interrupted diagnosis goes on where it stopped when the same command is given again.
+    Every effect of the catalogue is fitted with the paper's law and tested on releases that the fit did not use.
+    The same command continues an interrupted diagnosis.
     """
     from rock2d.diagnosis.command import run_diagnosis
 
@@ -159,7 +159,7 @@ def blind_make(cases, seed, out, workers, quiet) -> None:
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def blind_run(trial, workers, quiet) -> None:
-    """Diagnose every case of TRIAL without its labels; goes on where it was interrupted."""
+    """Diagnose every case of TRIAL without its labels. The same command continues after an interruption."""
     from rock2d.blind.command import run
 
     run(trial, workers=workers, progress=not quiet, report=click.echo)
@@ -219,7 +219,7 @@ def track(video, config, out, frames, quiet) -> None:
 )
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
-    """Film EXPERIMENT synthetically, with its truth and a set-up file beside it: what a tracker is tested on."""
+    """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file."""
     from rock2d_tracking.command import FilmFormat, film
 
     film_format = FilmFormat(tuple(size), releases)

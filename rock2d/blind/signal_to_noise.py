@@ -5,7 +5,7 @@ parameters of the law and each of the six components of its incident state chang
 Statistics describe the recording of each run: position and velocity before and after the first impact, and curvature of
 the first flight. Differences are divided by the standard deviations that noise and soil cause. The parts that other
 incident states and other parameters of the law can imitate are projected out. The length of the remaining vector is the
-signal-to-noise ratio: the number of standard errors by which the best linear test sees the causes.
+signal-to-noise ratio: the size of the causes in standard errors of the best linear test.
 """
 
 from __future__ import annotations

@@ -49,10 +49,10 @@ class Attribution:
     ----------
     base, base_held_out : the base law refitted
     candidates : name -> candidate
-    chain : the effect with the largest gain, then those that gained most beside the ones before them, as long as the
-        gain was significant; each with the fit of all up to it and its gain over the one before
-    base_regressed, best_regressed : what a flexible regression finds in the residuals of the base and of the last model
-        of the chain
+    chain : the effect with the largest gain, then at each step the effect that adds the largest significant gain. Each
+        has the joint fit of all effects up to it, and its gain over the step before
+    base_regressed, best_regressed : flexible regression of the residuals of the base and of the last model of the
+        chain
     probabilities : over the catalogue, "none" and "unknown"; `statistics`: the numbers that they follow from
     group : effects that the data cannot separate from the best, the best first
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first

@@ -20,7 +20,7 @@ class Candidate:
 
     Attributes
     ----------
-    effect : the effect that is judged; the fit may hold further ones
+    effect : the effect under test; the fit may contain further ones
     held_out : residuals and scores on held-out releases
     gain : (releases,) log likelihood above that of the base, or of the fit without this effect
     """

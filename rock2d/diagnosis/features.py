@@ -1,5 +1,5 @@
-"""What is known of an impact before it happens, as features: for the regression of the residuals, and in groups for the
-search for discrepancies."""
+"""Features of an impact that are known before it happens: for the regression of the residuals and, in groups, for the
+search for dependences."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
 def incident_groups(
     world: World, block: Array, zone: Array, tangent: Array, before: Array
 ) -> dict[str, Array]:
-    """What an impact may depend on, from the states before: name -> (n, features), see `discrepancy`."""
+    """Groups of features of the states before the impacts: name -> (n, features), see `discrepancy`."""
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
     tx, ty = tangent.T
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])

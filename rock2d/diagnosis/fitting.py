@@ -209,11 +209,11 @@ def fit(
     rounds: int = MOST_ITERATIONS,
     enough: float = CONVERGED_GAIN,
 ) -> Fit:
-    """Fit a model by damped Newton steps; the soil's scatter is fitted in turn with the parameters.
+    """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
     Parameters
     ----------
-    start : parameters to start from; default the base as it stands, without effects
+    start : parameters to start from; default: the base law without effects
     old : a fit whose noise covariance and scatter are the start, and whose slopes are used near its parameters
     rounds : most iterations
     enough : gain in log likelihood of an iteration below which the fit has converged

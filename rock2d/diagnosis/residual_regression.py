@@ -1,7 +1,7 @@
 """A flexible regression of the residuals on everything measured: what any model could still explain.
 
 The residuals of the right effect cannot be predicted. A ridge regression on the terms that forces would cause, and then
-extremely randomised trees on its residuals, are fitted on some releases and judged on others. They contain no
+extremely randomised trees on its residuals, are fitted on some releases and tested on others. They contain no
 mechanics, so the share of the gap that they close is a lower bound of what some cause would close.
 """
 

@@ -15,9 +15,9 @@ ONSET_WAY = 0.1  # of the way out of the indentation, over which the pull sets i
 
 @kernel
 def normal(pull, depth, rate, peak, bottom, force_n):
-    """F = -pull in N on a block that leaves (dδ/dt < 0), from where the ground ceases to press (the indentation's
-    bottom) until the block is clear of the original surface. It sets in linearly with the way and with the leaving
-    speed, so that it costs a block that leaves faster than ONSET_M_S the energy pull × bottom × (1 - ONSET_WAY / 2)."""
+    """F = -pull in N on a block that leaves (dδ/dt < 0), from the bottom of the indentation, where the ground stops
+    pressing, to the original surface. The pull grows linearly with the distance and with the leaving speed. A block
+    that leaves faster than ONSET_M_S loses the energy pull × bottom × (1 - ONSET_WAY / 2)."""
     if rate >= 0.0 or depth >= bottom or bottom <= 0.0:
         return 0.0
     return -pull * min(1.0, -rate / ONSET_M_S) * min(1.0, (bottom - depth) / (ONSET_WAY * bottom))
@@ -34,10 +34,12 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 EFFECT = Effect(
     name="adhesion",
-    summary="wet soil pulls on the leaving block until it is clear of the ground",
-    source="constant tension over the way out of the indentation, the simplest law with a work of separation",
+    summary="wet soil pulls on a leaving block until the block is clear of the ground",
+    source="constant tension along the path out of the indentation, the simplest law with a work of separation",
     phase="impact",
-    parameters=(Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull over the blocks' mean weight"),),
+    parameters=(
+        Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),
+    ),
     apply=apply,
     columns=("adhesion_N",),
     normal=normal,

@@ -1,11 +1,11 @@
 """The compiled laws of all effects together: what the engines add to the contact law and to free flight.
 
-An effect brings any of these laws, compiled (`rock2d.compiled.kernel`). Each is called with the effect's own columns
-first, in the order of `Effect.columns`, and only where one of them is not 0:
+An effect can give any of these laws, compiled (`rock2d.compiled.kernel`). The first arguments are the effect's own
+columns, in the order of `Effect.columns`. The engines call a law only where one of its columns is not 0:
 
 - normal(columns, depth, rate, peak, bottom, force_n): normal force in N to be added to the contact law's `force_n`.
-  While the ground presses (depth >= bottom of the indentation) the sum is kept from pulling; in the indentation it
-    may pull
+  While the ground presses (depth >= bottom of the indentation) the sum is at least 0; in the indentation it
+  can be negative (a pull)
 - friction(columns, slip): factor on tan φ
 - tangential(columns, depth, slip, force_n): force in N against the slip, beside the tangential spring; `force_n` is the
   whole normal force
@@ -14,7 +14,7 @@ first, in the order of `Effect.columns`, and only where one of them is not 0:
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
 depth, peak : penetration in m, and the deepest of this contact; rate : of the depth, in m/s; slip : tangential velocity
-of the contact point in m/s. All take energy, or leave it: what they take is the audit's share "effects".
+of the contact point in m/s. No law adds energy; the energy that they dissipate is the audit's share "effects".
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rock2d.compiled import kernel
 from rock2d.effects import catalogue
 from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES, LAW_COLUMNS, N_COLUMNS
 
-ACTS = N_COLUMNS  # column of a row, as `columns.engine_rows` makes it, that tells whether any effect acts in contact
+ACTS = N_COLUMNS  # column of a row, as `columns.engine_rows` makes it, that says whether any effect acts in contact
 FIRST = LAW_COLUMNS  # column of a row from which on effects have theirs
 
 

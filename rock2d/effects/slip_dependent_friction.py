@@ -40,7 +40,7 @@ EFFECT = Effect(
             1.0,
             0.2,
             5.0,
-            "sliding speed at which most of it has happened",
+            "sliding speed at which most of the change has occurred",
             length=1,
             time=-1,
         ),

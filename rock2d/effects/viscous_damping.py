@@ -31,11 +31,11 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 EFFECT = Effect(
     name="viscous_damping",
-    summary="rate-dependent dissipation across the ground while it presses",
+    summary="rate-dependent normal force while the ground presses on the block",
     source="dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies; one that "
     "grows with the depth: Hunt & Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact",
     phase="impact",
-    # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks and soil, which give way by a tenth of their size
+    # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks, if they penetrate by a tenth of their size
     parameters=(
         Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass", time=-1),
         Parameter(

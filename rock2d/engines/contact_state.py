@@ -1,7 +1,7 @@
 """Contact state: the memory of each contact of a block, and the search for the feature that it meets.
 
 A polygon has a contact for each corner and VERTEX_SLOTS for ground corners under its faces; a circle or ellipse has
-SMOOTH_SLOTS. A contact follows its feature from facet to facet, so memory is carried over joints.
+SMOOTH_SLOTS. A contact follows its feature from facet to facet, so it keeps its memory at joints.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ from rock2d.engines.geometry import (
 from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.scene.blocks import Block
 
-# memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the rest does not tell
+# memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the other columns do
+# not determine
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
 DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING = range(7)
 N_INTS, N_REALS = KEY + 1, ACTING + 1
@@ -219,7 +220,7 @@ def _smooth_features(pose, reach, near, world, memory, found):
                 key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
                 _offer(memory, found, (SMOOTH_VERTEX, v, 0), depth, key)
     for j in range(ints.shape[0]):
-        # an active contact whose feature is gone has handed over to the neighbouring one
+        # the neighbouring contact continues an active contact whose feature is gone
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
             for k in range(ints.shape[0]):
                 if (

@@ -62,7 +62,7 @@ def hermite_root(g0, r0, g1, r1, h):
 @kernel
 def law_event(d0, r0, d1, r1, peak, bottom, h):
     """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its
-    indentation; h if it does not. Afloat also the top of a hop: the way back must not be missed.
+    indentation; h if it does not. Without pressure also the top of a hop, so that the way back is not missed.
 
     d, r : penetration in m and its rate before and after the step; peak, bottom : the deepest so far, and the depth
     at which the unloading force vanishes
@@ -80,8 +80,8 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 @kernel
 def hold_event(row, first, before, after, peak, bottom, h):
-    """Time in (0, h] at which a pressing contact with effects begins or ceases to be kept from pulling; h if it does
-    not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
+    """Time in (0, h] at which the force of a pressing contact with effects reaches or leaves its lower limit 0; h if it
+    does not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
     normal force in N) at the two ends of the step."""
     d0, r0, force0 = before
     d1, r1, force1 = after
@@ -133,8 +133,8 @@ def _gap_to_found(j, q, world, memory, found):
 
 @kernel
 def _corner_event(j, q0, q1, h, world, memory, found):
-    """Time in (0, h] just behind which a ground corner passes between a rounded corner of the block (a corner's
-    contact) and the flat part of a face next to it (a vertex's contact): the contact changes hands there, see
+    """Time in (0, h] just after which a ground corner passes between a rounded corner of the block (a corner's
+    contact) and the flat part of a face next to it (a vertex's contact): there the other contact continues it, see
     `contact_state.hand_over`."""
     block, ground, ints, found_i = world.block, world.ground, memory.ints, found.ints
     n = block.sides.shape[0]
@@ -192,7 +192,7 @@ def first_event(h, q0, q1, world, memory, found):
         t = h
         if not ints[j, ACTIVE]:
             if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
-                # a landing may fall short by rounding: the touch must not wait for the end of the next step
+                # rounding can put a landing just above the ground: the touch must not wait for the end of the next step
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
         else:
             p = world.law[ints[j, ZONE]]

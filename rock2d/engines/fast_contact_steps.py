@@ -62,7 +62,7 @@ from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, RO
 # arm in block radii with which rotation counts as motion: a vertex near the block is as far off
 TURN_ARM = 1.5
 GUARD_LEFT, CONTACT_ENDS = 1, 2  # why a series of fast steps ended; 0: neither
-GUARD_SHARE = 0.3  # of the guard that one step afloat may use up
+GUARD_SHARE = 0.3  # of the guard that one step without pressure may use
 GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
 
 
@@ -112,8 +112,8 @@ def _follow_run(rows, a, facets, index, pose):
 
 @kernel(inline="always")
 def floats(depth, rate, step):
-    """Whether a contact point at this depth below its indentation's bottom does not press, nor will within a
-    hundredth of the step: a landing on the bottom may fall that short, and a step afloat must not begin there."""
+    """Whether a contact point at this depth below its indentation's bottom does not press, and will not press
+    within a hundredth of the step. Rounding can stop a landing that far above the bottom; such a step presses."""
     return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
@@ -124,9 +124,9 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     limits : (Horizon, StepSizes)
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     contacts : (memory, found, scratch)
-    log : (row of the open impact, whether the ground has ceased to press, audit); see `recording.note_pressure`
+    log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
 
-    Returns (time now in s, number of steps, whether the ground has ceased to press, why it ended: GUARD_LEFT,
+    Returns (time now in s, number of steps, whether the ground has stopped pressing, why it ended: GUARD_LEFT,
     CONTACT_ENDS if a contact is about to end, else 0).
     """
     loaded = contacts[2].loaded

@@ -8,7 +8,7 @@ the block's material there, so that a force k δ along the normal is conservativ
 - VERTEX_FACE: a convex corner of the ground inside a polygon, measured to the nearest block face
 - SMOOTH_FACET, SMOOTH_VERTEX: a circle's or ellipse's lowest point against a facet, or a vertex against it
 
-Depths come from the nearest feature only, so they are continuous over joints: a facet cut in ten is the same. A
+Depths come from the nearest feature only. They are continuous at joints, so dividing a facet changes nothing. A
 rounded corner is a circle; convex ground corners meet it or the flat part of a face, never both.
 """
 
@@ -30,7 +30,7 @@ CORNER_FACET, CORNER_VERTEX, VERTEX_FACE, SMOOTH_FACET, SMOOTH_VERTEX = range(5)
 F_POINT, F_NORMAL, F_SHAPE, N_FEATURE = 0, 2, 4, 8
 
 
-MOST_FACETS_UNSORTED = 8  # up to so many facets a search looks at each one; beyond, at those near the point
+MOST_FACETS_UNSORTED = 8  # with more facets, a search looks only at those near the point
 RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
 # columns of a row of GroundArrays.facets
 (

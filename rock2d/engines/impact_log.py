@@ -43,7 +43,7 @@ class ImpactLog:
         self._first_zone = first_zone
         self.impacts: list[dict[str, Any]] = []
         self.open: dict[str, Any] | None = None
-        self._left: Knot | None = None  # where the ground ceased to press, unless it presses again
+        self._left: Knot | None = None  # where the ground stopped pressing, unless it presses again
 
     def add(self, knot: Knot) -> None:
         """Take the next knot of the run."""

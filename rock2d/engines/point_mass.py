@@ -97,7 +97,7 @@ class Inputs(NamedTuple):
 class Written(NamedTuple):
     """What `descend` writes of n releases."""
 
-    impacts: Array  # (n, room, N_REBOUND): as many as there is room for
+    impacts: Array  # (n, room, N_REBOUND): at most `room` of each release
     crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
     ends: Array  # (n, 2, 7) first and last instant
     impact_count: Array  # (n,)
@@ -231,7 +231,7 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
 
 
 def new_written(n: int, room: int, lines: int) -> Written:
-    """Arrays for n releases: `room` impacts of each, crossings of so many lines."""
+    """Arrays for n releases: `room` impacts of each, crossings of the given number of lines."""
     return Written(
         np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
         np.zeros(n, np.int64), np.zeros(n, np.int64),

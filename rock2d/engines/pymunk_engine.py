@@ -58,8 +58,8 @@ class PymunkRelease:
     """One block falling onto one cross-section in a pymunk space.
 
     `parameters`: of the contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
-    (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground is taken to be seated: its
-    contacts begin without force at the depth they have.
+    (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground
+    starts in an indentation of that depth: its contacts have no force.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class PymunkRelease:
         hit = self.space.point_query_nearest((self.q[X], self.q[Y]), far, pymunk.ShapeFilter(group=1))
         if hit is None:
             return limit
-        # distance to the facets' margin, less a tenth of it: the handler must see the block in time
+        # distance to the facets' margin, minus a tenth: the handler must be called in time
         clear = hit.distance - self.block.reach_m + 0.9 * margin
         if clear <= 0:
             return self.contact_step

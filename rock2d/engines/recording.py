@@ -208,7 +208,7 @@ def open_impact(current, t, q, memory):
 def note_pressure(current, left, force, depth, t, q):
     """Take the sum of forces and the largest depth at time t into the open impact.
 
-    Returns whether the ground has ceased to press; the state is noted where it last did.
+    Returns whether the ground has stopped pressing; notes the state at which it last pressed.
     """
     current[I_PENETRATION] = max(current[I_PENETRATION], depth)
     current[I_FORCE] = max(current[I_FORCE], force)

@@ -86,7 +86,7 @@ from rock2d.records.columns import (
 
 LARGEST_BATCH_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
 STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
-LEAST_STRIDE = 0.01  # of a contact step: a ball is carried on as long as its bound gains that much
+LEAST_STRIDE = 0.01  # of a contact step: the bound of a ball is renewed as long as it gains this much
 VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
@@ -99,9 +99,9 @@ class StopRules(NamedTuple):
     """When a release ends before the block lies still."""
 
     time_limit: float  # s
-    impact_limit: int  # at the end of so many impacts; 0: no limit
+    impact_limit: int  # number of impacts after which the release ends; 0: no limit
     spent: bool  # when no measure line that was not crossed is within reach of the energy left
-    captured: bool  # when the energy left cannot carry the block on, see `rest.captured`
+    captured: bool  # stop when the remaining energy cannot move the block on, see `rest.captured`
 
 
 class Workspace(NamedTuple):
@@ -177,7 +177,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     while at < times.size and times[at] <= 0.0:
         copy(q[:N_POSE], recorder.samples[at])
         at += 1
-    # the impact that is open: whether there is one, and whether the ground has ceased to press
+    # the impact that is open: whether there is one, and whether the ground has stopped pressing
     is_open, left = no, no
     rest.forget_rest(watch)
     active, steps, looked, growth = zero, zero, zero, 1.0

@@ -14,10 +14,10 @@ from rock2d.records.columns import VX, VY, X, Y
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
 # motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
 # below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
-# creeps without gaining speed. What slides above the friction angle, or tips, gains speed.
+# creeps without gaining speed. A block that slides above the friction angle, or tips, gains speed.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
 HOLDING_SHARE = 0.7  # of the friction must hold a captured block; what is over stops it
-LARGEST_FRICTION = 100.0  # friction coefficient that stands for one without limit
+LARGEST_FRICTION = 100.0  # friction coefficient used for friction without limit
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before
 W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_BEFORE = range(8)
 N_WATCH = W_BEFORE + 1
@@ -25,7 +25,7 @@ N_WATCH = W_BEFORE + 1
 
 @kernel
 def forget_rest(watch):
-    """The block is not in contact: begin to watch anew."""
+    """The block is not in contact: restart the observation."""
     watch[W_TIME] = -1.0
     watch[W_BEFORE] = np.inf
 
@@ -51,8 +51,8 @@ def watch_rest(watch, t, q, radius, gravity):
 
 @kernel
 def captured(q, world, memory):
-    """True if the energy that is left cannot carry the block farther than REST_DRIFT radii, but for the creep that the
-    law grants a trembling block for ever.
+    """True if the remaining energy cannot move the block farther than REST_DRIFT radii. The endless creep of a
+    trembling block does not count.
 
     Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the
     rest stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that

@@ -1,8 +1,8 @@
 """When a flying block can first touch the ground: a lower bound of the time, from a tree over the facets, compiled.
 
-A corner (or a circle's lowest point) must come down to a facet's line, and the block to the facet itself, before it
-can touch that facet: the later of the two times bounds the touch from below, and for a circle above the middle of a
-facet it is the touch. With the tree ten thousand facets cost little more than ten.
+Before a block can touch a facet, a corner (or a circle's lowest point) must reach the line of the facet, and the block
+must reach the facet itself. The later of the two times is a lower bound. For a circle above the middle of a facet it
+is the time of contact. With the tree ten thousand facets cost little more than ten.
 """
 
 from __future__ import annotations

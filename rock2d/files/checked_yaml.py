@@ -156,7 +156,7 @@ class Document:
         return InputError(text, self.file, *(place or (1, 1)), code=code, **fields)
 
     def rename(self, mapping: dict[str, Any], old: str, key: str) -> tuple[Path, int | None]:
-        """Let what is known of the places of a former key hold for its present name; file and line of the key."""
+        """Give the recorded places of a former key to its present name; returns file and line of the key."""
         if id(mapping) not in self._mappings:
             return self.file, None
         parent = self._mappings[id(mapping)]

@@ -22,7 +22,7 @@ class OutsideFolderError(ValueError):
         self.message = message
 
 
-RESULT_MARKER = "rock2d_result.json"  # tells a result, which may be replaced, from anything else
+RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be replaced
 
 
 @contextmanager

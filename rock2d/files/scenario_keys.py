@@ -184,7 +184,9 @@ class FromExperiment(Checked):
     """Each filmed release restarts from its own first frames."""
 
     folder: str = Field(description="Experiment folder, relative to the data root (--data or ROCK2D_DATA)")
-    frames: int = Field(default=10, ge=3, le=10_000, description="At most so many first frames are fitted")
+    frames: int = Field(
+        default=10, ge=3, le=10_000, description="Largest number of first frames that are fitted"
+    )
 
 
 class Incident(Checked):
@@ -240,5 +242,7 @@ class Outputs(Checked):
     angle_noise_rad: float = Field(
         default=0.0, ge=0, le=1e3, description="Noise added to angles, 1 sigma, in rad"
     )
-    slow_motion: float = Field(default=10.0, gt=0, le=1e4, description="The video plays so many times slower")
+    slow_motion: float = Field(
+        default=10.0, gt=0, le=1e4, description="Factor by which the video is slowed down"
+    )
     video_releases: int = Field(default=3, ge=1, le=1000, description="Releases of each block in the video")

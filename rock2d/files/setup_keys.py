@@ -51,7 +51,7 @@ class CrossSectionKeys(Checked):
     points_m: list[Point] = Field(
         min_length=2, description="Surface polyline in m, left to right: [[x, y], ...], air above"
     )
-    zones: list[Name] = Field(min_length=1, description="One zone name a facet: one fewer than points")
+    zones: list[Name] = Field(min_length=1, description="One zone name per facet: n - 1 names for n points")
     measure_lines: dict[Name, list[Point]] = Field(
         default={}, description="Measure line name -> its two end points [[x, y], [x, y]] in m"
     )

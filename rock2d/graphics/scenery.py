@@ -90,7 +90,7 @@ def draw_measure_lines(image: Array, cross_section: CrossSection, view: Viewport
 
 @dataclass(frozen=True)
 class PlacedName:
-    """A name in its place: the box its text fills and, where it lies apart from what it names, a leader."""
+    """A placed name: the box of its text and, where the name is not beside its object, a leader line."""
 
     text: str
     box: Box

@@ -109,7 +109,7 @@ class Panel:
                 draw_block(image, view, self.blocks[clip.block], pose, clip.colour, style)
 
     def _inset(self, names: Sequence[Box], layout: Layout) -> tuple[int, int, int, float] | None:
-        """Corner (left, top), side and px a metre of a magnifier, for blocks too small to see them turn."""
+        """Corner (left, top), side and px per metre of a magnifier, for blocks whose rotation is too small to see."""
         clip = self.clips[0]
         size_px = self.blocks[clip.block].size_m * self.view.px_per_m
         if size_px > 26 * layout.unit:

@@ -117,7 +117,7 @@ def _check_time_step(experiment: Experiment, film: Film, found: Sanity) -> None:
             FRAME_RATE,
             f"the frames are {np.median(dt):.6g} s apart, but {experiment.fps:g} frames/s make "
             f"{1 / experiment.fps:.6g} s: one of the two is wrong "
-            "(slow-motion files state the rate of playing, not of filming)",
+            "(slow-motion files often state the playback rate, not the frame rate of the recording)",
         )
     lost = 1.0 - len(film.t_s) / max(1.0, sum(_expected_frames(experiment, film)))
     if lost > 0.02:

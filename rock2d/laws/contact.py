@@ -145,11 +145,11 @@ def rolling_energy(rotation, p):
 
 @kernel
 def cross_zone(force_n, force_t, rotation, old, new):
-    """Memory (δmax, s, ρ) in a new zone for a contact that slides into it still pressed; δ is then counted
-    from where δmax says (fresh soil loaded to the force that acts).
+    """Memory (δmax, s, ρ) of a loaded contact that slides into a new zone. The new δmax is that of first loading
+    to the force that acts; δ starts there.
 
-    Forces are carried over, and lowered where a softer zone would otherwise store more energy at that force;
-    so no crossing creates energy. What is lost counts as plastic work.
+    The contact keeps its forces. They are reduced where a softer zone would store more energy at the same force,
+    so no change of zone creates energy. The energy lost counts as plastic work.
     """
     force = force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL]))
     displacement = 0.0

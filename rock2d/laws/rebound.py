@@ -109,7 +109,7 @@ def normal_restitution(v_n, mass, m_half):
 
 @njit
 def rebound_local(v_t, v_n, omega, mass, radius, p):
-    """(v_t', v_n', ω') after an impact at v_n < 0 on a facet as it lies; `p` is a parameter row.
+    """(v_t', v_n', ω') after an impact at v_n < 0 on a facet without slope reduction; `p` is a parameter row.
 
     With r_n as above, J = tan φ (1 + r_n) |v_n| and tan ψ = 2 r_t |u| / (7 (1 + r_n) |v_n|):
 
@@ -117,9 +117,9 @@ def rebound_local(v_t, v_n, omega, mass, radius, p):
     - no slip (ψ < φ): v_t' = r_t (5/7 v_t - 2/7 r ω),  r ω' = -v_t'
     - slip: v_t' = r_t v_t - sgn(u) J,  ω' = r_t ω - sgn(u) (5/2) J / r
 
-    The no-slip formula is the slip formula with J = 2/7 r_t |u|, and ψ < φ says that this is the smaller of
-    the two; so one line serves both. v_t - (2/5) r ω comes out multiplied by r_t, u by at most r_t in size:
-    the kinetic energy ½ m (v_n² + 2/7 u² + 5/7 (v_t - 2/5 r ω)²) can only fall.
+    The no-slip formula is the slip formula with J = 2/7 r_t |u|, and ψ < φ means that this J is the smaller one.
+    So the code uses the smaller J in both cases. v_t - (2/5) r ω is multiplied by r_t, and |u| by at most r_t:
+    the kinetic energy ½ m (v_n² + 2/7 u² + 5/7 (v_t - 2/5 r ω)²) never increases.
     """
     hit = max(-v_n, 0.0)
     r_n = normal_restitution(hit, mass, p[M_HALF])
@@ -139,14 +139,14 @@ def rebound(velocity, tangent, alpha, body, p):
     """(vx', vy', ω') after an impact with `velocity` (vx, vy, ω) on the facet with unit tangent (x, y), reduced by
     `alpha` (rad). body : (mass in kg, radius of the spin in m); p : parameter row.
 
-    α lowers the slope as the travelling block meets it: the facet is turned against the motion, counter-
+    α rotates the facet against the direction of travel: counter-
     clockwise for v_x > 0 and clockwise for v_x < 0 (a vertical fall travels down the facet). Two cases that
     the paper leaves open (assumed):
 
-    - the block would not hit the turned facet (v_n >= 0 in its frame): it meets the facet as it lies, α = 0;
-    - it leaves the turned facet into the true one: a second rebound at once, on the true facet with α = 0.
+    - the block would not hit the turned facet (v_n >= 0 in its frame): the law uses the true facet, α = 0;
+    - it leaves the turned facet towards the inside of the true one: a second rebound at once, with α = 0.
 
-    Each rebound takes energy or none, so neither case can create any.
+    No rebound adds energy, so neither case creates energy.
     """
     vx, vy, omega = velocity
     tx, ty = tangent

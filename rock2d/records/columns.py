@@ -54,6 +54,6 @@ N_KNOT = N_INSTANT + 1
 # the energy audit: energy in J that each mechanism has taken, effects of the catalogue as one
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
-# beside it, during an impact: the velocity in m/s that it owes to ground that recoils, in whose frame it runs
+# a further column during an impact: velocity in m/s of the recoiling ground, in whose frame the impact is computed
 RECOIL = len(AUDIT_NAMES)
 N_AUDIT = RECOIL + 1

@@ -45,7 +45,7 @@ class ReleaseInputs(NamedTuple):
 
 @dataclass(frozen=True)
 class Engine:
-    """An engine as a run sees it.
+    """The interface of an engine to a run.
 
     Attributes
     ----------

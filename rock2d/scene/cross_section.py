@@ -49,7 +49,7 @@ class CrossSection:
     Attributes
     ----------
     points_m : (n + 1, 2) vertices of the surface
-    zones : n zone names, one a facet
+    zones : n zone names, one per facet
     measure_lines : name -> (2, 2) end points
 
     Raises

@@ -67,7 +67,7 @@ class View:
         """(n,) standard deviation along true unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
         of what is 1 recorded in every direction: the true length of a recorded one."""
         scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.centre_m)
-        # the record's Jacobian, but for turns and `scale`, is a I + b r rᵀ: the inverse is symmetric, too
+        # apart from rotations and `scale`, the record's Jacobian is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
         b = 2.0 * self.lens_per_m2
         along = (scaled * direction).sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The background: what the camera sees without a block, learned from the first frames and updated where no block is."""
+"""The background: the image without a block, learned from the first frames and updated where no block is."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ class _Follower:
         return best
 
     def _expected(self, number: int) -> Array:
-        """Pose in this frame if the motion of the last frames goes on."""
+        """Pose in this frame if the motion of the last frames continues."""
         assert self.release is not None
         seen = self.release.last_seen(4)
         last = seen[-1]
@@ -186,7 +186,7 @@ class _Follower:
         return sight
 
     def _has_left(self) -> bool:
-        """Whether the block was last seen on its way out of the picture."""
+        """Whether the block was leaving the picture when it was last seen."""
         assert self.release is not None
         seen = self.release.last_seen(1)
         if not seen:

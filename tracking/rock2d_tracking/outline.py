@@ -1,4 +1,4 @@
-"""The outline of a block in pixels and its edge as a camera sees it.
+"""The outline of a block in pixels and its blurred edge in the image.
 
 The grey value of a pixel is B + (F - B) C, with the background B, the block F and the share C of the pixel that the
 blurred block covers. For a half-plane C = Φ(-d / s), where d is the distance beyond its edge and s the blur. For a
@@ -88,7 +88,7 @@ class Outline:
 
 
 def outline_of(block: Block, metres_per_pixel: float, up: int) -> Outline:
-    """The outline of a block as the camera sees it; `up` as of `PixelMap`."""
+    """The outline of a block in the image; `up` as in `PixelMap`."""
     if block.smooth:
         a, b = np.array(block.semi_axes_m) / metres_per_pixel
         return Outline(np.empty((0, 3)), np.array([a, b]), 0.0 if a == b else math.pi)
@@ -103,7 +103,7 @@ def outline_of(block: Block, metres_per_pixel: float, up: int) -> Outline:
 
 
 def _symmetry(corners: Array) -> float:
-    """Smallest turn that takes a polygon into itself."""
+    """Smallest rotation that maps a polygon onto itself."""
     n = len(corners)
     z = corners[:, 0] + 1j * corners[:, 1]
     for shift in range(1, n):

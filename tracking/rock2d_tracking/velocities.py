@@ -20,8 +20,10 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-DEEP_PENETRATION_SIZES = 0.1  # of the block's size: penetration from which the block hides itself
-LOW_REBOUND_SIZES = 0.25  # of the block's size: rebound below which a flight tells little
+DEEP_PENETRATION_SIZES = 0.1  # of the block's size: penetration from which the ground hides part of the block
+LOW_REBOUND_SIZES = (
+    0.25  # of the block's size: rebound below which a flight is too short for precise velocities
+)
 
 
 def flights_and_impacts(

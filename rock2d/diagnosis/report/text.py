@@ -306,7 +306,7 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
     else:
         lines.append("This cross-section has no embankment, so effects of an embankment cannot appear.")
     lines.append(
-        "An effect is judged on held-out releases, but all releases come from one set-up and one camera. The "
+        "An effect is tested on held-out releases, but all releases come from one set-up and one camera. The "
         "probabilities compare only the effects of the catalogue, none and unknown."
     )
     groups = lookalikes(chain, list(content["effects"]))

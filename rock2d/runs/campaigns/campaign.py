@@ -31,7 +31,7 @@ CHUNK_RELEASES = 10_000
 BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
 EXTRA = "pip install 'rock2d[scale]'"
-# what neither a chunk file nor a table depends on, or what the manifest names beside the scenario
+# keys that change no chunk file and no table, or that the manifest stores outside the scenario
 NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs"}
 
 
@@ -71,8 +71,8 @@ class Workers:
     Attributes
     ----------
     processes : of a local Dask cluster; default: this process, on all threads
-    scheduler : address of a Dask scheduler, whose workers must see the campaign's folder (a shared file system) and
-        should have one thread each
+    scheduler : address of a Dask scheduler, whose workers need access to the campaign's folder (a shared file system)
+        and should have one thread each
     """
 
     processes: int | None = None
@@ -88,9 +88,9 @@ def run_campaign(
     progress: bool = True,
     report: Callable[[str], Any] = print,
 ) -> dict[str, pd.DataFrame]:
-    """Run a campaign into `folder`, or go on with it; returns its tables by name.
+    """Run a campaign into `folder`, or continue it; returns its tables by name.
 
-    `report` gets what a person should know, a line at a time.
+    `report` gets messages for the user, one line per call.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
     `folder` holds anything else or a campaign that is determined otherwise, or if files cannot be written.
@@ -144,7 +144,7 @@ def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
     from rock2d.runs.campaigns.chunks import is_done
 
     done = sum(is_done(job, chunk) for chunk in chunks)
-    return f"{done} of {len(chunks)} chunks are done, the same command goes on from there"
+    return f"{done} of {len(chunks)} chunks are done, the same command continues from there"
 
 
 def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:

@@ -59,8 +59,8 @@ def is_done(job: Job, chunk: Chunk) -> bool:
 def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda count: None) -> int:
     """Simulate a chunk and write its files; returns its number of releases.
 
-    One group of releases at a time is in memory; after each, `on_progress` hears how many there were. Raises OSError
-    if a file cannot be written; whatever stops it, no file is then half there.
+    One group of releases at a time is in memory; after each, `on_progress` gets their number. Raises OSError
+    if a file cannot be written. No interruption leaves an incomplete file.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -94,7 +94,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
 
 
 def warm_up(job: Job) -> None:
-    """Compile what chunks need, or see that it is in the cache."""
+    """Compile the code that chunks need, or load it from the cache."""
     _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1)
 
 

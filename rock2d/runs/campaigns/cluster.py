@@ -1,8 +1,8 @@
 """The chunks of a campaign on Dask workers: processes of this machine, or those of a running scheduler.
 
-Workers write the chunk files themselves, so they must see the campaign's folder: the workers of a scheduler on
-other machines through a shared file system. A worker that dies loses no more than the chunk it was at, which
-another computes anew. A worker should have one thread: compiled code does not run beside itself in one process.
+Workers write the chunk files themselves, so they need access to the campaign's folder. Workers on other machines need
+a shared file system. If a worker dies, only its current chunk is lost, and another worker repeats it. A worker should
+have one thread, because the compiled code does not run in parallel threads of one process.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def run_on_cluster(
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `on_progress` hears the
-    number of releases of each as it is done.
+    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `on_progress` gets the
+    number of releases of each finished chunk.
 
     Raises InputError if the scheduler does not answer or is lost, if workers keep dying at the same chunk or
     have other versions than this process; OSError if they cannot write.
@@ -64,7 +64,7 @@ def run_on_cluster(
             ) from None
         except (CancelledError, CommClosedError):
             raise InputError(
-                "the scheduler is gone; the same command goes on from there", code="no_cluster"
+                "the scheduler is gone; the same command continues from there", code="no_cluster"
             ) from None
 
 
@@ -118,9 +118,9 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Keep Ctrl-C until the block ends: a cluster that is interrupted half way up cannot be taken down.
+    """Delay Ctrl-C until the block ends, because a partly started cluster cannot be stopped.
 
-    Its threads and processes are deaf to Ctrl-C for ever: workers leave it to this process.
+    The threads and processes of the cluster ignore Ctrl-C; this process handles it.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,9 +1,9 @@
 """Indicators of a campaign, read from its chunk files one at a time: memory does not grow with the releases.
 
-Passing frequencies and stops are counts. Percentiles are exact order statistics: the 64 bits of a number,
-read as an unsigned integer that orders as the number does, are settled 16 at a time in four passes over the
-files, each of which counts the values that share the bits settled before. Nothing depends on who computed a
-chunk, or when.
+Passing frequencies and stops are counts. Percentiles are exact order statistics. A number is read as an
+unsigned integer of 64 bits with the same order. Four passes over the files find its bits, 16 in each pass: a pass
+counts the values that share the bits found before. The result does not depend on which worker computed a chunk, or
+when.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def campaign_tables(
     - runout: percentiles, as above, of the distance from start to end; what left the cross-section counts
       with the place where it left.
 
-    `on_progress` hears how many more files were read. Raises OSError if a file is not there.
+    `on_progress` gets the number of further files that were read. Raises OSError if a file is not there.
     """
     import pandas as pd
 

@@ -153,7 +153,7 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
             assert process.returncode == 130
             # the interrupt may come between a chunk's file and its being counted
             shown = [
-                f"{n} of 6 chunks are done, the same command goes on from there" in errors
+                f"{n} of 6 chunks are done, the same command continues from there" in errors
                 for n in (done - 1, done)
             ]
             assert any(shown)

@@ -1,10 +1,10 @@
 """DeepLabCut: the CSV of an analysed video.
 
-Three lines of headings, `scorer`, `bodyparts` and `coords`, or four with `individuals` for several animals; under
-them a line a frame: its number from 0, then x, y and likelihood of each point, in pixels with y down. A point has a
-position even where it is not to be seen: the likelihood (0 to 1) tells, and the user sets the limit (DeepLabCut's
-`pcutoff`, 0.6 by default). The same headings stand over hand labels of images for training and over points in space
-(x, y, z); both are refused.
+Three lines of headings, `scorer`, `bodyparts` and `coords`, or four with `individuals` for several animals; below,
+one line per frame: its number from 0, then x, y and likelihood of each point, in pixels with y down. A point has a
+position even where it is not visible. Its likelihood (0 to 1) is then low, and the user sets the limit (DeepLabCut's
+`pcutoff`, 0.6 by default). Files of manual labels and of points in space (x, y, z) have the same headings; both are
+refused.
 
 Documented in DeepLabCut's user guide, "Analyze new Videos" (`save_as_csv`), deeplabcut.github.io/DeepLabCut.
 """

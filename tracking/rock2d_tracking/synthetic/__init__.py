@@ -1,3 +1,3 @@
-"""Synthetic films: experiments of known motion as a high-speed camera would see them."""
+"""Synthetic films: experiments with known motion as a high-speed camera records them."""
 
 FAULT_LEVEL_NAMES = ("clean", "moderate", "severe")

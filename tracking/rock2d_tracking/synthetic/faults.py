@@ -116,7 +116,7 @@ class Sensor:
 
 
 def extended(rows: Array) -> Array:
-    """Rows, and one more at each end on a straight line: what the shutter sees of the first and last frame."""
+    """Rows with one linear extrapolation at each end, for the exposure of the first and the last frame."""
     if len(rows) < 2:
         return rows
     return np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
@@ -150,7 +150,7 @@ def while_open(motion: BlockMotion, at_s: float, open_s: float, pixel_map: Pixel
 
 
 def surface_m(cross_section: CrossSection, x_m: Array) -> Array:
-    """Height of the ground at `x_m`; beside the cross-section it goes on level."""
+    """Height of the ground at `x_m`; constant beyond the ends of the cross-section."""
     x = cross_section.points_m[:, 0]
     return cross_section.height_m(np.clip(x_m, x.min(), x.max()))
 
@@ -251,7 +251,7 @@ class Puff:
             return
         sigma = self.radius_px * (0.15 + 0.7 * (1.0 - np.exp(-age / 0.08)))
         grains = self.from_px + self.velocity_px_s * 0.05 * (1.0 - np.exp(-age / 0.05))
-        cell = max(1, int(sigma / 3.0))  # dust is smooth: a coarse grid tells it as well
+        cell = max(1, int(sigma / 3.0))  # dust is smooth, so a coarse grid is sufficient
         low = np.floor(grains.min(axis=0) - 4 * sigma).astype(int)
         columns, rows = np.ceil((grains.max(axis=0) + 4 * sigma - low) / cell).astype(int).tolist()
         column, row = ((grains - low) / cell).astype(int).T

@@ -1,6 +1,6 @@
-"""Films of known truth: any experiment's trajectories as a high-speed camera would see them.
+"""Synthetic films with known truth: the trajectories of an experiment as a high-speed camera records them.
 
-The scene is drawn anti-aliased: a pixel is as much of the block as the silhouette covers of its area.
+The scene is drawn anti-aliased: the share of the block in a pixel is the share of its area that the silhouette covers.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ class Scene:
     def _cover(self, outlines_px: Sequence[Array]) -> tuple[Window, Array]:
         """Share of the light that comes from within outlines, as the lens spreads it, and where in the image.
 
-        The lens comes before the pixels: it is laid over finer ones, else a pixel's corners would be felt.
+        The blur of the lens is computed on a finer grid, because it acts before the pixels sample the image.
         """
         points, reach = np.concatenate(outlines_px), self._reach_px
         beyond = np.array(self.size_px) + reach
@@ -228,7 +228,7 @@ def _outlines_m(block: Block, look: Look) -> list[Array]:
 
 
 def _ground_px(cross_section: CrossSection, pixel_map: PixelMap, size_px: tuple[int, int]) -> list[Array]:
-    """Outlines of the soil in the picture, a corner every few pixels; beside the cross-section it goes on level."""
+    """Outlines of the soil in the picture, a corner every few pixels; horizontal beyond the cross-section."""
     import shapely
 
     grid_px = np.stack(np.meshgrid(*(np.linspace(-8.0, size + 7.0, 33) for size in size_px)), axis=-1)

@@ -53,10 +53,10 @@ class ExperimentKeys(Checked):
     cross_section: CrossSectionKeys = Field(description="The ground, seen from the side")
     blocks: dict[Name, BlockKeys] = Field(min_length=1, description="Block name -> its profile and mass")
     trajectories: str | None = Field(
-        default=None, description="CSV inside the folder with columns " + ",".join(TRAJECTORY_COLUMNS)
+        default=None, description="CSV inside the folder with columns " + ", ".join(TRAJECTORY_COLUMNS)
     )
     impacts: str | None = Field(
-        default=None, description="CSV inside the folder with columns " + ",".join(REQUIRED_IMPACT_COLUMNS)
+        default=None, description="CSV inside the folder with columns " + ", ".join(REQUIRED_IMPACT_COLUMNS)
     )
 
     @model_validator(mode="after")

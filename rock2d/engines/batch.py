@@ -17,7 +17,7 @@ from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
-from rock2d.engines.recording import Recorder
+from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
@@ -245,8 +245,8 @@ def run_batch_track(
     while True:
         impacts = np.full((max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT), N_IMPACT), np.nan)
         recorder = Recorder(
-            packed.lines[0], np.empty(0), impacts, np.full((packed.lines.shape[1], N_INSTANT), np.nan),
-            np.empty((0, N_POSE)), np.zeros(N_AUDIT), np.empty((room, N_KNOT)),
+            LineRecord(packed.lines[0], np.full((packed.lines.shape[1], N_INSTANT), np.nan)),
+            SampleRecord(np.empty(0), np.empty((0, N_POSE))), impacts, np.zeros(N_AUDIT), np.empty((room, N_KNOT)),
         )  # fmt: skip
         stop, _, count, used = release_kernel(
             packed, np.array(state, float), (0, 0, 0), float(gravity_m_s2), steps, rules, recorder
@@ -309,8 +309,8 @@ def _run_ensemble(packed, starts, gravity, rules, written):
         i = np.int64(k)
         q = states[i].copy()
         recorder = Recorder(
-            packed.lines[cross_section_ids[i]], times[min(i, rows - 1)], impacts[i], crossings[i], samples[i], audit[i],
-            no_knots,
+            LineRecord(packed.lines[cross_section_ids[i]], crossings[i]),
+            SampleRecord(times[min(i, rows - 1)], samples[i]), impacts[i], audit[i], no_knots,
         )  # fmt: skip
         own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured)
         ids = (block_ids[i], cross_section_ids[i], table_ids[i])

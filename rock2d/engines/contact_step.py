@@ -35,7 +35,7 @@ from rock2d.engines.contact_state import (
 )
 from rock2d.engines.contact_update import updated_contact
 from rock2d.engines.event_detection import first_event
-from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, contact_point, pose_of
+from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, contact_point, pose_of
 from rock2d.engines.loaded_contacts import (
     L_ROTATION,
     TAKEN_DISPLACEMENT,
@@ -107,10 +107,14 @@ def contact_steps_s(
 
 
 @kernel
-def _commit(q, world, memory, found, scratch, audit):
-    """Take a finished step into the memory and the audit; returns the number of active contacts."""
+def _commit(q, world, memory, found, end, audit):
+    """Take a finished step into the memory and the audit; returns the number of active contacts.
+
+    end : (tangential displacements, rotations of the rolling springs, works) that the step led to, see `Scratch`
+    """
+    displacement, rotation, shares = end
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
-    block, ground, law, shares = world.block, world.ground, world.law, scratch.shares
+    block, ground, law = world.block, world.ground, world.law
     active = np.int64(0)
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
@@ -137,7 +141,7 @@ def _commit(q, world, memory, found, scratch, audit):
             peak, reals[j, DISPLACEMENT], reals[j, ROTATION], force_n, acting, force_t, old_t, plastic = (
                 updated_contact(
                     p, 0, effects, (was - reals[j, OFFSET], reals[j, PEAK], reals[j, DISPLACEMENT]),
-                    (depth - reals[j, OFFSET], scratch.displacement[j], scratch.rotation[j]), (rate, slip, arm),
+                    (depth - reals[j, OFFSET], displacement[j], rotation[j]), (rate, slip, arm),
                 )
             )  # fmt: skip
             audit[PLASTIC] += plastic
@@ -302,13 +306,13 @@ def look_again(q, near, world, memory, found):
             ints[j, KEY] = found_i[j, KEY] if found_r[j, DEPTH] != NOWHERE else -1
 
 
-@kernel
-def _trial(q, direction, h, world, contacts, scratch, effects):
+@kernel(inline="always")
+def _trial(q, direction, h, body, contacts, scratch, effects):
     """A step of h into `scratch.state`; its works into `scratch.shares`."""
     if effects:
-        works = runge_kutta_with_effects(q, direction, h, world, contacts, scratch.state)
+        works = runge_kutta_with_effects(q, direction, h, body, contacts, scratch.state)
     else:
-        works = runge_kutta(q, direction, h, world, contacts, scratch.state)
+        works = runge_kutta(q, direction, h, body, contacts, scratch.state)
     shares = scratch.shares
     shares[0], shares[1], shares[2], shares[3] = works
 
@@ -326,14 +330,15 @@ def step(q, h, near, world, contacts, audit, floating):
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
     reach = 4.0 * h * (speed + abs(q[OMEGA]) * block.radius) + 1e-6 * block.radius
     active = load_active(world, memory, loaded)
-    pressing = (np.int64(0) if floating else active, loaded)
+    body = Body(block, world.gravity)
+    pressing = (np.int64(0) if floating else active, loaded.rows, loaded.rates)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
-    _trial(q, (c, s), h, world, pressing, scratch, effects)
+    _trial(q, (c, s), h, body, pressing, scratch, effects)
     find_features(q1, reach, near, world, memory, found)
     event_s = first_event(h, q, q1, world, memory, found)
     if event_s < h:
-        _trial(q, (c, s), event_s, world, pressing, scratch, effects)
+        _trial(q, (c, s), event_s, body, pressing, scratch, effects)
         find_features(q1, reach, near, world, memory, found)
     for a in range(active):
         if floating:
@@ -344,5 +349,5 @@ def step(q, h, near, world, contacts, audit, floating):
     copy(q1, q)
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, scratch.displacement, scratch.rotation)
-    _commit(q, world, memory, found, scratch, audit)
+    _commit(q, world, memory, found, (scratch.displacement, scratch.rotation, scratch.shares), audit)
     return event_s

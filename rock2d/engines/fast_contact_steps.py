@@ -31,6 +31,7 @@ from rock2d.engines.geometry import (
     SMOOTH_FACET,
     TANGENT_X,
     TANGENT_Y,
+    Body,
     is_ball,
 )
 from rock2d.engines.loaded_contacts import (
@@ -123,13 +124,13 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
 
     limits : (Horizon, StepSizes)
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
-    contacts : (memory, found, scratch)
+    contacts : (memory, scratch)
     log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
 
     Returns (time now in s, number of steps, whether the ground has stopped pressing, why it ended: GUARD_LEFT,
     CONTACT_ENDS if a contact is about to end, else 0).
     """
-    loaded = contacts[2].loaded
+    loaded = contacts[1].loaded
     active = load_active(world, contacts[0], loaded)
     # compiled twice: the code of effects slows the plain law down
     if effects_act(world.block, active, loaded.rows):
@@ -153,7 +154,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     with effects. Ten parameters: it is written once and compiled for both."""
     horizon, sizes = limits
     current, left, audit = log
-    memory, _, scratch = contacts
+    body = Body(world.block, world.gravity)
+    memory, scratch = contacts
     ints, reals, block = memory.ints, memory.reals, world.block
     q1, loaded = scratch.state, scratch.loaded
     rows, which, rates, trial = loaded.rows, loaded.which, loaded.rates, loaded.trial
@@ -177,7 +179,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
         for attempt in range(2):
             pressing = np.int64(0) if unpressed else active
-            work_t, work_r, work_e, pushed = advance(q, (c, s), first, world, (pressing, loaded), q1)
+            work_t, work_r, work_e, pushed = advance(q, (c, s), first, body, (pressing, rows, rates), q1)
             if unpressed:
                 for a in range(active):
                     rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]

@@ -149,6 +149,13 @@ class WorldArrays(NamedTuple):
     gravity: float  # m/s²
 
 
+class Body(NamedTuple):
+    """A block under gravity: narrower than a world, for the calls that are made in every step."""
+
+    block: BlockArrays
+    gravity: float  # m/s²
+
+
 @kernel(inline="always")
 def pose_of(q):
     """(x in m, y in m, cos θ, sin θ) of a state."""

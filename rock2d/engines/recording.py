@@ -42,26 +42,39 @@ LEAST_PRESSURE = 1e-6
 LINE_X, LINE_Y, LINE_END_X, LINE_END_Y = range(4)
 
 
+class LineRecord(NamedTuple):
+    """Measure lines and their crossings."""
+
+    ends: np.ndarray  # (lines, 4) end points of measure lines, NaN where there are fewer
+    crossings: np.ndarray  # (lines, N_INSTANT), NaN where a line was not crossed
+
+
+class SampleRecord(NamedTuple):
+    """Poses at given instants."""
+
+    times: np.ndarray  # (times,) s, in order
+    poses: np.ndarray  # (times, 3)
+
+
 class Recorder(NamedTuple):
     """Where a release writes what it leaves."""
 
-    lines: np.ndarray  # (lines, 4) end points of measure lines, NaN where there are fewer
-    times: np.ndarray  # (times,) instants in s at which the pose is sampled, in order
+    lines: LineRecord
+    samples: SampleRecord
     impacts: np.ndarray  # (room, N_IMPACT)
-    crossings: np.ndarray  # (lines, N_INSTANT), NaN where a line was not crossed
-    samples: np.ndarray  # (times, 3)
     audit: np.ndarray  # (N_AUDIT,)
     knots: np.ndarray  # (room, N_KNOT); no room: no knots
 
 
 @kernel
-def cross(interval, q0, q1, flight, world, recorder):
+def cross(interval, q0, q1, flight, body, record):
     """Note the first crossing of each measure line on the way from q0 to q1; returns how many are new.
 
     interval : (time in s at q0, time in s from there to q1)
     """
     t, tau = interval
-    block, gravity, lines, crossings = world.block, world.gravity, recorder.lines, recorder.crossings
+    block, gravity = body
+    lines, crossings = record
     new = 0
     for k in range(lines.shape[0]):
         if crossings[k, TIME] == crossings[k, TIME] or lines[k, LINE_X] != lines[k, LINE_X]:
@@ -113,9 +126,9 @@ def cross(interval, q0, q1, flight, world, recorder):
 
 
 @kernel
-def near_line(q, reach, recorder):
+def near_line(q, reach, record):
     """True if the centroid is within `reach` of a measure line that it has not crossed."""
-    lines, crossings = recorder.lines, recorder.crossings
+    lines, crossings = record
     for k in range(lines.shape[0]):
         if crossings[k, TIME] == crossings[k, TIME] or lines[k, LINE_X] != lines[k, LINE_X]:
             continue
@@ -135,13 +148,13 @@ def _on_line(x, y, line, ax, ay):
 
 
 @kernel
-def is_spent(q, stored, world, recorder):
+def is_spent(q, stored, body, record):
     """True if no measure line that was not crossed begins low enough for the energy that is left.
 
     stored : energy in J that the springs of contacts hold
     """
-    lines, crossings = recorder.lines, recorder.crossings
-    highest = q[Y] + (kinetic_energy(q, world.block) + stored) / (world.block.mass * world.gravity)
+    lines, crossings = record
+    highest = q[Y] + (kinetic_energy(q, body.block) + stored) / (body.block.mass * body.gravity)
     for k in range(lines.shape[0]):
         if (
             crossings[k, TIME] != crossings[k, TIME]
@@ -152,14 +165,14 @@ def is_spent(q, stored, world, recorder):
 
 
 @kernel
-def sample(interval, q0, q1, parabola, gravity, recorder, at):
+def sample(interval, q0, q1, parabola, gravity, record, at):
     """Fill the samples that lie in (t, t + tau]; returns the index of the next one.
 
     interval : (t in s at q0, tau in s from there to q1); parabola: whether the way is a free flight; at: index of the
     first sample beyond t
     """
     t, tau = interval
-    times, samples = recorder.times, recorder.samples
+    times, samples = record
     while at < times.size and times[at] <= t + tau:
         s = times[at] - t
         if parabola:

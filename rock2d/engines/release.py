@@ -41,6 +41,7 @@ from rock2d.engines.geometry import (
     POINT_X,
     POINT_Y,
     BlockArrays,
+    Body,
     GroundArrays,
     WorldArrays,
     facet_range,
@@ -164,9 +165,10 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder):
 def _descend(world, tree, q, sizes, rules, recorder, workspace):
     """`release` on prepared arrays."""
     memory, found, scratch, stack, old, anchor, watch, current = workspace
-    contacts = (memory, found, scratch)
+    contacts, fast_contacts = (memory, found, scratch), (memory, scratch)
+    body, line_record, sample_record = Body(world.block, world.gravity), recorder.lines, recorder.samples
     block, ground, law, gravity = world.block, world.ground, world.law, world.gravity
-    lines, times, audit, knots = recorder.lines, recorder.times, recorder.audit, recorder.knots
+    lines, times, audit, knots = line_record.ends, sample_record.times, recorder.audit, recorder.knots
     spent, time_limit, h_contact = rules.spent, rules.time_limit, sizes.other
     anchor[GUARD] = 0.0
     radius, corners = block.radius, block.sides.shape[0]
@@ -175,7 +177,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     zero, no = np.int64(0), corners < 0
     t, stop, count, at, used = 0.0, STOP_TIME, zero, zero, zero
     while at < times.size and times[at] <= 0.0:
-        copy(q[:N_POSE], recorder.samples[at])
+        copy(q[:N_POSE], sample_record.poses[at])
         at += 1
     # the impact that is open: whether there is one, and whether the ground has stopped pressing
     is_open, left = no, no
@@ -198,11 +200,11 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 copy(q, old)
                 used = knot(knots, used, t, q, 0.0 if airy else 1.0)
                 audit[EFFECTS] += fly(q, tau, gravity, block)
-                new = cross((t, tau), old, q, flying, world, recorder)
-                at = sample((t, tau), old, q, not airy, gravity, recorder, at)
+                new = cross((t, tau), old, q, flying, body, line_record)
+                at = sample((t, tau), old, q, not airy, gravity, sample_record, at)
                 t += tau
                 noticed = stale = False
-                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, world, recorder):
+                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, body, line_record):
                     stop = STOP_SPENT
                     break
                 continue
@@ -221,20 +223,20 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                     break
                 if spent:
                     stored = contact_energy.stored_energy(memory, law)
-                    if is_spent(q, stored, world, recorder):
+                    if is_spent(q, stored, body, line_record):
                         stop = STOP_SPENT
                         break
         h = h_contact * growth
         copy(q, old)
         if active > 0 and anchor[GUARD] > 0.0:
             near = len(lines) > 0 and near_line(
-                q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), recorder
+                q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), line_record
             )
             pause = times[at] if at < times.size else np.inf
             horizon = Horizon(1 if near or recording else looked - steps, time_limit, pause)
             grown = StepSizes(sizes.loading * growth, FLOATING_STEPS * h, h)
             until, done, left, why = fast_contact_steps(
-                q, t, (horizon, grown), anchor, world, contacts, (current, left, audit)
+                q, t, (horizon, grown), anchor, world, fast_contacts, (current, left, audit)
             )
             steps += done
             if why > 0:
@@ -285,8 +287,8 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 _set_anchor(anchor, q, h, world, memory)
         gone = until - t
         if near:
-            cross((t, gone), old, q, flying, world, recorder)
-        at = sample((t, gone), old, q, flying and not airy, gravity, recorder, at)
+            cross((t, gone), old, q, flying, body, line_record)
+        at = sample((t, gone), old, q, flying and not airy, gravity, sample_record, at)
         t = until
         if is_open and current[I_PENETRATION] > BURIED_SEARCH * radius and _is_buried(q, world):
             stop = STOP_BURIED
@@ -299,19 +301,19 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
             if count == rules.impact_limit:
                 stop = STOP_IMPACTS
                 break
-            if spent and is_spent(q, 0.0, world, recorder):
+            if spent and is_spent(q, 0.0, body, line_record):
                 stop = STOP_SPENT
                 break
     if is_open and stop != STOP_IMPACTS:
         count = close_impact(current, left, recorder.impacts, count)
     while at < times.size and stop == STOP_REST:
-        copy(q[:N_POSE], recorder.samples[at])
+        copy(q[:N_POSE], sample_record.poses[at])
         at += 1
     used = knot(knots, used, t, q, 1.0)
     return stop, t, count, used
 
 
-@kernel
+@kernel(inline="always")
 def _time_aloft(q, extra, world, tree, stack, h_contact):
     """Time in s for which the flying block surely stays clear of the ground.
 

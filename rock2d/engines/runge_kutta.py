@@ -33,34 +33,33 @@ def _turned(c, s, angle):
 
 
 @kernel
-def runge_kutta(q, direction, h, world, contacts, q1):
+def runge_kutta(q, direction, h, body, contacts, q1):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
-    contacts : (number of active contacts, their `LoadedContacts`); at the end TAKEN_DISPLACEMENT and TAKEN_ROTATION
-        of their rates hold the springs' new tangential displacement and rotation
+    contacts : (number of active contacts, rows and rates of `LoadedContacts`); at the end TAKEN_DISPLACEMENT and
+        TAKEN_ROTATION of the rates hold the springs' new tangential displacement and rotation
 
     Returns the work of the tangential springs, of the rolling springs and of effects in J, and the velocity in m/s that
     recoiling ground added. Without contacts the step is free flight. No effect of the catalogue may act: the code of
     effects slows the plain law down, see `runge_kutta_with_effects`.
     """
-    return _four_stages(q, direction, h, world, contacts, q1, False)
+    return _four_stages(q, direction, h, body, contacts, q1, False)
 
 
 @kernel
-def runge_kutta_with_effects(q, direction, h, world, contacts, q1):
+def runge_kutta_with_effects(q, direction, h, body, contacts, q1):
     """`runge_kutta` where effects of the catalogue may act."""
     if contacts[0] == 0:
         copy(q, q1)
-        return 0.0, 0.0, fly(q1, h, world.gravity, world.block), 0.0
-    return _four_stages(q, direction, h, world, contacts, q1, True)
+        return 0.0, 0.0, fly(q1, h, body.gravity, body.block), 0.0
+    return _four_stages(q, direction, h, body, contacts, q1, True)
 
 
 @kernel(inline="always")
-def _four_stages(q, direction, h, world, contacts, q1, effects):
+def _four_stages(q, direction, h, body, contacts, q1, effects):
     """`runge_kutta` with and without effects."""
-    block, gravity = world.block, world.gravity
-    active, loaded = contacts
-    rows, rates = loaded.rows, loaded.rates
+    block, gravity = body
+    active, rows, rates = contacts
     c0, s0 = direction
     x, y, vx, vy, omega = q[X], q[Y], q[VX], q[VY], q[OMEGA]
     if active == 0:

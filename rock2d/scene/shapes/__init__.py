@@ -5,27 +5,17 @@ A shape is one file. A file added here is found: its sizes become keys of files 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
-from pathlib import Path
-from types import MappingProxyType
 
+from rock2d.registry import registered
 from rock2d.scene.shapes.shape import Shape
 
 
 @cache
 def shapes() -> Mapping[str, Shape]:
     """Every shape by its name, in the order of the names. Raises ValueError if two share a name."""
-    found: dict[str, Shape] = {}
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        if re.search(r"^SHAPE\b", path.read_text(encoding="utf-8"), re.MULTILINE):
-            shape = import_module(f"{__name__}.{path.stem}").SHAPE
-            if shape.name in found:
-                raise ValueError(f"two shapes are named {shape.name}; one is in {path.name}")
-            found[shape.name] = shape
-    return MappingProxyType(dict(sorted(found.items())))
+    return registered(__name__, __file__, "SHAPE")
 
 
 def inertia_words() -> tuple[str, ...]:

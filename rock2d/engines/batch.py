@@ -16,6 +16,7 @@ import numpy as np
 from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
+from rock2d.engines.energy_balance import Masses, energy_balances
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
@@ -23,7 +24,7 @@ from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
     AT,
-    AUDIT_NAMES,
+    ENERGY_NAMES,
     I_ZONE,
     IMPACT_NAMES,
     KNOT_FLIGHT,
@@ -48,6 +49,9 @@ FIRST_KNOTS, KNOTS_PER_IMPACT = (
     64,
 )  # room for the knots of a track, and how many there are at least to an impact
 BATCH_STEP_FRACTION = 0.2  # phase in rad per contact step; see `contact_step.contact_steps_s`
+
+
+PACKED_MASS, PACKED_INERTIA = 2, 3  # columns of Packed.block_reals
 
 
 class Packed(NamedTuple):
@@ -94,7 +98,8 @@ class BatchResult:
         the impacts that were, and after an impact that had not ended
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if never
     samples : (n, times, 3) x, y, theta at the asked times
-    audit : (n, 4) energy in J that plasticity, friction, rolling and effects took
+    energy_J : (n, 9) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
+        energy, and the residual: what the audit does not account for
     """
 
     stop: Array
@@ -103,7 +108,7 @@ class BatchResult:
     impacts: Array
     crossings: Array
     samples: Array
-    audit: Array
+    energy_J: Array
 
 
 def pack(ensemble: Ensemble) -> Packed:
@@ -221,7 +226,12 @@ def run_batch(
     rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured)
     starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
     _run_ensemble(packed, starts, float(gravity_m_s2), rules, written)
-    return BatchResult(*written[:-1], written.audit[:, : len(AUDIT_NAMES)])
+    lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
+    mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
+    masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
+    return BatchResult(
+        *written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit)
+    )
 
 
 def run_batch_track(
@@ -259,10 +269,13 @@ def run_batch_track(
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
     knots = recorder.knots[:used]
-    audit = dict(zip(AUDIT_NAMES, map(float, recorder.audit), strict=False))
+    masses = Masses(
+        block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min())
+    )
+    balance = energy_balances(masses, knots[:1, AT], knots[-1:, AT], recorder.audit[None])[0]
     return Track(
         release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[stop], gravity_m_s2,
-        audit,
+        dict(zip(ENERGY_NAMES, map(float, balance), strict=True)),
     )  # fmt: skip
 
 

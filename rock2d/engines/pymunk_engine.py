@@ -19,6 +19,7 @@ import pymunk
 
 from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
+from rock2d.engines.energy_balance import Masses, energy_balances
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays, point_depth
 from rock2d.engines.impact_log import Departure, ImpactLog, Knot
@@ -26,14 +27,13 @@ from rock2d.engines.recording import end_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
     EFFECTS,
-    FRICTION,
+    ELASTIC,
+    ENERGY_NAMES,
     N_AUDIT,
     N_IMPACT,
     N_STATE,
     OMEGA,
-    PLASTIC,
     RECOIL,
-    ROLLING,
     STATE_NAMES,
     THETA,
     VX,
@@ -95,7 +95,8 @@ class PymunkRelease:
         self._events: list[Knot] = []
         self._zone = -1  # of the impact that is open
         self._build_space()
-        self._start = self.mechanical_energy_J()
+        self._start = self.q.copy()
+        self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
         self._feel_ground()
 
     def _build_space(self) -> None:
@@ -203,7 +204,7 @@ class PymunkRelease:
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
         if self._near:
-            growth = contact_energy.step_growth(self._start["kinetic"], self._block, self._memory, self.table)
+            growth = contact_energy.step_growth(self._start_kinetic, self._block, self._memory, self.table)
             return self.contact_step * float(growth)
         longest, extra = air_stride(self.q, self.gravity, self._block)
         limit = min(longest, LONGEST_FLIGHT_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
@@ -266,29 +267,15 @@ class PymunkRelease:
         active = np.flatnonzero(ints[:, contact_state.ACTIVE])
         return self.cross_section.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
 
-    def mechanical_energy_J(self) -> dict[str, float]:
-        """Kinetic, potential (from y = 0) and elastic energy, and what each mechanism has taken so far."""
-        m, q = self.block.mass_kg, self.q
-        return {
-            "kinetic": 0.5 * m * float(q[VX] ** 2 + q[VY] ** 2)
-            + 0.5 * self.block.inertia_kg_m2 * float(q[OMEGA] ** 2),
-            "potential": m * self.gravity * float(q[Y]),
-            "elastic": float(contact_energy.stored_energy(self._memory, self.table)),
-            "plastic": float(self.audit[PLASTIC]),
-            "friction": float(self.audit[FRICTION]),
-            "rolling": float(self.audit[ROLLING]),
-            "effects": float(self.audit[EFFECTS]),
-        }
-
     def energy_balance(self) -> dict[str, float]:
-        """The audit: every share now, `initial` (kinetic, and potential above the lowest ground), `residual`.
-
-        residual = sum of all shares now - sum at the start; 0 if the audit closes.
-        """
-        now = self.mechanical_energy_J()
-        lowest = self.block.mass_kg * self.gravity * float(self.cross_section.points_m[:, 1].min())
-        initial = self._start["kinetic"] + self._start["potential"] - lowest
-        return {**now, "initial": initial, "residual": sum(now.values()) - sum(self._start.values())}
+        """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balances`."""
+        self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
+        masses = Masses(
+            self.block.mass_kg, self.block.inertia_kg_m2, self.gravity,
+            float(self.cross_section.points_m[:, 1].min()),
+        )  # fmt: skip
+        balance = energy_balances(masses, self._start[None], self.q[None], self.audit[None])[0]
+        return dict(zip(ENERGY_NAMES, map(float, balance), strict=True))
 
 
 def run_pymunk(

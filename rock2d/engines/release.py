@@ -66,6 +66,7 @@ from rock2d.engines.time_to_contact import safe_time, time_to_ground
 from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
 from rock2d.records.columns import (
     EFFECTS,
+    ELASTIC,
     I_PENETRATION,
     I_ZONE,
     N_IMPACT,
@@ -310,6 +311,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
         copy(q[:N_POSE], sample_record.poses[at])
         at += 1
     used = knot(knots, used, t, q, 1.0)
+    audit[ELASTIC] = contact_energy.stored_energy(memory, law)
     return stop, t, count, used
 
 

@@ -51,9 +51,16 @@ IMPACT_COLUMNS = ("release", "block", *IMPACT_NAMES)
 KNOT_FLIGHT = N_INSTANT
 N_KNOT = N_INSTANT + 1
 
-# the energy audit: energy in J that each mechanism has taken, effects of the catalogue as one
+# the energy audit of a release, in J: what each mechanism has taken, effects of the catalogue as one
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
-# a further column during an impact: velocity in m/s of the recoiling ground, in whose frame the impact is computed
-RECOIL = len(AUDIT_NAMES)
-N_AUDIT = RECOIL + 1
+# further columns while a release runs: velocity in m/s of the recoiling ground, in whose frame an impact is computed,
+# and at the end the energy in J that the springs of contacts hold
+RECOIL, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 2)
+N_AUDIT = ELASTIC + 1
+# the closing balance in J: what is left, what was taken, kinetic energy and potential energy above the lowest ground at
+# the start, and what the audit does not account for (0 if it closes)
+ENERGY_NAMES = ("kinetic", "potential", "elastic", *AUDIT_NAMES, "initial", "residual")
+E_KINETIC, E_POTENTIAL, E_ELASTIC = range(3)
+E_TAKEN = slice(E_ELASTIC + 1, E_ELASTIC + 1 + len(AUDIT_NAMES))
+E_INITIAL, E_RESIDUAL = range(E_TAKEN.stop, len(ENERGY_NAMES))

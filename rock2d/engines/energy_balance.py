@@ -1,0 +1,62 @@
+"""The closing energy balance of releases: whether what an engine says was taken is what is missing."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.records.columns import (
+    AUDIT_NAMES,
+    E_ELASTIC,
+    E_INITIAL,
+    E_KINETIC,
+    E_POTENTIAL,
+    E_RESIDUAL,
+    E_TAKEN,
+    ELASTIC,
+    ENERGY_NAMES,
+    OMEGA,
+    VX,
+    VY,
+    Y,
+)
+
+Array = np.ndarray
+
+AUDIT_TOLERANCE = 1e-6  # of the initial energy: an audit that leaves less than this closes
+
+
+class Masses(NamedTuple):
+    """What the energy of n states depends on, each a number or (n,)."""
+
+    mass_kg: Array | float
+    inertia_kg_m2: Array | float
+    gravity_m_s2: float
+    lowest_m: Array | float  # height of the lowest point of the cross-section: potential energy counts from there
+
+
+def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) -> Array:
+    """(n, columns of ENERGY_NAMES) in J, from states (n, 6) at start and end and the engine's audit (n, N_AUDIT).
+
+    At the start no spring holds energy: a block that begins inside the ground begins in an indentation.
+    residual = energy at the end + energy taken - energy at the start.
+    """
+    out = np.empty((len(starts), len(ENERGY_NAMES)))
+    out[:, E_KINETIC], out[:, E_POTENTIAL] = mechanical_energy(masses, ends)
+    out[:, E_ELASTIC], out[:, E_TAKEN] = audit[:, ELASTIC], audit[:, : len(AUDIT_NAMES)]
+    out[:, E_INITIAL] = sum(mechanical_energy(masses, starts))
+    out[:, E_RESIDUAL] = out[:, :E_INITIAL].sum(axis=1) - out[:, E_INITIAL]
+    return out
+
+
+def mechanical_energy(masses: Masses, states: Array) -> tuple[Array, Array]:
+    """Kinetic and potential energy in J of states (n, 6)."""
+    vx, vy, omega = states[:, VX], states[:, VY], states[:, OMEGA]
+    kinetic = 0.5 * (masses.mass_kg * (vx * vx + vy * vy) + masses.inertia_kg_m2 * omega * omega)
+    return kinetic, masses.mass_kg * masses.gravity_m_s2 * (states[:, Y] - masses.lowest_m)
+
+
+def unclosed(balances: Array) -> Array:
+    """(n,) bool, which of these balances leave more than AUDIT_TOLERANCE of the initial energy."""
+    return np.abs(balances[:, E_RESIDUAL]) > AUDIT_TOLERANCE * np.abs(balances[:, E_INITIAL])

@@ -98,7 +98,7 @@ class BatchResult:
         the impacts that were, and after an impact that had not ended
     crossings : (n, lines, 7) t and state at the first crossing of each measure line, NaN if never
     samples : (n, times, 3) x, y, theta at the asked times
-    energy_J : (n, 9) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
+    energy_J : (n, 10) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
         energy, and the residual: what the audit does not account for
     """
 
@@ -229,9 +229,7 @@ def run_batch(
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    return BatchResult(
-        *written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit)
-    )
+    return BatchResult(*written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit))
 
 
 def run_batch_track(

@@ -29,6 +29,7 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     VERTEX_FACE,
     beyond_corner,
+    half_of_ellipse,
     load_feature,
     near_depth,
     place_feature,
@@ -195,8 +196,9 @@ def _smooth_features(pose, reach, near, world, memory, found):
     far = reach + block.radius
     for f in range(f0, f1):
         dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
-        if dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y] > far:
-            continue
+        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        if not 0.0 < above <= far:
+            continue  # of a facet that faces away, only the back is near
         along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
         if along < -far or along > facets[f, LENGTH] + far:
             continue
@@ -205,12 +207,13 @@ def _smooth_features(pose, reach, near, world, memory, found):
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
         along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
         if 0.0 <= along <= facets[f, LENGTH]:
-            if -reach < depth < 2.0 * block.radius:
+            if depth > -reach:
                 _offer(memory, found, (SMOOTH_FACET, f, 0), depth, 2 * int(facets[f, PATCH]))
         elif along > facets[f, LENGTH] and f + 2 < facets.shape[0]:
             # between this facet's end and the next one's begin: the vertex, if the ground is convex there
             v = f + 1
-            feature = load_feature(SMOOTH_VERTEX, v, 0, block, facets)
+            half = _half_at(v, pose, block, facets)
+            feature = load_feature(SMOOTH_VERTEX, v, half, block, facets)
             depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, feature, pose)
             turn_out = nx * tx + ny * ty
             turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
@@ -218,7 +221,7 @@ def _smooth_features(pose, reach, near, world, memory, found):
             up += ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
             if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
                 key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
-                _offer(memory, found, (SMOOTH_VERTEX, v, 0), depth, key)
+                _offer(memory, found, (SMOOTH_VERTEX, v, half), depth, key)
     for j in range(ints.shape[0]):
         # the neighbouring contact continues an active contact whose feature is gone
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
@@ -228,10 +231,21 @@ def _smooth_features(pose, reach, near, world, memory, found):
                     and found_r[k, DEPTH] != NOWHERE
                     and abs(found_i[k, KEY] - ints[j, KEY]) == 1
                 ):
-                    own = (found_i[k, KIND], found_i[k, INDEX], 0)
+                    own = (found_i[k, KIND], found_i[k, INDEX], found_i[k, PART])
                     _set(found, j, own, found_r[k, DEPTH], found_i[k, KEY])
                     found_r[k, DEPTH] = NOWHERE
                     break
+
+
+@kernel
+def _half_at(v, pose, block, facets):
+    """Half of an ellipse that is nearest to vertex v; 0 of a circle."""
+    if block.semi_a == block.semi_b:
+        return np.int64(0)
+    x, y, c, s = pose
+    dx, dy = facets[v, POINT_X] - x, facets[v, POINT_Y] - y
+    px, py = c * dx + s * dy - block.centre_x, -s * dx + c * dy - block.centre_y
+    return half_of_ellipse(px, py, block.semi_a, block.semi_b)
 
 
 @kernel

@@ -37,6 +37,8 @@ from rock2d.engines.contact_update import updated_contact
 from rock2d.engines.event_detection import first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, contact_point, pose_of
 from rock2d.engines.loaded_contacts import (
+    DEPTH_0,
+    DEPTH_1,
     L_ROTATION,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
@@ -44,8 +46,10 @@ from rock2d.engines.loaded_contacts import (
     effects_act,
     load_active,
     new_loaded,
+    placed,
 )
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
+from rock2d.engines.truncation import LARGEST_STEP_ERROR, keep_energy, step_error
 from rock2d.laws.contact import (
     CAP,
     K_L,
@@ -53,6 +57,7 @@ from rock2d.laws.contact import (
     K_T,
     K_UL,
     MU,
+    change_feature,
     cross_zone,
     elastic_energy,
     normal_force,
@@ -64,6 +69,7 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
+MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
@@ -108,14 +114,13 @@ def contact_steps_s(
 
 @kernel
 def _commit(q, world, memory, found, end, audit):
-    """Take a finished step into the memory and the audit; returns the number of active contacts.
+    """Take a finished step into the memory and the audit.
 
     end : (tangential displacements, rotations of the rolling springs, works) that the step led to, see `Scratch`
     """
     displacement, rotation, shares = end
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     block, ground, law = world.block, world.ground, world.law
-    active = np.int64(0)
     before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
@@ -133,11 +138,17 @@ def _commit(q, world, memory, found, end, audit):
             p = law[ints[j, ZONE]]
             arm = _arm(j, q, world, memory) if p[CAP] > 0.0 else 0.0
             before_r += rolling_energy(reals[j, ROTATION], p)
-            _follow(j, memory, found)
             rate, slip, effects = 0.0, 0.0, -1
             if p[ACTS] != 0.0:
                 rate, slip = _motion(j, q, world, memory)
                 effects = FIRST
+            jump = 0.0
+            if not gone and _changes(j, memory, found):  # the step acted on the old feature
+                old, _, _, _, _ = contact_point(
+                    ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), block, ground
+                )
+                jump, depth = depth - old, old
+            _follow(j, memory, found)
             peak, reals[j, DISPLACEMENT], reals[j, ROTATION], force_n, acting, force_t, old_t, plastic = (
                 updated_contact(
                     p, 0, effects, (was - reals[j, OFFSET], reals[j, PEAK], reals[j, DISPLACEMENT]),
@@ -150,6 +161,12 @@ def _commit(q, world, memory, found, end, audit):
                 reals[j, ACTING] = acting
             before_t += elastic_energy(0.0, old_t, p)
             after_t += elastic_energy(0.0, force_t, p)
+            if jump != 0.0:
+                depth += jump
+                reals[j, OFFSET], force_n, force_t, lost = change_feature(
+                    p, depth, jump, (reals[j, OFFSET], reals[j, PEAK]), (force_n, force_t)
+                )
+                audit[PLASTIC] += lost
             if depth > 0.0:
                 after_r += rolling_energy(reals[j, ROTATION], p)
             zone = _zone(j, memory, ground)
@@ -168,15 +185,20 @@ def _commit(q, world, memory, found, end, audit):
             reals[j, ACTING] = 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
         reals[j, RATE] = found_r[j, RATE]
-        if ints[j, ACTIVE]:
-            active += 1
-        else:
+        if not ints[j, ACTIVE]:
             ints[j, KEY] = found_i[j, KEY] if reals[j, DEPTH] != NOWHERE else -1
     audit[FRICTION] += shares[0] - (after_t - before_t)
     audit[ROLLING] += shares[1] - (after_r - before_r)
     audit[EFFECTS] += shares[2]
     audit[RECOIL] += shares[3]
-    return active
+
+
+@kernel
+def _changes(j, memory, found):
+    """Whether the feature found for contact j is another one than it has."""
+    ints, found_i = memory.ints, found.ints
+    same = ints[j, KIND] == found_i[j, KIND] and ints[j, INDEX] == found_i[j, INDEX]
+    return not (same and ints[j, PART] == found_i[j, PART])
 
 
 @kernel
@@ -191,7 +213,7 @@ def _enter_zone(j, depth, forces, p, new, memory):
     stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
     # lifted off within its indentation, the contact meets the new soil at the indentation's bottom
     bottom = reals[j, OFFSET] + residual(reals[j, PEAK], p[K_L], p[K_UL])
-    loaded, reals[j, DISPLACEMENT], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, p, new)
+    loaded, reals[j, DISPLACEMENT], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, depth, p, new)
     reals[j, PEAK] = loaded
     reals[j, OFFSET] = depth - loaded if force_n > 0.0 else bottom
     stored -= elastic_energy(new[K_L] * loaded, new[K_T] * reals[j, DISPLACEMENT], new)
@@ -308,13 +330,18 @@ def look_again(q, near, world, memory, found):
 
 @kernel(inline="always")
 def _trial(q, direction, h, body, contacts, scratch, effects):
-    """A step of h into `scratch.state`; its works into `scratch.shares`."""
+    """A step of h into `scratch.state`; its works into `scratch.shares`. Returns `truncation.step_error`."""
     if effects:
         works = runge_kutta_with_effects(q, direction, h, body, contacts, scratch.state)
     else:
         works = runge_kutta(q, direction, h, body, contacts, scratch.state)
     shares = scratch.shares
     shares[0], shares[1], shares[2], shares[3] = works
+    loaded, pose = scratch.loaded, pose_of(scratch.state)
+    active = contacts[0]
+    for a in range(active):
+        loaded.trial[a, DEPTH_1] = placed(loaded.rows, a, pose)[0]
+    return step_error(q, scratch.state, shares[0] + shares[1] + shares[2], body, active, loaded)
 
 
 @kernel
@@ -334,11 +361,18 @@ def step(q, h, near, world, contacts, audit, floating):
     pressing = (np.int64(0) if floating else active, loaded.rows, loaded.rates)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
-    _trial(q, (c, s), h, body, pressing, scratch, effects)
+    for a in range(active):
+        loaded.trial[a, DEPTH_0] = memory.reals[loaded.which[a], DEPTH]
+    error, scale = 0.0, 0.0
+    for _ in range(MOST_HALVINGS):
+        error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
+        if abs(error) <= LARGEST_STEP_ERROR * scale:
+            break
+        h *= 0.5
     find_features(q1, reach, near, world, memory, found)
     event_s = first_event(h, q, q1, world, memory, found)
     if event_s < h:
-        _trial(q, (c, s), event_s, body, pressing, scratch, effects)
+        error, scale = _trial(q, (c, s), event_s, body, pressing, scratch, effects)
         find_features(q1, reach, near, world, memory, found)
     for a in range(active):
         if floating:
@@ -350,4 +384,8 @@ def step(q, h, near, world, contacts, audit, floating):
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, scratch.displacement, scratch.rotation)
     _commit(q, world, memory, found, (scratch.displacement, scratch.rotation, scratch.shares), audit)
+    if active > 0:
+        factor = keep_energy(q, error, scale, block, audit)
+        for j in range(memory.reals.shape[0]):
+            memory.reals[j, RATE] *= factor
     return event_s

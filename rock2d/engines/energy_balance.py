@@ -8,6 +8,8 @@ import numpy as np
 
 from rock2d.records.columns import (
     AUDIT_NAMES,
+    CORRECTED,
+    E_CORRECTED,
     E_ELASTIC,
     E_INITIAL,
     E_KINETIC,
@@ -33,19 +35,22 @@ class Masses(NamedTuple):
     mass_kg: Array | float
     inertia_kg_m2: Array | float
     gravity_m_s2: float
-    lowest_m: Array | float  # height of the lowest point of the cross-section: potential energy counts from there
+    lowest_m: (
+        Array | float
+    )  # height of the lowest point of the cross-section: potential energy counts from there
 
 
 def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) -> Array:
     """(n, columns of ENERGY_NAMES) in J, from states (n, 6) at start and end and the engine's audit (n, N_AUDIT).
 
     At the start no spring holds energy: a block that begins inside the ground begins in an indentation.
-    residual = energy at the end + energy taken - energy at the start.
+    residual = energy at the end + energy taken - energy at the start; corrected: see `contact_energy.keep_energy`.
     """
     out = np.empty((len(starts), len(ENERGY_NAMES)))
     out[:, E_KINETIC], out[:, E_POTENTIAL] = mechanical_energy(masses, ends)
     out[:, E_ELASTIC], out[:, E_TAKEN] = audit[:, ELASTIC], audit[:, : len(AUDIT_NAMES)]
     out[:, E_INITIAL] = sum(mechanical_energy(masses, starts))
+    out[:, E_CORRECTED] = audit[:, CORRECTED]
     out[:, E_RESIDUAL] = out[:, :E_INITIAL].sum(axis=1) - out[:, E_INITIAL]
     return out
 

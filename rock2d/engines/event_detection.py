@@ -217,7 +217,8 @@ def first_event(h, q0, q1, world, memory, found):
                 g0, s0 = _gap_to_found(j, q0, world, memory, found)
                 g1, s1 = _gap_to_found(j, q1, world, memory, found)
                 if (g0 > 0.0) != (g1 > 0.0):
-                    t = min(t, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
+                    # however soon: the old feature must not act where another is nearest
+                    first = min(first, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
         if 1e-3 * h < t < first:
             first = t
     return first

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, PEAK, RATE, ROTATION
+from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import updated_contact
 from rock2d.engines.event_detection import hold_event, law_event
 from rock2d.engines.geometry import (
@@ -57,12 +57,24 @@ from rock2d.engines.loaded_contacts import (
 )
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, normal_force, residual
+from rock2d.engines.truncation import LARGEST_STEP_ERROR, keep_energy, step_error
+from rock2d.laws.contact import (
+    INDENTATION,
+    K_L,
+    K_R,
+    K_T,
+    K_UL,
+    MU,
+    change_feature,
+    normal_force,
+    residual,
+    tangential_force,
+)
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
 # arm in block radii with which rotation counts as motion: a vertex near the block is as far off
 TURN_ARM = 1.5
-GUARD_LEFT, CONTACT_ENDS = 1, 2  # why a series of fast steps ended; 0: neither
+GUARD_LEFT, CONTACT_ENDS, STEP_TOO_LONG = 1, 2, 3  # why a series of fast steps ended; 0: none of these
 GUARD_SHARE = 0.3  # of the guard that one step without pressure may use
 GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
 
@@ -85,14 +97,16 @@ class Horizon(NamedTuple):
     )
 
 
-@kernel
-def _follow_run(rows, a, facets, index, pose):
-    """Load the facet of its run that a contact has moved to; returns the facet's index."""
-    x, y, c, s = pose
-    kind, px, py = int(rows[a, L_KIND]), x, y
+@kernel(inline="always")
+def _follow_run(loaded, a, facets, index, q, direction, audit):
+    """Load the facet of its run that a contact has moved to at state q, whose direction is (cos θ, sin θ); returns the
+    facet's index."""
+    rows = loaded.rows
+    c, s = direction
+    kind, px, py = int(rows[a, L_KIND]), q[X], q[Y]
     if kind == CORNER_FACET:
         corner_x, corner_y = rows[a, F_SHAPE], rows[a, F_SHAPE + 1]
-        px, py = x + c * corner_x - s * corner_y, y + s * corner_x + c * corner_y
+        px, py = px + c * corner_x - s * corner_y, py + s * corner_x + c * corner_y
     elif kind != SMOOTH_FACET:
         return index
     first, last, found = int(facets[index, RUN_FIRST]), int(facets[index, RUN_LAST]), index
@@ -106,9 +120,26 @@ def _follow_run(rows, a, facets, index, pose):
         else:
             break
     if found != index:
-        rows[a, F_POINT], rows[a, F_POINT + 1] = facets[found, POINT_X], facets[found, POINT_Y]
-        rows[a, F_NORMAL], rows[a, F_NORMAL + 1] = facets[found, NORMAL_X], facets[found, NORMAL_Y]
+        _load_facet(loaded, a, facets[found], q, (q[X], q[Y], c, s), audit)
     return found
+
+
+@kernel
+def _load_facet(loaded, a, facet, q, pose, audit):
+    """Let a contact go on at the next facet of its run, see `change_feature`."""
+    rows, trial = loaded.rows, loaded.trial
+    rows[a, F_POINT], rows[a, F_POINT + 1] = facet[POINT_X], facet[POINT_Y]
+    rows[a, F_NORMAL], rows[a, F_NORMAL + 1] = facet[NORMAL_X], facet[NORMAL_Y]
+    depth, nx, ny, rx, ry = placed(rows, a, pose)
+    row = rows[a, L_LAW:]
+    force_n = normal_force(trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK], row[K_L], row[K_UL])
+    force_t = tangential_force(rows[a, L_DISPLACEMENT], force_n, row[K_T], row[MU])
+    rows[a, L_OFFSET], _, _, lost = change_feature(
+        row, depth, depth - trial[a, DEPTH_0], (rows[a, L_OFFSET], rows[a, L_PEAK]), (force_n, force_t)
+    )
+    audit[PLASTIC] += lost
+    trial[a, DEPTH_0] = depth
+    trial[a, RATE_0] = -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
 
 
 @kernel(inline="always")
@@ -128,7 +159,7 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
 
     Returns (time now in s, number of steps, whether the ground has stopped pressing, why it ended: GUARD_LEFT,
-    CONTACT_ENDS if a contact is about to end, else 0).
+    CONTACT_ENDS if a contact is about to end, STEP_TOO_LONG if a step errs too much, else 0).
     """
     loaded = contacts[1].loaded
     active = load_active(world, contacts[0], loaded)
@@ -191,8 +222,6 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
                 why = GUARD_LEFT
             pose = (q1[X], q1[Y], c1, s1)
             for a in range(active):
-                j = which[a]
-                ints[j, INDEX] = _follow_run(rows, a, world.ground.facets, ints[j, INDEX], pose)
                 depth, nx, ny, rx, ry = placed(rows, a, pose)
                 trial[a, DEPTH_1] = depth
                 ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
@@ -209,10 +238,21 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
                 break
         if why > 0:
             break
+        error, scale = step_error(q, q1, work_t + work_r + work_e, body, active, loaded)
+        if abs(error) > LARGEST_STEP_ERROR * scale:
+            why = STEP_TOO_LONG
+            break
         force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
+        factor = keep_energy(q1, error, scale, block, audit)
+        for a in range(active):
+            trial[a, RATE_0] *= factor
         if effects:
             audit[EFFECTS] += work_e
             audit[RECOIL] += pushed
+        for a in range(active):
+            ints[which[a], INDEX] = _follow_run(
+                loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
+            )
         copy(q1, q)
         c, s = c1, s1
         t += first
@@ -221,6 +261,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     for a in range(active):
         j = which[a]
         reals[j, DEPTH], reals[j, RATE], reals[j, PEAK] = trial[a, DEPTH_0], trial[a, RATE_0], rows[a, L_PEAK]
+        reals[j, OFFSET] = rows[a, L_OFFSET]
         reals[j, DISPLACEMENT], reals[j, ROTATION] = rows[a, L_DISPLACEMENT], rows[a, L_ROTATION]
     return t, done, left, why
 

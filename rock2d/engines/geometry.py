@@ -282,13 +282,26 @@ def repeats(sides, i):
 
 
 @kernel
-def nearest_on_ellipse(px, py, a, b):
-    """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration.
+def half_of_ellipse(px, py, a, b):
+    """Half of the ellipse x²/a² + y²/b² = 1 that holds its point nearest to (px, py): 0, or 1 on the negative side of
+    its longer axis."""
+    return np.int64((py if a >= b else px) < 0.0)
 
-    Converges quadratically for points near the boundary, inside or outside (A. Kemper's method).
+
+@kernel
+def nearest_on_ellipse(px, py, a, b, half):
+    """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration (A. Kemper's method).
+
+    half : of the ellipse where the search begins, see `half_of_ellipse`. Deep inside, each half has a point of its own
+        that is nearest. Beyond the longer axis the one of the given half is followed on, so that the depth of a contact
+        is smooth; near the ends of that axis, and outside, both halves give the same point.
     """
-    qx, qy = abs(px), abs(py)
-    tx, ty = np.sqrt(0.5), np.sqrt(0.5)
+    upright = a < b
+    if upright:
+        px, py, a, b = py, px, b, a
+    side = 1.0 - 2.0 * half
+    qx, qy = abs(px), side * py
+    tx, ty, change = np.sqrt(0.5), np.sqrt(0.5), 1.0
     for _ in range(30):
         ex, ey = (a * a - b * b) * tx**3 / a, (b * b - a * a) * ty**3 / b
         rx, ry = a * tx - ex, b * ty - ey
@@ -296,21 +309,42 @@ def nearest_on_ellipse(px, py, a, b):
         r, d = np.sqrt(rx * rx + ry * ry), np.sqrt(dx * dx + dy * dy)
         if d == 0.0:
             break
-        nx, ny = max(0.0, (dx * r / d + ex) / a), max(0.0, (dy * r / d + ey) / b)
+        nx, ny = max(0.0, (dx * r / d + ex) / a), (dy * r / d + ey) / b
         norm = np.sqrt(nx * nx + ny * ny)
         nx, ny = nx / norm, ny / norm
         change = abs(nx - tx) + abs(ny - ty)
         tx, ty = nx, ny
         if change < 1e-15:
             break
-    return np.copysign(a * tx, px), np.copysign(b * ty, py)
+    if change > 1e-9 and qy >= 0.0:
+        tx, ty = _bisected(
+            qx, qy, a, b
+        )  # near the centre of a thin ellipse the iteration can go round in a circle
+    along, across = np.copysign(a * tx, px), side * b * ty
+    return (across, along) if upright else (along, across)
+
+
+@kernel
+def _bisected(qx, qy, a, b):
+    """(cos φ, sin φ) of the point (a cos φ, b sin φ) of an ellipse that is nearest to (qx, qy) in the first quadrant:
+    the one root there of the distance's derivative with respect to φ."""
+    low, high = 0.0, 0.5 * np.pi
+    for _ in range(55):
+        phi = 0.5 * (low + high)
+        c, s = np.cos(phi), np.sin(phi)
+        if (b * b - a * a) * s * c + a * qx * s - b * qy * c > 0.0:
+            high = phi
+        else:
+            low = phi
+    return np.cos(phi), np.sin(phi)
 
 
 @kernel
 def contact_point(kind, index, part, pose, block, ground):
     """Depth δ, direction of the force on the block (nx, ny) and arm from the centre of mass (rx, ry) of a feature.
 
-    `part` is the block's corner or face; `index` the ground's facet or vertex; `pose` as `pose_of` gives it.
+    `part` is the block's corner or face, or the half of an ellipse at a vertex; `index` the ground's facet or vertex;
+    `pose` as `pose_of` gives it.
     """
     return place_feature(kind, load_feature(kind, index, part, block, ground.facets), pose)
 
@@ -319,7 +353,7 @@ def contact_point(kind, index, part, pose, block, ground):
 def load_feature(kind, index, part, block, facets):
     """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: of a corner its centre,
     its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
-    and centre."""
+    and centre. Of a smooth profile at a vertex, `part` is the half of the ellipse and stands for the normal."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]
@@ -331,6 +365,8 @@ def load_feature(kind, index, part, block, facets):
         return px, py, nx, ny, sides[part, CORNER_X], sides[part, CORNER_Y], block.rounding, side
     if kind == VERTEX_FACE:
         return px, py, nx, ny, sides[part, FACE_X], sides[part, FACE_Y], sides[part, FACE_OFFSET], 0.0
+    if kind == SMOOTH_VERTEX:
+        nx = float(part)
     return px, py, nx, ny, block.semi_a, block.semi_b, block.centre_x, block.centre_y
 
 
@@ -382,7 +418,7 @@ def place_feature(kind, feature, pose):
         nx, ny = -dx / distance, -dy / distance
         return a - distance, nx, ny, mx - a * nx, my - a * ny
     qx, qy = c * dx + s * dy, -s * dx + c * dy
-    bx, by = nearest_on_ellipse(qx, qy, a, b)
+    bx, by = nearest_on_ellipse(qx, qy, a, b, np.int64(nx))
     ux, uy = bx / (a * a), by / (b * b)
     norm = np.sqrt(ux * ux + uy * uy)
     ux, uy = ux / norm, uy / norm

@@ -144,14 +144,15 @@ def rolling_energy(rotation, p):
 
 
 @kernel
-def cross_zone(force_n, force_t, rotation, old, new):
-    """Memory (δmax, s, ρ) of a loaded contact that slides into a new zone. The new δmax is that of first loading
-    to the force that acts; δ starts there.
+def cross_zone(force_n, force_t, rotation, depth, old, new):
+    """Memory (δmax, s, ρ) of a loaded contact that slides into a new zone, `depth` (m) below the surface. The new δmax
+    is that of first loading to the force that acts; δ starts there.
 
-    The contact keeps its forces. They are reduced where a softer zone would store more energy at the same force,
-    so no change of zone creates energy. The energy lost counts as plastic work.
+    The contact keeps its forces. They are reduced where a softer zone would store more energy at the same force, so no
+    change of zone creates energy, and to what the zone gives in first loading to that depth. The energy lost counts as
+    plastic work.
     """
-    force = force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL]))
+    force = min(force_n * min(1.0, np.sqrt(new[K_UL] / old[K_UL])), new[K_L] * max(depth, 0.0))
     displacement = 0.0
     if new[K_T] > 0.0 and old[K_T] > 0.0:
         kept = force_t * min(1.0, np.sqrt(new[K_T] / old[K_T]))
@@ -160,3 +161,22 @@ def cross_zone(force_n, force_t, rotation, old, new):
     if new[K_R] > 0.0:
         turned = rotation * min(old[K_R] / new[K_R], np.sqrt(old[K_R] / new[K_R]))
     return force / new[K_L], displacement, turned
+
+
+@kernel
+def change_feature(p, depth, jump, memory, forces):
+    """Let a contact with parameters `p` go on at another feature, at `depth` there, `jump` deeper than at the old one.
+
+    memory : (offset, peak penetration) in m; forces : (normal force of the law, tangential force) in N before
+
+    Only at the middle of a narrow ridge, or far below the surface, is the jump more than rounding. Deeper, the contact
+    keeps its penetration, as if the ground began deeper: no change of feature makes energy. Less deep, it unloads
+    there. Returns (new offset, the new forces, elastic energy in J that was lost).
+    """
+    offset, peak = memory
+    force_n, force_t = forces
+    if offset + jump >= 0.0:
+        return offset + jump, force_n, force_t, 0.0
+    new_n = normal_force(depth, peak, p[K_L], p[K_UL])
+    new_t = tangential_force(force_t / p[K_T] if p[K_T] > 0.0 else 0.0, new_n, p[K_T], p[MU])
+    return 0.0, new_n, new_t, elastic_energy(force_n, force_t, p) - elastic_energy(new_n, new_t, p)

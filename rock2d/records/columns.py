@@ -55,12 +55,12 @@ N_KNOT = N_INSTANT + 1
 AUDIT_NAMES = ("plastic", "friction", "rolling", "effects")
 PLASTIC, FRICTION, ROLLING, EFFECTS = range(len(AUDIT_NAMES))
 # further columns while a release runs: velocity in m/s of the recoiling ground, in whose frame an impact is computed,
-# and at the end the energy in J that the springs of contacts hold
-RECOIL, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 2)
+# in J what steps were corrected by in all, what is still to be corrected, and what springs of contacts hold at the end
+RECOIL, CORRECTED, PENDING, ELASTIC = range(len(AUDIT_NAMES), len(AUDIT_NAMES) + 4)
 N_AUDIT = ELASTIC + 1
 # the closing balance in J: what is left, what was taken, kinetic energy and potential energy above the lowest ground at
-# the start, and what the audit does not account for (0 if it closes)
-ENERGY_NAMES = ("kinetic", "potential", "elastic", *AUDIT_NAMES, "initial", "residual")
+# the start, what the audit does not account for (0 if it closes), and the sum of what steps were corrected by
+ENERGY_NAMES = ("kinetic", "potential", "elastic", *AUDIT_NAMES, "initial", "residual", "corrected")
 E_KINETIC, E_POTENTIAL, E_ELASTIC = range(3)
 E_TAKEN = slice(E_ELASTIC + 1, E_ELASTIC + 1 + len(AUDIT_NAMES))
-E_INITIAL, E_RESIDUAL = range(E_TAKEN.stop, len(ENERGY_NAMES))
+E_INITIAL, E_RESIDUAL, E_CORRECTED = range(E_TAKEN.stop, len(ENERGY_NAMES))

@@ -86,7 +86,16 @@ def _stop(result, i: int) -> str:
 def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     """Fault -> (releases,) its size, 0 where there is none."""
     from rock2d.engines.energy_balance import unclosed
-    from rock2d.records.columns import AT, AT_X, AT_Y, E_INITIAL, E_KINETIC, E_RESIDUAL, STOP_BURIED, STOP_REST
+    from rock2d.records.columns import (
+        AT,
+        AT_X,
+        AT_Y,
+        E_INITIAL,
+        E_KINETIC,
+        E_RESIDUAL,
+        STOP_BURIED,
+        STOP_REST,
+    )
 
     block = site.block
     ends, stop, energy = result.ends[rows], result.stop[rows], result.energy_J[rows]
@@ -95,7 +104,9 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     found["audit"] = np.where(unclosed(energy), share, 0.0)
     found["gain"] = impact_gains(site, result.impacts[rows])
     weight = block.mass_kg * GRAVITY_M_S2 * block.radius_m
-    found["restless"] = np.where(stop == STOP_REST, np.maximum(energy[:, E_KINETIC] / weight - RESTLESS, 0.0), 0.0)
+    found["restless"] = np.where(
+        stop == STOP_REST, np.maximum(energy[:, E_KINETIC] / weight - RESTLESS, 0.0), 0.0
+    )
     inside = depth_in_ground(site, ends[:, AT_X], ends[:, AT_Y])
     found["inside"] = np.where(stop != STOP_BURIED, inside, 0.0)
     seen = result.samples[rows]
@@ -170,7 +181,9 @@ def print_table(done: int, found: list[Finding]) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--releases", type=int, default=6000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--shape", choices=SHAPES)

@@ -159,16 +159,17 @@ zone = st.builds(
 )  # fmt: skip
 
 
-@given(zone, zone, st.floats(1e-3, 1e3), st.floats(-1, 1), st.floats(-3, 3))
+@given(zone, zone, st.floats(1e-3, 1e3), st.floats(-1, 1), st.floats(-3, 3), st.floats(0.0, 1.0))
 @MANY
-def test_sliding_into_another_zone_never_raises_the_stored_energy(old, new, force_n, share, rotation):
+def test_sliding_into_another_zone_never_raises_the_stored_energy(old, new, force_n, share, rotation, depth):
     a, b = old.row(), new.row()
     force_t = share * a[3] * force_n if a[2] > 0 else 0.0
-    peak, stretch, turned = cross_zone(force_n, force_t, rotation, a, b)
+    peak, stretch, turned = cross_zone(force_n, force_t, rotation, depth, a, b)
     before = elastic_energy(force_n, force_t, a) + rolling_energy(rotation, a)
     after = elastic_energy(b[0] * peak, b[2] * stretch, b) + rolling_energy(turned, b)
     assert after <= before * (1 + 1e-9)
     assert b[0] * peak <= force_n * (1 + 1e-12)
+    assert peak <= depth * (1 + 1e-12)  # no soil is pressed in deeper than the contact point lies
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rock2d.blind.case_files import CASES, read_index
-from rock2d.blind.parallel import as_finished
 from rock2d.files.folders import make_folder, write_whole
+from rock2d.processes import as_finished
 
 RESULTS = "results"
 CLEAR_GAIN = 4.0  # standard errors of the gain of the best effect, for a case to be diagnosed without it too
@@ -33,8 +34,9 @@ def run_trial(
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
-    for k, _ in enumerate(as_finished(_diagnose, jobs, workers)):
-        on_progress(count - len(waiting) + k + 1, count)
+    with closing(as_finished(_diagnose, jobs, workers)) as diagnosed:
+        for k, _ in enumerate(diagnosed):
+            on_progress(count - len(waiting) + k + 1, count)
     return out
 
 

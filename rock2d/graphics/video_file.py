@@ -43,7 +43,6 @@ def write_video(
         raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
     code, codec = QUICK_CODEC if quick and suffix == ".webm" else CODECS[suffix]
     other = next(s for s in CODECS if s != suffix)
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as part:
         writer = opened(part, code, fps, size_px)
         try:

@@ -32,14 +32,12 @@ class Command:
     ----------
     prepare : puts into the output folder what the command expects there
     kept : names of hidden folders that an interrupted command leaves to continue from
-    survives : a dead worker is replaced, and the command ends well
     """
 
     name: str
     words: str
     prepare: Callable[[Path, Path], None] = _nothing
     kept: tuple[str, ...] = ()
-    survives: bool = False
 
     def arguments(self, inputs: Path, out: Path) -> list[str]:
         """What to run, by the interpreter of this process."""
@@ -55,8 +53,8 @@ COMMANDS = (
     Command("run batch, video", f"{_RUN} batch --releases 5 --video"),
     Command("run point_mass", f"{_RUN} point_mass --releases 20"),
     Command("campaign batch", f"{_CAMPAIGN} batch"),
-    Command("campaign batch, 2 workers", f"{_CAMPAIGN} batch --workers 2", survives=True),
-    Command("campaign point_mass, 2 workers", f"{_CAMPAIGN} point_mass --workers 2", survives=True),
+    Command("campaign batch, 2 workers", f"{_CAMPAIGN} batch --workers 2"),
+    Command("campaign point_mass, 2 workers", f"{_CAMPAIGN} point_mass --workers 2"),
     Command("demo", "demo --quiet --out {out}/demo"),
     Command("reproduce", "reproduce --quiet --hypotheses 16 --releases 8 --out {out}/paper",
             kept=(".paper.stages",)),

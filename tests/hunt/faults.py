@@ -19,12 +19,14 @@ import secrets
 import shutil
 import signal
 import subprocess
+import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 import psutil
 
@@ -37,7 +39,12 @@ LONGEST_REFUSAL_S = 8.0  # from the start to the refusal of a read-only folder
 ORPHANS_END_S = 3.0
 LONGEST_RUN_S = 900.0
 EXIT_BAD_INPUT, EXIT_MACHINE, EXIT_INTERRUPTED = 2, 3, 130
-INEXACT = (".html", ".json", ".npz", ".md")  # may hold durations: must be readable; all others must have the same size
+INEXACT = (
+    ".html",
+    ".json",
+    ".npz",
+    ".md",
+)  # may hold durations: must be readable; all others must have the same size
 
 
 @dataclass
@@ -92,22 +99,38 @@ def _readable(path: Path) -> bool:
     return path.suffix != ".json" and (path.suffix != ".html" or text.rstrip().endswith("</html>"))
 
 
+@dataclass
+class Started:
+    """A running command, the file of its messages, and the mark in the environment of its processes."""
+
+    process: subprocess.Popen[str]
+    messages: IO[str]
+    mark: str
+
+    def end(self) -> str:
+        """Wait for its end; what it said."""
+        self.process.wait(LONGEST_RUN_S)
+        self.messages.seek(0)
+        return self.messages.read()
+
+
 @contextmanager
 def started(
     command: Command, inputs: Path, out: Path, before: Callable[[], None] | None = None
-) -> Iterator[tuple[subprocess.Popen[str], str]]:
+) -> Iterator[Started]:
     """The command in a session of its own, and the mark in its environment; its processes end with the block."""
     mark = secrets.token_hex(8)
-    process = subprocess.Popen(
-        command.arguments(inputs, out), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, MARK: mark}, start_new_session=True, preexec_fn=before,
-    )  # fmt: skip
-    try:
-        yield process, mark
-    finally:
-        for left in marked(mark):
-            with suppress(psutil.Error):
-                left.kill()
+    with tempfile.TemporaryFile("w+") as errors:  # a pipe would stay open until the last orphan ends
+        process = subprocess.Popen(
+            command.arguments(inputs, out), stdout=subprocess.DEVNULL, stderr=errors, text=True,
+            env={**os.environ, MARK: mark}, start_new_session=True, preexec_fn=before,
+        )  # fmt: skip
+        try:
+            yield Started(process, errors, mark)
+        finally:
+            for left in marked(mark):
+                with suppress(psutil.Error):
+                    left.kill()
 
 
 def marked(mark: str) -> list[psutil.Process]:
@@ -140,9 +163,9 @@ def undisturbed(command: Command, inputs: Path, out: Path) -> Whole:
     """Run a command to its end."""
     command.prepare(inputs, out)
     begin = time.monotonic()
-    with started(command, inputs, out) as (process, _):
-        _, errors = process.communicate(timeout=LONGEST_RUN_S)
-    assert process.returncode == 0, f"{command.name}: {errors}"
+    with started(command, inputs, out) as running:
+        errors = running.end()
+    assert running.process.returncode == 0, f"{command.name}: {errors}"
     return Whole(time.monotonic() - begin, visible_sizes(out))
 
 
@@ -150,24 +173,24 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
     """Kill or interrupt a command after a share of its duration, then give it again."""
     trial = Trial()
     command.prepare(inputs, out)
-    with started(command, inputs, out) as (process, mark):
+    with started(command, inputs, out) as running:
         time.sleep(share * whole.seconds)
-        hit = _hit(fault, process, mark)
+        hit = _hit(fault, running)
         begin = time.monotonic()
-        _, errors = process.communicate(timeout=LONGEST_RUN_S)
+        errors = running.end()
         trial.seconds = time.monotonic() - begin
-        if left := orphans(mark):
+        if left := orphans(running.mark):
             trial.faults.append(f"{left} processes left")
     if not hit:
         trial.skipped = "no worker at that time" if fault == "kill a worker" else "ended before"
         return trial
-    code = process.returncode
+    code = running.process.returncode
     if fault == "kill":
         expected = {-signal.SIGKILL, 0}
     elif fault == "interrupt":
         expected = {EXIT_INTERRUPTED, 0}
     else:
-        expected = {0} if command.survives else {EXIT_MACHINE, 0}
+        expected = {0}
     if code not in expected:
         trial.faults.append(f"exit code {code}")
     if code != 0 and fault != "kill":
@@ -181,7 +204,8 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
     return trial
 
 
-def _hit(fault: str, process: subprocess.Popen[str], mark: str) -> bool:
+def _hit(fault: str, running: Started) -> bool:
+    process = running.process
     if process.poll() is not None:
         return False
     if fault == "kill":
@@ -189,7 +213,7 @@ def _hit(fault: str, process: subprocess.Popen[str], mark: str) -> bool:
     elif fault == "interrupt":
         os.killpg(process.pid, signal.SIGINT)
     else:
-        workers = [p for p in marked(mark) if "spawn_main" in " ".join(p.cmdline())]
+        workers = [p for p in marked(running.mark) if "spawn_main" in " ".join(p.cmdline())]
         if not workers:
             return False
         random.choice(workers).kill()
@@ -198,10 +222,10 @@ def _hit(fault: str, process: subprocess.Popen[str], mark: str) -> bool:
 
 def again(command: Command, inputs: Path, out: Path, whole: Whole) -> list[str]:
     """Give a command a second time in the same place; what is wrong with its result."""
-    with started(command, inputs, out) as (process, _):
-        _, errors = process.communicate(timeout=LONGEST_RUN_S)
-    if process.returncode != 0:
-        return [f"again: exit code {process.returncode}: {errors.strip()[-160:]}"]
+    with started(command, inputs, out) as running:
+        errors = running.end()
+    if running.process.returncode != 0:
+        return [f"again: exit code {running.process.returncode}: {errors.strip()[-160:]}"]
     found = [f"again: cut: {name}" for name in cut_files(out, whole)]
     found += [f"again: missing: {name}" for name in whole.sizes if not (out / name).is_file()]
     return found + [f"again: left: {name}" for name in leftovers(out, ())]
@@ -255,22 +279,28 @@ def into_read_only(command: Command, inputs: Path, out: Path, whole: Whole) -> T
 
 
 def _refused(
-    command: Command, inputs: Path, out: Path, whole: Whole, code: int, before: Callable[[], None] | None = None
+    command: Command,
+    inputs: Path,
+    out: Path,
+    whole: Whole,
+    code: int,
+    before: Callable[[], None] | None = None,
 ) -> Trial:
     trial, begin = Trial(), time.monotonic()
-    with started(command, inputs, out, before) as (process, mark):
-        _, errors = process.communicate(timeout=LONGEST_RUN_S)
+    with started(command, inputs, out, before) as running:
+        errors = running.end()
         trial.seconds = time.monotonic() - begin
-        if left := orphans(mark):
+        if left := orphans(running.mark):
             trial.faults.append(f"{left} processes left")
+    returned = running.process.returncode
     trial.faults += [f"cut: {name}" for name in cut_files(out, whole)]
-    if process.returncode == 0:
+    if returned == 0:
         if trial.faults or visible_sizes(out).keys() != whole.sizes.keys():
             trial.faults.append("exit code 0")
         trial.skipped = "" if trial.faults else "had room"
         return trial
-    if process.returncode != code:
-        trial.faults.append(f"exit code {process.returncode}")
+    if returned != code:
+        trial.faults.append(f"exit code {returned}")
     trial.faults += said_badly(errors)
     trial.faults += [f"left: {name}" for name in leftovers(out, command.kept)]
     return trial
@@ -278,7 +308,7 @@ def _refused(
 
 @contextmanager
 def small_disk(folder: Path) -> Iterator[Callable[[str], None] | None]:
-    """Mount a file system of its own at `folder`; gives a function that changes its options, None if that may not be."""
+    """Mount a file system at `folder`; gives a function that changes its options, None if that may not be."""
     if os.geteuid() != 0 or shutil.which("mount") is None:
         yield None
         return

@@ -172,7 +172,6 @@ def write_film(
         raise InputError(f"{path}: expected a film as .avi, found {path.suffix or 'no suffix'!r}")
     if width % 2 or height % 2:
         raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:  # closes the files before they get their names
         part = stack.enter_context(atomic_file(path))
         table = None

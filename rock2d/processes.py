@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from typing import Any
 
 MOST_DEATHS = 3  # of workers, one after the other without a finished job between them
-CLEANING_S = 2.0  # that a worker gets to remove its temporary files before it is killed
 _KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
@@ -24,7 +23,7 @@ def as_finished(
 
     In this process if one worker is enough, else in `workers` processes with one thread each; `shared` is sent to
     each of them once. The jobs that a worker did not finish because it died are repeated. Close the iterator
-    (`contextlib.closing`) to stop the workers at once.
+    (`contextlib.closing`) to kill the workers at once; temporary files of their jobs are left to the caller.
 
     Raises what `work` raises, and ChildProcessError if workers keep dying.
     """
@@ -64,20 +63,11 @@ def _pool(workers: int, given: tuple[Any, ...]) -> Iterator[ProcessPoolExecutor]
         pool.shutdown()
     except BaseException:
         with _interrupts_held():
-            processes = list(pool._processes.values())
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in processes:
-                process.terminate()
-            killer = threading.Timer(CLEANING_S, _kill, [processes])
-            killer.start()
-            pool.shutdown(wait=True)
-            killer.cancel()
+            processes = list((pool._processes or {}).values())
+            for process in processes:  # at once: jobs leave nothing half-written under a final name
+                process.kill()
+            pool.shutdown(cancel_futures=True)
         raise
-
-
-def _kill(processes: Sequence[Any]) -> None:
-    for process in processes:
-        process.kill()
 
 
 @contextmanager
@@ -113,15 +103,11 @@ def _begin(work: Callable[..., Any], shared: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _follow_parent()
     _one_thread()
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))  # so that temporary files are removed
 
 
 def _work(job: tuple[Any, ...]) -> Any:
     work, shared = _given
-    try:
-        return work(*shared, *job)
-    except SystemExit:  # the pool would go on with the next job
-        os._exit(1)
+    return work(*shared, *job)
 
 
 def _follow_parent() -> None:

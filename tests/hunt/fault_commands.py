@@ -50,7 +50,7 @@ _CAMPAIGN = "run {here}/short.yaml --quiet --releases 20001 --out {out}/runs --e
 COMMANDS = (
     Command("run pymunk, 2 workers", f"{_RUN} pymunk --releases 5 --workers 2"),
     Command("run pymunk, 1 worker", f"{_RUN} pymunk --releases 3 --workers 1"),
-    Command("run batch, video", f"{_RUN} batch --releases 5 --video"),
+    Command("run batch, video", f"{_RUN} batch --releases 1 --video"),
     Command("run point_mass", f"{_RUN} point_mass --releases 20"),
     Command("campaign batch", f"{_CAMPAIGN} batch"),
     Command("campaign batch, 2 workers", f"{_CAMPAIGN} batch --workers 2"),

@@ -77,8 +77,8 @@ def visible_sizes(folder: Path) -> dict[str, int]:
 
 def leftovers(folder: Path, kept: tuple[str, ...]) -> list[str]:
     """Temporary files and folders, without the folders from which a command continues."""
-    names = [path.relative_to(folder) for path in folder.rglob("*") if path.name not in kept]
-    return [str(name) for name in names if name.name.startswith(".") or name.suffix == ".partial"]
+    names = [path.relative_to(folder) for path in folder.rglob(".*")]
+    return [str(name) for name in names if not set(kept) & set(name.parts)]
 
 
 def cut_files(folder: Path, whole: Whole) -> list[str]:
@@ -153,7 +153,7 @@ def orphans(mark: str) -> int:
 
 def said_badly(errors: str) -> list[str]:
     """What is wrong with the message of a command that failed."""
-    lines = [line for line in errors.splitlines() if line.strip() and "warning" not in line.lower()]
+    lines = [line for line in errors.splitlines() if line.strip() and "warn" not in line.lower()]
     if "Traceback" in errors:
         return [f"traceback: {lines[-1][:100]}"]
     return [] if len(lines) == 1 else [f"{len(lines)} lines: {' / '.join(lines)[:160]}"]

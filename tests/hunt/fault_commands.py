@@ -75,17 +75,22 @@ COMMANDS = (
 )  # fmt: skip
 
 
+def write_scenarios(here: Path) -> None:
+    """Write the scenarios that the runs need into the folder `here`."""
+    here.mkdir(parents=True, exist_ok=True)
+    text = (SCENARIOS / "paper_setup.yaml").read_text(encoding="utf-8")
+    (here / "setup.yaml").write_text(text, encoding="utf-8")
+    short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
+    (here / "short.yaml").write_text(short, encoding="utf-8")
+
+
 def make_inputs(here: Path) -> None:
     """Write the inputs of all commands into the folder `here`, unless they are there."""
 
     def rock2d(*words: str) -> None:
         subprocess.run([sys.executable, "-m", "rock2d.cli", *words], check=True, stdout=subprocess.DEVNULL)
 
-    here.mkdir(parents=True, exist_ok=True)
-    text = (SCENARIOS / "paper_setup.yaml").read_text(encoding="utf-8")
-    (here / "setup.yaml").write_text(text, encoding="utf-8")
-    short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
-    (here / "short.yaml").write_text(short, encoding="utf-8")
+    write_scenarios(here)
     if not (here / "run").is_dir():
         options = ["--engine", "batch", "--releases", "3", "--quiet", "--out", str(here)]
         rock2d("run", str(here / "setup.yaml"), *options)

@@ -187,12 +187,13 @@ def write_film(
             codec = "FFV1" if quality is None else "Motion JPEG"
             raise InputError(f"{path}: this OpenCV cannot write {codec} video")
         pictures = 0
-        for pictures, shot in enumerate(shots, 1):
+        for shot in shots:
             if shot.image.shape != (height, width):
                 found = " x ".join(map(str, shot.image.shape[::-1]))
                 raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
             # OpenCV's Motion JPEG garbles grey pictures
             writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+            pictures += 1
             if table is not None:
                 pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
                 table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])

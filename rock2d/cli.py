@@ -285,7 +285,7 @@ def _print_warnings_in_one_line() -> None:
 
 
 def main() -> None:
-    """Entry point: bad input is one message and exit code 2, an interrupt 130."""
+    """Entry point: bad input is one message and exit code 2, a failure of the machine 3, an interrupt 130."""
     from rock2d.errors import InputError
 
     _print_warnings_in_one_line()
@@ -294,6 +294,11 @@ def main() -> None:
     except InputError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)
+    except (OSError, MemoryError) as error:
+        file = getattr(error, "filename", None)
+        said = getattr(error, "strerror", None) or str(error) or "not enough memory"
+        click.echo(f"error: {file}: {said}" if file else f"error: {said}", err=True)
+        sys.exit(3)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.ClickException as error:

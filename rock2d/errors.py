@@ -1,5 +1,7 @@
 """The one error that a user's input can cause, with its codes, and the warning about old files.
 
+A failure of the machine, for example a full disk, is an OSError; the command line exits with code 3.
+
 Programs look at `code` and at the fields of an `InputError`, people read its message. Codes are stable, messages are
 not.
 

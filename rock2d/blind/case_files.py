@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ import numpy as np
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.filming import film_case
-from rock2d.blind.parallel import as_finished
 from rock2d.blind.signal_to_noise import signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
+from rock2d.processes import as_finished
 
 Array = np.ndarray
 
@@ -42,9 +43,10 @@ def make_trial(
             (own, child, folder / CASES / f"{i:03d}")
             for i, (own, child) in enumerate(zip(causes, children, strict=True))
         ]
-        for name, label in as_finished(_make, jobs, workers):
-            labels[name] = label
-            on_case()
+        with closing(as_finished(_make, jobs, workers)) as made:
+            for _, (name, label) in made:
+                labels[name] = label
+                on_case()
         labels = dict(sorted(labels.items()))
         text = json.dumps(labels, indent=1) + "\n"
         digest = hashlib.sha256(text.encode()).hexdigest()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.files.folders import write_whole
+from rock2d.files.folders import check_file, write_whole
 
 Report = Callable[[str], None]
 
@@ -73,6 +73,7 @@ def train_weights(
     """Make and run a trial and learn weights from it; an interrupted training continues."""
     from rock2d.blind.training import labelled_results, train, write_weights
 
+    check_file(out)
     if not (work / "cases.json").is_file():
         make(count, seed, work, workers=workers, progress=progress, report=report)
     run(work, workers=workers, without_best=True, progress=progress, report=report)

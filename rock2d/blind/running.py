@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rock2d.blind.case_files import CASES, read_index
-from rock2d.blind.parallel import as_finished
 from rock2d.files.folders import make_folder, write_whole
+from rock2d.processes import as_finished
 
 RESULTS = "results"
 CLEAR_GAIN = 4.0  # standard errors of the gain of the best effect, for a case to be diagnosed without it too
@@ -33,14 +35,20 @@ def run_trial(
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
-    for k, _ in enumerate(as_finished(_diagnose, jobs, workers)):
-        on_progress(count - len(waiting) + k + 1, count)
+    with (
+        tempfile.TemporaryDirectory() as fits,
+        closing(as_finished(_diagnose, jobs, workers, (Path(fits),))) as diagnosed,
+    ):
+        for k, _ in enumerate(diagnosed):
+            on_progress(count - len(waiting) + k + 1, count)
     return out
 
 
-def _diagnose(case: Path, out: Path, without_best: bool) -> None:
-    """Diagnose case/fit, test the model on case/heldout, and write one JSON file."""
-    import tempfile
+def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> None:
+    """Diagnose case/fit, test the model on case/heldout, and write one JSON file.
+
+    `every_fit`: folder below which temporary files may be written.
+    """
     from time import perf_counter
 
     from rock2d.diagnosis.attribution import attribute
@@ -51,7 +59,7 @@ def _diagnose(case: Path, out: Path, without_best: bool) -> None:
 
     experiment = load_experiment(case / "fit")
     begin = perf_counter()
-    with tempfile.TemporaryDirectory() as fits:
+    with tempfile.TemporaryDirectory(dir=every_fit) as fits:
         result = diagnose(experiment, folder=Path(fits))
         content = diagnosis_json(result)
         seconds = perf_counter() - begin

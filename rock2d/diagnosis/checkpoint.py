@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zipfile
 from pathlib import Path
 
@@ -13,21 +12,20 @@ from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import Model
+from rock2d.files.folders import atomic_file
 
 Array = np.ndarray
 
 
 def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
     """Write a fit and its held-out residuals; whole or not at all."""
-    partial = path.with_suffix(".partial")
-    with open(partial, "wb") as file:
+    with atomic_file(path) as partial, open(partial, "wb") as file:
         np.savez(
             file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.slope.impacts,
             slope_flights=fit.slope.flights, slope_scatter=fit.slope.scatter, covariance=fit.slope.covariance,
             impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
             out_flights=out.residuals.flights, score=out.score,
         )  # fmt: skip
-    os.replace(partial, path)
 
 
 def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:

@@ -14,7 +14,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.predict import predict, read_model
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
-from rock2d.files.folders import make_folder, write_whole
+from rock2d.files.folders import check_file, make_folder, write_whole
 
 FITS = ".fits"  # folder of finished fits, removed at the end
 
@@ -99,6 +99,7 @@ def run_prediction(
 ) -> None:
     """Predict an experiment folder with a diagnosis; writes a CSV."""
     read, content = load_experiment(experiment), read_model(diagnosis)
+    check_file(out)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     report(f"written: {out} ({len(table)} rows, {len(table.groupby(['release', 'segment']))} segments)")

@@ -1,10 +1,10 @@
-"""Fits of models in several processes, each with one thread. The result does not depend on their number."""
+"""Fits of models in several processes. The result does not depend on their number."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.fitting import Fit, fit_effects
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
+from rock2d.processes import as_finished
 from rock2d.scene.world import World
 
 Result = tuple[Fit, HeldOut]
@@ -27,44 +28,6 @@ class Job:
     data: Data
     start: Fit
     folder: Path | None = None  # for finished fits, if they are kept
-
-
-_job: Job | None = None
-
-
-def one_thread() -> None:
-    """Limit this process to one thread, because the threads of several processes slow each other down.
-
-    The process ends with the one that started it, in whatever way that ends.
-    """
-    import multiprocessing
-    import os
-    import threading
-
-    import numba
-    import scipy.linalg  # noqa: F401  loads its own BLAS, whose threads can only be limited once it is loaded
-    from threadpoolctl import threadpool_limits
-
-    numba.set_num_threads(1)
-    threadpool_limits(1)
-    if (parent := multiprocessing.parent_process()) is not None:
-
-        def follow() -> None:
-            parent.join()
-            os._exit(1)
-
-        threading.Thread(target=follow, daemon=True).start()
-
-
-def _set_job(job: Job) -> None:
-    global _job
-    _job = job
-    one_thread()
-
-
-def _try_own(names: tuple[str, ...]) -> Result:
-    assert _job is not None
-    return try_effects(_job, names)
 
 
 def try_effects(job: Job, names: tuple[str, ...]) -> Result:
@@ -89,27 +52,8 @@ def try_all(
 ) -> dict[tuple[str, ...], Result]:
     """Every model (a tuple of effects' names) with its result; `on_progress` is called with each when it is done."""
     results: dict[tuple[str, ...], Result] = {}
-    for names, result in _run(job, models, workers):
-        results[names] = result
-        on_progress(" + ".join(names))
+    with closing(as_finished(try_effects, [(names,) for names in models], workers, (job,))) as tried:
+        for k, result in tried:
+            results[models[k]] = result
+            on_progress(" + ".join(models[k]))
     return {names: results[names] for names in models}
-
-
-def _run(
-    job: Job, models: Sequence[tuple[str, ...]], workers: int
-) -> Iterator[tuple[tuple[str, ...], Result]]:
-    if workers <= 1 or len(models) <= 1:
-        for names in models:
-            yield names, try_effects(job, names)
-        return
-    import multiprocessing
-
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=_set_job, initargs=(job,)
-    )
-    try:
-        waiting = {pool.submit(_try_own, names): names for names in models}
-        for done in as_completed(waiting):
-            yield waiting[done], done.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)

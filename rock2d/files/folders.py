@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import secrets
@@ -22,6 +23,9 @@ class OutsideFolderError(ValueError):
         self.message = message
 
 
+FAULTS_OF_THE_MACHINE = (
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM,
+)  # fmt: skip
 RESULT_MARKER = "rock2d_result.json"  # marks a folder as a result, which may be replaced
 
 
@@ -30,8 +34,37 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary sibling folder to write into; it becomes `path` only if the block ends without error.
 
     An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else
-    is refused with `InputError` at once. After an error or an interrupt `path` is as it was.
+    is refused with `InputError` at once. After an error or an interrupt `path` is as it was. Raises OSError, which
+    names `path`, if the machine fails.
     """
+    target = check_folder(path)
+    token = secrets.token_hex(4)
+    partial = target.with_name(f".{target.name}.partial-{token}")
+    process = os.getpid()
+    try:
+        with _errors_of(path, partial):
+            partial.mkdir(parents=True)
+            yield partial
+            if os.getpid() != process:
+                return  # a copy of this process, which another one made in the block
+            (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
+            replaced = target.with_name(f".{target.name}.replaced-{token}")
+            if target.exists():
+                target.rename(replaced)
+            try:
+                partial.rename(target)
+            except BaseException:
+                if replaced.exists():
+                    replaced.rename(target)
+                raise
+            shutil.rmtree(replaced, ignore_errors=True)
+    finally:
+        if os.getpid() == process:
+            shutil.rmtree(partial, ignore_errors=True)
+
+
+def check_folder(path: str | Path) -> Path:
+    """The absolute path; InputError if `atomic_folder` would refuse it."""
     target = Path(os.path.abspath(path))  # not resolved: a link is refused below, never followed
     if target.is_symlink() or (target.exists() and not target.is_dir()):
         raise InputError(
@@ -41,61 +74,75 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         raise InputError(
             "exists and is no rock2d result; choose another output folder", path, code="not_a_result"
         )
-    token = secrets.token_hex(4)
-    partial = target.with_name(f".{target.name}.partial-{token}")
-    try:
-        partial.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
-    try:
-        yield partial
-        (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
-        replaced = target.with_name(f".{target.name}.replaced-{token}")
-        if target.exists():
-            target.rename(replaced)
-        try:
-            partial.rename(target)
-        except BaseException:
-            if replaced.exists():
-                replaced.rename(target)
-            raise
-        shutil.rmtree(replaced, ignore_errors=True)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    _check_parent(target, path)
+    return target
+
+
+def check_file(path: str | Path) -> None:
+    """InputError if `atomic_file` could not write there."""
+    if Path(path).is_dir():
+        raise InputError("is a folder; choose another output file", path, code="not_writable")
+    _check_parent(Path(os.path.abspath(path)), path)
+
+
+def _check_parent(target: Path, path: str | Path) -> None:
+    """Try to write where `target` will be, or where its first folder that is missing will be."""
+    place = next(parent for parent in target.parents if parent.exists())
+    with _errors_of(path, place), tempfile.TemporaryFile(dir=place):
+        pass
 
 
 def make_folder(path: Path) -> None:
     """Make a folder to write into; InputError where that cannot be."""
-    try:
+    with _errors_of(path, path):
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):  # asks whether it can be written into
             pass
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """Give a temporary sibling path with the same suffix; it becomes `path` only if the block ends without error.
 
-    After an error or an interrupt `path` is as it was.
+    Folders that are missing are made. After an error or an interrupt `path` is as it was. Raises InputError where no
+    file can be written, and OSError, which names `path`, if the machine fails.
     """
     partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    process = os.getpid()
     try:
-        yield partial
-        os.replace(partial, path)
+        with _errors_of(path, partial):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield partial
+            if os.getpid() == process:  # not in a copy of this process, which another one made in the block
+                os.replace(partial, path)
     finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+        if os.getpid() == process:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file under another name and rename it: never half there; InputError where it cannot be."""
+    """Write a text file under another name and rename it: never half there; see `atomic_file`."""
+    with atomic_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def unwritable(error: OSError, path: str | Path) -> InputError | OSError:
+    """What to raise for `error` where `path` cannot be written: InputError if another path may do."""
+    if error.errno in FAULTS_OF_THE_MACHINE or error.errno is None:
+        return OSError(error.errno, error.strerror or str(error), str(path))
+    return InputError(f"cannot be written: {error.strerror}", path, code="not_writable")
+
+
+@contextmanager
+def _errors_of(path: str | Path, partial: Path) -> Iterator[None]:
+    """Let errors that name no file, or one at or below `partial`, name `path`."""
     try:
-        with atomic_file(path) as partial:
-            partial.write_text(text, encoding="utf-8")
+        yield
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", path, code="not_writable") from None
+        if error.filename is None or Path(os.fsdecode(error.filename)).is_relative_to(partial):
+            raise unwritable(error, path) from None
+        raise
 
 
 def path_inside(folder: str | Path, relative: str) -> Path:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import zipfile
 from pathlib import Path
 
 import numpy as np
+
+from rock2d.files.folders import atomic_file
 
 Array = np.ndarray
 
@@ -24,10 +25,8 @@ def fingerprint(*arrays: Array) -> str:
 
 def save_arrays(path: Path, **arrays: Array) -> None:
     """Write named arrays into the .npz file `path`; an interruption leaves no half-written file there."""
-    partial = path.with_suffix(".partial")
-    with open(partial, "wb") as file:
+    with atomic_file(path) as partial, open(partial, "wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
-    os.replace(partial, path)
 
 
 def load_arrays(path: Path) -> dict[str, Array] | None:

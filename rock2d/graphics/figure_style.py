@@ -33,7 +33,6 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
     known = figure.canvas.get_supported_filetypes()
     if kind not in known:
         raise InputError(f"{path}: expected a figure as {', '.join(sorted(known))}, found {path.suffix!r}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as part:
         figure.savefig(part, dpi=dpi, format=kind)
     return path

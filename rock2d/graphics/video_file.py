@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -43,9 +45,9 @@ def write_video(
         raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
     code, codec = QUICK_CODEC if quick and suffix == ".webm" else CODECS[suffix]
     other = next(s for s in CODECS if s != suffix)
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as part:
         writer = opened(part, code, fps, size_px)
+        done = 0
         try:
             if not writer.isOpened():
                 raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
@@ -55,20 +57,49 @@ def write_video(
                     progress(done, count)
         finally:
             writer.release()
-        if not part.exists() or part.stat().st_size == 0:
+        if not done:
             raise InputError(f"{path}: nothing could be written")
+        check_frames(part, done)
     return path
+
+
+def check_frames(path: Path, count: int) -> None:
+    """OSError unless a video holds `count` pictures: OpenCV goes on when the disk is full."""
+    with without_stderr():
+        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        video.set(cv2.CAP_PROP_FORMAT, -1)  # packets as they are: counted, not decoded
+        found = 0
+        while video.grab():
+            found += 1
+        video.release()
+    if found < count:
+        raise OSError(
+            errno.ENOSPC, f"only {found} of {count} pictures could be written; is the disk full?", str(path)
+        )
 
 
 def opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
     """A writer, opened without stderr: OpenCV warns about the tag of VP9 in WebM, which is right, and prints a page
     about a missing codec, which `isOpened` reports as well."""
+    quiet_about_frames()
+    with without_stderr():
+        size = (int(size_px[0]), int(size_px[1]))
+        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), float(fps), size)
+
+
+def quiet_about_frames() -> None:
+    """Let OpenCV print no line for each picture that it cannot write: `check_frames` says it once."""
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+
+
+@contextmanager
+def without_stderr() -> Iterator[None]:
+    """Let what libraries print to stderr in the block go nowhere."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nowhere, 2)
-        size = (int(size_px[0]), int(size_px[1]))
-        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), float(fps), size)
+        yield
     finally:
         os.dup2(kept, 2)
         os.close(kept)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.errors import InputError
+from rock2d.files.folders import check_folder
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
 from rock2d.runs.run import run
@@ -34,7 +35,7 @@ def run_scenarios(
     Raises InputError for a mistake in a file, or for options that are not for such a run.
     """
     loaded = [load_scenario(path, data_root) for path in scenarios]
-    for scenario in loaded:
+    for scenario in loaded:  # before any work
         large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         if options.keep and not large:
             message = "--keep is for campaigns: more than 10,000 releases, or --scheduler"
@@ -42,6 +43,10 @@ def run_scenarios(
         if video and large:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
+        for engine in () if large else engines or [scenario.engine]:
+            check_folder(out / f"{scenario.name}_{engine}")
+    for scenario in loaded:
+        large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         for engine in engines or [scenario.engine]:
             folder = out / f"{scenario.name}_{engine}"
             chosen = replace(options, engine=engine)

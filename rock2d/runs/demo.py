@@ -14,12 +14,15 @@ def run_demo(out: Path, progress: bool = True) -> None:
     """Run the paper's set-up with both engines, write everything under `out` and print the table."""
     import pandas as pd
 
+    from rock2d.files.folders import check_folder
     from rock2d.files.scenario import load_scenario
     from rock2d.files.shipped_scenarios import scenario_file
     from rock2d.runs.run import run
     from rock2d.runs.tables import passing_text
 
     begin = time.perf_counter()
+    for engine in ("pymunk", "point_mass"):
+        check_folder(out / engine)
     scenario = load_scenario(scenario_file("paper_setup.yaml"))
     passing = []
     for engine, releases in (("pymunk", PYMUNK_RELEASES), ("point_mass", scenario.releases)):

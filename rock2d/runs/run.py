@@ -8,14 +8,14 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import closing, contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rock2d.files.scenario import Scenario
+from rock2d.processes import as_finished
 from rock2d.records.track import Track
 from rock2d.runs.engines import ENGINES, ReleaseInputs, engine_named
 from rock2d.runs.incident_states import IncidentState, incident_states
@@ -24,7 +24,6 @@ from rock2d.runs.results import RunResult
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-CHUNK_OF_A_WORKER = 2  # releases that a worker process takes at a time
 FRAME_MARGIN_S = (
     1e-9  # a restarted release lasts a little longer than its film, so that the last frame is inside
 )
@@ -95,12 +94,9 @@ def run(
     states = incident_states(scenario, seed, releases)
     limits = _time_limits(scenario, states)
     title = f"{scenario.name} ({chosen.name})"
-    tracks = list(
-        tqdm(
-            _tracks(job, states, limits, workers or os.cpu_count() or 1),
-            total=len(states), desc=title, unit="release", disable=not progress,
-        )
-    )  # fmt: skip
+    with closing(_tracks(job, states, limits, workers or os.cpu_count() or 1)) as simulated:
+        found = dict(tqdm(simulated, total=len(states), desc=title, unit="release", disable=not progress))
+    tracks = [found[k] for k in range(len(states))]
     return RunResult(
         chosen.name, cross_section, blocks, tracks, _recording(scenario, seed), title,
         scenario=scenario, seed=seed, incident_states=states,
@@ -124,26 +120,22 @@ def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]
     return [min(scenario.time_limit_s, float(last[s.release]) - s.t_s + FRAME_MARGIN_S) for s in states]
 
 
-def _tracks(job: _Job, states: list[IncidentState], limits_s: list[float], workers: int) -> Iterator[Track]:
-    """Tracks in order; the first in this process, so that workers find compiled code in the cache."""
-    if states:
-        yield _track(job, states[0], limits_s[0])
-    rest, rest_limits_s = states[1:], limits_s[1:]
-    workers = min(workers, len(rest))
-    if workers <= 1 or not ENGINES[job.engine].many_processes:
-        with _interrupts_between_releases() as check:
-            for state, limit_s in zip(rest, rest_limits_s, strict=True):
-                check()
-                yield _track(job, state, limit_s)
-        return
-    import multiprocessing
-
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_set_job, initargs=(job,))
-    try:
-        yield from pool.map(_worker_track, rest, rest_limits_s, chunksize=CHUNK_OF_A_WORKER)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+def _tracks(
+    job: _Job, states: list[IncidentState], limits_s: list[float], workers: int
+) -> Generator[tuple[int, Track]]:
+    """Index and track of each release; the first in this process, so that workers find compiled code in the cache."""
+    releases = list(zip(states, limits_s, strict=True))
+    alone = (
+        len(releases) if min(workers, len(releases) - 1) <= 1 or not ENGINES[job.engine].many_processes else 1
+    )
+    with _interrupts_between_releases() as check:
+        for k, release in enumerate(releases[:alone]):
+            check()
+            yield k, _track(job, *release)
+        check()
+    with closing(as_finished(_track, releases[alone:], workers, (job,))) as others:
+        for k, track in others:
+            yield alone + k, track
 
 
 @contextmanager
@@ -163,20 +155,6 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
         yield check
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-_worker_job: _Job | None = None
-
-
-def _set_job(job: _Job) -> None:
-    global _worker_job
-    _worker_job = job
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent answers Ctrl-C, once
-
-
-def _worker_track(state: IncidentState, limit_s: float) -> Track:
-    assert _worker_job is not None
-    return _track(_worker_job, state, limit_s)
 
 
 def _track(job: _Job, start: IncidentState, limit_s: float) -> Track:

@@ -12,7 +12,6 @@ import pytest
 from rock2d.blind import case_files, reality
 from rock2d.blind.case_files import make_trial, read_labels, redraw
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
-from rock2d.blind.parallel import as_finished
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_table, summary
 from rock2d.blind.signal_to_noise import likeness, signal_to_noise
 from rock2d.blind.training import FEATURES, Examples, regression, unseen
@@ -127,15 +126,6 @@ def test_a_sealed_case_can_be_drawn_again_once_it_is_open(tmp_path, small):
     labels = read_labels(tmp_path / "t")
     for name, label in labels.items():
         assert redraw(tmp_path / "t", name).label == label["label"]
-
-
-def test_jobs_give_the_same_in_other_processes():
-    jobs = [(k,) for k in range(4)]
-    assert (
-        sorted(as_finished(np.sqrt, jobs, 2))
-        == sorted(as_finished(np.sqrt, jobs, 1))
-        == list(np.sqrt(range(4)))
-    )
 
 
 def test_calibration_error_of_known_cases():

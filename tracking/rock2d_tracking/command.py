@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, write_experiment_files
-from rock2d.files.folders import atomic_folder
+from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
 from rock2d_tracking.following import follow
@@ -108,6 +108,8 @@ def film(
     experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
+    for suffix in (".avi", ".csv", ".yaml"):
+        check_file(out.with_suffix(suffix))
     numbers = experiment.trajectories["release"].unique()[: film_format.releases].tolist()
     camera = _whole_view(experiment, film_format.size_px)
     options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
@@ -156,6 +158,7 @@ def import_files(
     from rock2d_tracking.tracked_film import film_of, with_measured_noise
 
     setup = Setup(config)
+    check_folder(out)
     name = block or setup.block_of(0)
     if name not in setup.blocks:
         raise InputError(f"--block: expected one of {', '.join(setup.blocks)}, found {name!r}", config)
@@ -185,6 +188,7 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
         raise InputError(
             "holds impacts only; Tracker needs an experiment with trajectories", experiment_folder
         )
+    check_file(out)
     for path in write_tracker(out, experiment.trajectories, experiment.fps):
         report(f"written: {path}")
 

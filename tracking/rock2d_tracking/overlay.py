@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rock2d.graphics.video_file import opened
+from rock2d.graphics.video_file import check_frames, opened
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
@@ -28,6 +28,7 @@ class Overlay:
         self._scale = min(1.0, OVERLAY_WIDTH_PX / size_px[0])
         self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
         self._stride = max(1, -(-promised // OVERLAY_FRAMES))
+        self._pictures = 0
         self._writer = opened(path, "VP80", OVERLAY_FPS, self._size)
         up = setup.pixel_map(size_px).up
         self._shapes = {
@@ -68,6 +69,7 @@ class Overlay:
             cv2.LINE_AA,
         )
         self._writer.write(picture)
+        self._pictures += 1
 
     def _line(self, picture: Array, points: Array, colour: tuple[int, int, int], closed: bool) -> None:
         import cv2
@@ -77,7 +79,10 @@ class Overlay:
             cv2.polylines(picture, [fine], closed, colour, 1, cv2.LINE_AA, shift=4)
 
     def close(self) -> None:
-        """Close the video. A file without content is removed: this OpenCV cannot write the format."""
+        """Close the video; OSError if it is not whole. No file is left if this OpenCV cannot write the format."""
+        written = self._writer.isOpened()
         self._writer.release()
-        if self._path.exists() and not self._path.stat().st_size:
-            self._path.unlink()
+        if written:
+            check_frames(self._path, self._pictures)
+        else:
+            self._path.unlink(missing_ok=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,7 +70,7 @@ class Workers:
 
     Attributes
     ----------
-    processes : of a local Dask cluster; default: this process, on all threads
+    processes : of this machine, with one thread each; default: this process, on all threads
     scheduler : address of a Dask scheduler, whose workers need access to the campaign's folder (a shared file system)
         and should have one thread each
     """
@@ -93,8 +93,8 @@ def run_campaign(
     `report` gets messages for the user, one line per call.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
-    `folder` holds anything else or a campaign that is determined otherwise, or if files cannot be written.
-    KeyboardInterrupt says how far it came.
+    `folder` holds anything else or a campaign that is determined otherwise, or cannot be written. OSError, for
+    example of a full disk, and KeyboardInterrupt say how far it came.
     """
     from tqdm import tqdm
 
@@ -103,9 +103,11 @@ def run_campaign(
     from rock2d.runs.campaigns.streaming import campaign_tables, files_read
 
     job, about = _prepare(scenario, folder, options)
-    on_cluster = _on_cluster(workers, report)
+    if workers.scheduler is not None:
+        _require_dask()
     chunks = _plan(len(job.blocks), options.releases or scenario.releases, options.chunk_releases)
     _claim(folder, about, job)
+    _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
     total = sum(chunk.count for chunk in chunks)
     _announce(job, total, len(chunks), len(todo), report)
@@ -113,19 +115,25 @@ def run_campaign(
     try:
         first = total - sum(chunk.count for chunk in todo)
         with tqdm(total=total, initial=first, desc=title, unit="release", disable=not progress) as bar:
-            _compute(job, todo, workers if on_cluster else None, workers.processes, bar.update)
+            _compute(job, todo, workers, bar.update)
         with tqdm(total=files_read(job, chunks), desc="tables", unit="file", disable=not progress) as bar:
             tables = campaign_tables(job, chunks, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        for partial in job.folder.glob("*/.*"):  # half-written by processes that were killed
-            partial.unlink(missing_ok=True)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_how_far(job, chunks)) from None
     except OSError as error:
-        message = f"cannot be written or read: {error.strerror or error}; {_how_far(job, chunks)}"
-        raise InputError(message, error.filename or folder, code="not_writable") from None
+        message = f"{error.strerror or error}; {_how_far(job, chunks)}"
+        raise OSError(error.errno, message, str(error.filename or folder)) from None
+    finally:
+        _remove_partial_files(job)
     return tables
+
+
+def _remove_partial_files(job: Job) -> None:
+    """Half-written files of processes that were killed."""
+    for partial in job.folder.glob("*/.*"):
+        partial.unlink(missing_ok=True)
 
 
 def _announce(job: Job, total: int, chunks: int, todo: int, report: Callable[[str], Any]) -> None:
@@ -216,21 +224,21 @@ def _refuse_what_is_no_campaign(
 
 def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
     """Make the campaign's folders; refuse those that hold anything else."""
-    from rock2d.files.folders import write_whole
+    from rock2d.files.folders import unwritable, write_whole
 
     path = folder / MANIFEST
     try:
         if path.is_file():
             _refuse_another(path, manifest)
-        elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
             raise InputError(
                 "exists and is no campaign; choose another output folder", folder, code="not_a_result"
             )
+        write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         for output in job.keep:
             (job.folder / output).mkdir(parents=True, exist_ok=True)
-        write_whole(path, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
     except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", folder, code="not_writable") from None
+        raise unwritable(error, folder) from None
 
 
 def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
@@ -256,45 +264,36 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     ]
 
 
-def _on_cluster(workers: Workers, report: Callable[[str], Any]) -> bool:
-    """Whether Dask is asked for, and there; InputError if a scheduler is given in vain."""
-    if workers.processes is None and workers.scheduler is None:
-        return False
+def _require_dask() -> None:
     try:
         import distributed  # noqa: F401
     except ImportError:
-        if workers.scheduler is not None:
-            raise InputError(
-                f"--scheduler needs Dask, which is missing: {EXTRA}",
-                code="missing_package",
-                package="distributed",
-            ) from None
-        report(f"without Dask ({EXTRA}) the campaign runs in this process, on {workers.processes} threads")
-        return False
-    return True
+        raise InputError(
+            f"--scheduler needs Dask, which is missing: {EXTRA}",
+            code="missing_package",
+            package="distributed",
+        ) from None
 
 
-def _compute(
-    job: Job,
-    todo: Sequence[Chunk],
-    cluster: Workers | None,
-    threads: int | None,
-    on_progress: Callable[[int], Any],
-) -> None:
-    """Compute chunks on a cluster or, without one, in this process; `on_progress` gets the number of releases that
-    are done."""
-    if not todo:
-        return
-    if cluster is not None:
+def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Callable[[int], Any]) -> None:
+    """Compute chunks on a scheduler's workers, in processes or in this one; `on_progress` gets the number of releases
+    that are done."""
+    from rock2d.processes import as_finished
+    from rock2d.runs.campaigns.chunks import run_chunk, warm_up
+
+    if workers.scheduler is not None:
         from rock2d.runs.campaigns.cluster import run_on_cluster
 
-        run_on_cluster(job, todo, on_progress, workers=cluster.processes, scheduler=cluster.scheduler)
-        return
-    from rock2d.runs.campaigns.chunks import run_chunk
-
-    with _numba_threads(threads):
-        for chunk in todo:
-            run_chunk(job, chunk, on_progress)
+        run_on_cluster(job, todo, on_progress, workers.scheduler)
+    elif min(workers.processes or 1, len(todo)) > 1:
+        warm_up(job)  # so that workers find compiled code in the cache
+        with closing(as_finished(run_chunk, [(c,) for c in todo], workers.processes or 1, (job,))) as done:
+            for _, count in done:
+                on_progress(count)
+    else:
+        with _numba_threads(workers.processes):
+            for chunk in todo:
+                run_chunk(job, chunk, on_progress)
 
 
 @contextmanager

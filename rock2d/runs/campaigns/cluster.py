@@ -1,4 +1,4 @@
-"""The chunks of a campaign on Dask workers: processes of this machine, or those of a running scheduler.
+"""The chunks of a campaign on the workers of a running Dask scheduler.
 
 Workers write the chunk files themselves, so they need access to the campaign's folder. Workers on other machines need
 a shared file system. If a worker dies, only its current chunk is lost, and another worker repeats it. A worker should
@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import logging
 import re
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from itertools import islice
-from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.runs.campaigns.chunks import run_chunk, warm_up
+from rock2d.runs.campaigns.chunks import run_chunk
 from rock2d.runs.campaigns.job import Chunk, Job, versions
 
 if TYPE_CHECKING:
@@ -32,12 +29,10 @@ def run_on_cluster(
     job: Job,
     chunks: Sequence[Chunk],
     on_progress: Callable[[int], Any],
-    *,
-    workers: int | None,
-    scheduler: str | None,
+    scheduler: str,
 ) -> None:
-    """Compute chunks on `workers` local processes, or on those of `scheduler`, in any order; `on_progress` gets the
-    number of releases of each finished chunk.
+    """Compute chunks on the workers of `scheduler`, in any order; `on_progress` gets the number of releases of each
+    finished chunk.
 
     Raises InputError if the scheduler does not answer or is lost, if workers keep dying at the same chunk or
     have other versions than this process; OSError if they cannot write.
@@ -45,10 +40,8 @@ def run_on_cluster(
     from distributed import CancelledError, KilledWorker, as_completed
     from distributed.comm import CommClosedError
 
-    if scheduler is None:
-        warm_up(job)  # so that workers find compiled code in the cache
     waiting = iter(chunks)
-    with _client(min(workers or 1, len(chunks)), scheduler) as client:
+    with _client(scheduler) as client:
 
         def submitted(most: int) -> list[Any]:
             return [client.submit(_on_worker, job, c, pure=False) for c in islice(waiting, max(most, 0))]
@@ -86,53 +79,18 @@ def _on_worker(job: Job, chunk: Chunk) -> int:
 
 
 @contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    from distributed import Client, LocalCluster
+def _client(scheduler: str) -> Iterator[Client]:
+    from distributed import Client
 
-    with ExitStack() as opened:
-        if scheduler is None:
-            with _interrupts_held():
-                cluster = LocalCluster(
-                    n_workers=workers, processes=True, threads_per_worker=1, dashboard_address=None,
-                    memory_limit=None, silence_logs=logging.CRITICAL,
-                )  # fmt: skip
-                opened.enter_context(cluster)
-                client = opened.enter_context(Client(cluster, set_as_default=False))
-        else:
-            if not re.fullmatch(r"\w+://.+:\d+", scheduler):
-                raise InputError(
-                    f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}",
-                    code="no_cluster",
-                )
-            for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
-                logging.getLogger(name).setLevel(logging.CRITICAL)
-            try:
-                client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-            except (OSError, ValueError) as error:
-                raise InputError(
-                    f"no Dask scheduler answers at {scheduler}: {error}", code="no_cluster"
-                ) from None
-            opened.enter_context(client)
-        yield client
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C until the block ends, because a partly started cluster cannot be stopped.
-
-    The threads and processes of the cluster ignore Ctrl-C; this process handles it.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    resource_tracker.ensure_running()  # else the first worker's thread starts it, and unblocks the signal
-    pressed: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    if not re.fullmatch(r"\w+://.+:\d+", scheduler):
+        raise InputError(
+            f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}", code="no_cluster"
+        )
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        raise KeyboardInterrupt
+        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler}: {error}", code="no_cluster") from None
+    with client:
+        yield client

@@ -17,6 +17,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import atomic_file
+from rock2d.graphics.video_file import check_frames, quiet_about_frames
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import (
     CLEAN,
@@ -172,7 +173,6 @@ def write_film(
         raise InputError(f"{path}: expected a film as .avi, found {path.suffix or 'no suffix'!r}")
     if width % 2 or height % 2:
         raise InputError(f"{path}: expected an even width and height, found {width} x {height}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:  # closes the files before they get their names
         part = stack.enter_context(atomic_file(path))
         table = None
@@ -186,24 +186,28 @@ def write_film(
         if not writer.isOpened():
             codec = "FFV1" if quality is None else "Motion JPEG"
             raise InputError(f"{path}: this OpenCV cannot write {codec} video")
+        pictures = 0
         for shot in shots:
             if shot.image.shape != (height, width):
                 found = " x ".join(map(str, shot.image.shape[::-1]))
                 raise InputError(f"{path}: expected frames of {width} x {height} px, found {found}")
             # OpenCV's Motion JPEG garbles grey pictures
             writer.write(shot.image if quality is None else cv2.cvtColor(shot.image, cv2.COLOR_GRAY2BGR))
+            pictures += 1
             if table is not None:
                 pose = [*(shot.pose_px or ("",) * 3), *(shot.pose_m or ("",) * 3)]
                 table.writerow([shot.frame, shot.release, shot.block, shot.t_s, *pose])
         writer.release()
-        if not part.exists() or part.stat().st_size == 0:
+        if not pictures:
             raise InputError(f"{path}: nothing could be written")
+        check_frames(part, pictures)
     return path
 
 
 def _writer(path: Path, fps_video: float, size_px: tuple[int, int], quality: int | None) -> cv2.VideoWriter:
     import cv2
 
+    quiet_about_frames()
     name, size = str(path), (int(size_px[0]), int(size_px[1]))
     if quality is None:
         grey = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]

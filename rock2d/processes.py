@@ -1,0 +1,137 @@
+"""Independent jobs in several processes, which end with this one, in whatever way it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+MOST_DEATHS = 3  # of workers, one after the other without a finished job between them
+_KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
+
+
+def as_finished(
+    work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, shared: tuple[Any, ...] = ()
+) -> Generator[tuple[int, Any]]:
+    """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
+
+    In this process if one worker is enough, else in `workers` processes with one thread each; `shared` is sent to
+    each of them once. The jobs that a worker did not finish because it died are repeated. Close the iterator
+    (`contextlib.closing`) to kill the workers at once; temporary files of their jobs are left to the caller.
+
+    Raises what `work` raises, and ChildProcessError if workers keep dying.
+    """
+    workers = min(workers, len(jobs))
+    if workers <= 1:
+        for k, job in enumerate(jobs):
+            yield k, work(*shared, *job)
+        return
+    left, deaths = dict(enumerate(jobs)), 0
+    while left:
+        with _pool(min(workers, len(left)), (work, shared)) as pool:
+            try:
+                with _interrupts_held():
+                    waiting = {pool.submit(_work, job): k for k, job in left.items()}
+                for done in as_completed(waiting):
+                    result = done.result()
+                    deaths = 0
+                    del left[waiting[done]]
+                    yield waiting[done], result
+            except BrokenProcessPool:
+                deaths += 1
+                if deaths > MOST_DEATHS:
+                    raise ChildProcessError(
+                        "several worker processes died at the same job; is there too little memory?"
+                    ) from None
+
+
+@contextmanager
+def _pool(workers: int, given: tuple[Any, ...]) -> Iterator[ProcessPoolExecutor]:
+    """A pool whose processes are gone after the block, also if it ends before their work."""
+    import multiprocessing
+
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=given)
+    try:
+        yield pool
+        pool.shutdown()
+    except BaseException:
+        with _interrupts_held():
+            processes = list((pool._processes or {}).values())
+            for process in processes:  # at once: jobs leave nothing half-written under a final name
+                process.kill()
+            pool.shutdown(cancel_futures=True)
+        raise
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Delay Ctrl-C until the block ends, because a partly started pool cannot be stopped.
+
+    The threads and processes that start in the block ignore Ctrl-C; this process answers it.
+    """
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # else the first worker starts it, and unblocks the signal
+    pressed: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt
+
+
+_given: tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+def _begin(work: Callable[..., Any], shared: tuple[Any, ...]) -> None:
+    global _given
+    _given = work, shared
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _follow_parent()
+    _one_thread()
+
+
+def _work(job: tuple[Any, ...]) -> Any:
+    work, shared = _given
+    return work(*shared, *job)
+
+
+def _follow_parent() -> None:
+    """End this process when its parent ends, killed or not."""
+    import ctypes
+    import multiprocessing
+
+    if sys.platform == "linux":  # at once, also in compiled code
+        ctypes.CDLL(None).prctl(_KILL_AT_DEATH_OF_PARENT, signal.SIGKILL)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _one_thread() -> None:
+    """Limit this process to one thread, because the threads of several processes slow each other down."""
+    import numba
+    import scipy.linalg  # noqa: F401  loads its own BLAS, whose threads can only be limited once it is loaded
+    from threadpoolctl import threadpool_limits
+
+    numba.set_num_threads(1)
+    threadpool_limits(1)

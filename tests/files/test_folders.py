@@ -1,0 +1,80 @@
+"""Results that are whole or not there, whatever fails."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import pytest
+
+from rock2d.errors import InputError
+from rock2d.files.folders import (
+    RESULT_MARKER,
+    atomic_file,
+    atomic_folder,
+    check_file,
+    check_folder,
+    write_whole,
+)
+
+
+def full_disk(path=None):
+    return OSError(errno.ENOSPC, "No space left on device", *([path] if path else []))
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_full_disk_names_the_result_and_leaves_nothing(tmp_path, named):
+    with pytest.raises(OSError) as caught, atomic_folder(tmp_path / "out") as folder:
+        raise full_disk(str(folder / "table.csv") if named else None)
+    assert caught.value.filename == str(tmp_path / "out") and caught.value.errno == errno.ENOSPC
+    with pytest.raises(OSError) as caught, atomic_file(tmp_path / "table.csv"):
+        raise full_disk()
+    assert caught.value.filename == str(tmp_path / "table.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_of_another_file_keeps_its_name(tmp_path):
+    with pytest.raises(OSError) as caught, atomic_folder(tmp_path / "out"):
+        raise full_disk("/elsewhere/film.avi")
+    assert caught.value.filename == "/elsewhere/film.avi"
+
+
+def test_what_cannot_be_written_is_said_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    for folder in ("file", "file/below", "notes"):
+        with pytest.raises(InputError):
+            check_folder(tmp_path / folder)
+    for file in ("notes", "file/below.csv"):
+        with pytest.raises(InputError):
+            check_file(tmp_path / file)
+    check_folder(tmp_path / "new" / "folder")
+    check_file(tmp_path / "new" / "file.csv")
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "notes"}
+
+
+def test_missing_folders_of_a_file_are_made(tmp_path):
+    write_whole(tmp_path / "new" / "text.txt", "text")
+    assert (tmp_path / "new" / "text.txt").read_text() == "text"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_process_that_is_forked_in_mid_write_touches_nothing(tmp_path, fails):
+    parent = os.getpid()
+    try:
+        with atomic_folder(tmp_path / "out") as folder, atomic_file(tmp_path / "table.csv") as partial:
+            partial.write_text("half")
+            if child := os.fork():
+                os.waitpid(child, 0)
+                assert folder.is_dir() and partial.is_file()
+                assert not (tmp_path / "out").exists() and not (tmp_path / "table.csv").exists()
+                partial.write_text("whole")
+            elif fails:
+                raise KeyboardInterrupt
+    finally:
+        if os.getpid() != parent:
+            os._exit(0)
+    assert (tmp_path / "out" / RESULT_MARKER).is_file()
+    assert (tmp_path / "table.csv").read_text() == "whole"

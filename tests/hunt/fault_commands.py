@@ -1,0 +1,111 @@
+"""The commands that the fault hunt disturbs, and the small inputs that they need."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+
+
+def _nothing(inputs: Path, out: Path) -> None:
+    pass
+
+
+def _copied_trial(inputs: Path, out: Path) -> None:
+    shutil.copytree(inputs / "trial", out / "trial")
+
+
+def _copied_results(inputs: Path, out: Path) -> None:
+    shutil.copytree(inputs / "diagnosed_trial", out / "trial")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command line. `{here}` in it is the folder of the inputs, `{out}` the folder it writes into.
+
+    Attributes
+    ----------
+    prepare : puts into the output folder what the command expects there
+    kept : names of hidden folders that an interrupted command leaves to continue from
+    """
+
+    name: str
+    words: str
+    prepare: Callable[[Path, Path], None] = _nothing
+    kept: tuple[str, ...] = ()
+
+    def arguments(self, inputs: Path, out: Path) -> list[str]:
+        """What to run, by the interpreter of this process."""
+        words = [word.format(here=inputs, out=out) for word in self.words.split()]
+        return [sys.executable, "-m", "rock2d.cli", *words]
+
+
+_RUN = "run {here}/setup.yaml --quiet --out {out}/runs --engine"
+_CAMPAIGN = "run {here}/short.yaml --quiet --releases 20001 --out {out}/runs --engine"
+COMMANDS = (
+    Command("run pymunk, 2 workers", f"{_RUN} pymunk --releases 5 --workers 2"),
+    Command("run pymunk, 1 worker", f"{_RUN} pymunk --releases 3 --workers 1"),
+    Command("run batch, video", f"{_RUN} batch --releases 1 --video"),
+    Command("run point_mass", f"{_RUN} point_mass --releases 20"),
+    Command("campaign batch", f"{_CAMPAIGN} batch"),
+    Command("campaign batch, 2 workers", f"{_CAMPAIGN} batch --workers 2"),
+    Command("campaign point_mass, 2 workers", f"{_CAMPAIGN} point_mass --workers 2"),
+    Command("demo", "demo --quiet --out {out}/demo"),
+    Command("reproduce", "reproduce --quiet --hypotheses 16 --releases 8 --out {out}/paper",
+            kept=(".paper.stages",)),
+    Command("diagnose, 2 workers", "diagnose {here}/trial/cases/000/fit --quiet --workers 2 --out {out}/diagnosis",
+            kept=(".fits",)),
+    Command("diagnose, 1 worker", "diagnose {here}/trial/cases/000/fit --quiet --workers 1 --out {out}/diagnosis",
+            kept=(".fits",)),
+    Command("predict", "predict {here}/trial/cases/000/heldout --diagnosis {here}/diagnosis/diagnosis.json "
+            "--out {out}/predictions.csv"),
+    Command("blind make", "blind make --quiet --cases 4 --seed 1 --workers 2 --out {out}/trial"),
+    Command("blind run", "blind run {out}/trial --quiet --workers 2", _copied_trial),
+    Command("blind score", "blind score {out}/trial", _copied_results),
+    Command("film", "film {here}/run --quiet --releases 2 --size 640 400 --out {out}/film.avi"),
+    Command("track", "track {here}/film.avi --config {here}/film.yaml --quiet --out {out}/tracked"),
+    Command("import", "import {here}/tracks_0.txt --kind tracker --config {here}/film.yaml --y up "
+            "--block sphere --out {out}/imported"),
+    Command("export", "export {here}/run --out {out}/tracks.txt"),
+)  # fmt: skip
+
+
+def write_scenarios(here: Path) -> None:
+    """Write the scenarios that the runs need into the folder `here`."""
+    here.mkdir(parents=True, exist_ok=True)
+    text = (SCENARIOS / "paper_setup.yaml").read_text(encoding="utf-8")
+    (here / "setup.yaml").write_text(text, encoding="utf-8")
+    short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
+    (here / "short.yaml").write_text(short, encoding="utf-8")
+
+
+def make_inputs(here: Path) -> None:
+    """Write the inputs of all commands into the folder `here`, unless they are there."""
+
+    def rock2d(*words: str) -> None:
+        subprocess.run([sys.executable, "-m", "rock2d.cli", *words], check=True, stdout=subprocess.DEVNULL)
+
+    write_scenarios(here)
+    if not (here / "run").is_dir():
+        options = ["--engine", "batch", "--releases", "3", "--quiet", "--out", str(here)]
+        rock2d("run", str(here / "setup.yaml"), *options)
+        (here / "paper_setup_batch").rename(here / "run")
+    if not (here / "film.yaml").is_file():
+        size = ["--size", "640", "400", "--releases", "2"]
+        rock2d("film", str(here / "run"), "--quiet", *size, "--out", str(here / "film.avi"))
+    if not (here / "tracks_0.txt").is_file():
+        rock2d("export", str(here / "run"), "--out", str(here / "tracks.txt"))
+    if not (here / "trial").is_dir():
+        rock2d("blind", "make", "--cases", "2", "--seed", "1", "--quiet", "--out", str(here / "trial"))
+    if not (here / "diagnosis" / "diagnosis.json").is_file():
+        fit = str(here / "trial" / "cases" / "000" / "fit")
+        rock2d("diagnose", fit, "--quiet", "--out", str(here / "diagnosis"))
+    if not (here / "diagnosed_trial").is_dir():
+        shutil.copytree(here / "trial", here / "copied_trial", dirs_exist_ok=True)
+        rock2d("blind", "run", str(here / "copied_trial"), "--quiet")
+        (here / "copied_trial").rename(here / "diagnosed_trial")

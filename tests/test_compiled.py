@@ -1,0 +1,55 @@
+"""Compiled code is loaded only from folders that no other user can write."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from rock2d import compiled
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs owners of files")
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A cache in an empty home, and the settings as they were after the test."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
+    return tmp_path / "rock2d" / "numba"
+
+
+def test_the_folder_is_private(root, capsys):
+    old = os.umask(0)
+    try:
+        compiled._choose_cache()
+    finally:
+        os.umask(old)
+    chosen = compiled.numba.config.CACHE_DIR
+    assert chosen.startswith(str(root)) and not capsys.readouterr().err
+    for folder in (chosen, root, root.parent):
+        assert os.stat(folder).st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_others_can_write_is_not_used(root, capsys):
+    compiled._choose_cache()
+    os.chmod(compiled.numba.config.CACHE_DIR, 0o777)
+    compiled._choose_cache()
+    assert not compiled.numba.config.CACHE_DIR.startswith(str(root))
+    assert os.environ["NUMBA_CACHE_DIR"] == compiled.numba.config.CACHE_DIR
+    assert "other users can write" in capsys.readouterr().err
+
+
+def test_a_folder_below_one_that_others_can_write_is_not_used(root, capsys):
+    root.parent.parent.chmod(0o777)
+    compiled._choose_cache()
+    assert not compiled.numba.config.CACHE_DIR.startswith(str(root))
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="needs root to give a folder away")
+def test_a_folder_of_another_user_is_not_used(root, capsys):
+    compiled._choose_cache()
+    os.chown(compiled.numba.config.CACHE_DIR, 1234, 1234)
+    compiled._choose_cache()
+    assert not compiled.numba.config.CACHE_DIR.startswith(str(root))

@@ -19,6 +19,7 @@ from rock2d.engines.geometry import (
     point_depth,
     polygon_depth,
 )
+from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.segmentation import (
     ACCELERATION_SD,
@@ -92,10 +93,15 @@ class Segmentation:
 
 
 def load_film(experiment: Experiment) -> Film:
-    """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped."""
+    """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped.
+
+    Raises InputError if every frame is lost.
+    """
     table = experiment.trajectories
     assert table is not None
     table = table.dropna().sort_values(["release", "t_s"], kind="stable")
+    if table.empty:
+        raise InputError("every frame of the film is lost", experiment.folder, code="empty")
     names, release = np.unique(table["release"].to_numpy(), return_inverse=True)
     block_names = list(experiment.blocks)
     starts = np.searchsorted(release, np.arange(len(names)))

@@ -37,6 +37,7 @@ from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.stated_shapes import shape_remarks
 from rock2d.laws.contact import INDENTATION
 from rock2d.records.columns import X
 from rock2d.scene.cross_section import CrossSection
@@ -96,7 +97,9 @@ def diagnose(
         result = Diagnosis(experiment, check_film(experiment, film), setup)
         if result.sanity.faults:
             return result
-        data = FilmData.of(film, result.sanity.registered or setup)
+        world = result.sanity.registered or setup
+        data = FilmData.of(film, world)
+        result.sanity.remarks += shape_remarks(data, world)
         keys = [film.t_s, film.pose, film.release]
     else:
         data = TableData.of(experiment)

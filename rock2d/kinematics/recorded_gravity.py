@@ -40,7 +40,8 @@ def recorded_gravity(experiment: Experiment, film: Film) -> Array | None:
     gravity is as narrow as the narrowest ones, lengths or times are wrong, and the narrowest mode is returned.
     """
     stated = max(experiment.gravity_m_s2, 1e-9)
-    found, beyond = [], []
+    found: list[_Mode] = []
+    beyond: list[_Mode] = []
     for window in WINDOWS:
         a, error = _curvatures(film, window)
         clear = np.abs(a[:, Y]) > CLEAR_CURVATURE * error

@@ -59,8 +59,8 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
         tangent = world.cross_section.tangents[facet]
         turn = pose[low, THETA] - np.arctan2(tangent[1], tangent[0])
         rows.append((gap[low] / blocks[block].radius_m, turn, block))
-    depth, angle, block = np.array(rows, float).reshape(-1, 3).T
-    return depth, angle, block
+    columns = np.array(rows, float).reshape(-1, 3).T
+    return columns[0], columns[1], columns[2]
 
 
 def _depends(depth: Array, angle: Array) -> bool:

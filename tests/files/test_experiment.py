@@ -17,7 +17,7 @@ from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_ex
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.files.mutation import mutate_bytes, mutate_data
+from tests.hunt.mutations import mutate_bytes, mutate_data
 
 SETUP = """\
 name: set-up

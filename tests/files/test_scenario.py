@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
-from tests.files.mutation import mutate_bytes, mutate_data
+from tests.hunt.mutations import mutate_bytes, mutate_data
 
 SHIPPED = Path(__file__).parents[2] / "scenarios"
 WITHOUT_DATA = sorted(path for path in SHIPPED.glob("*.yaml") if path.stem != "real_squares")

@@ -22,6 +22,7 @@ TELLING = (1, 3)  # of the harmonics: the second and the fourth
 FEWEST_IMPACTS = 20  # of a block
 MOST_FRAMES = 40  # of an impact; a longer contact is a roll or a slide
 LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.1, 6.0  # in block radii, in standard errors
+LARGEST_CONDITION = 1.0e3
 LARGEST_DEVIATION = 6.0  # of a depth from the median, in median deviations
 
 
@@ -70,7 +71,7 @@ def _depends(depth: Array, angle: Array) -> bool:
     waves = [wave(n * angle[use]) for n in HARMONICS for wave in (np.cos, np.sin)]
     design = np.column_stack([np.ones(use.sum()), *waves])
     freedom = len(design) - design.shape[1]
-    if freedom < 1 or np.linalg.matrix_rank(design) < design.shape[1]:
+    if freedom < 1 or np.linalg.cond(design) > LARGEST_CONDITION:  # the angles are too much alike
         return False
     fitted = np.linalg.lstsq(design, depth[use], rcond=None)[0]
     variance = ((depth[use] - design @ fitted) ** 2).sum() / freedom

@@ -24,8 +24,9 @@ from tests.hunt.valid_files import Files
 
 HANG = "hang"
 LIMIT_SECONDS = 30.0  # for one file
-USED_EVERY = 25  # of so many files one is used, not only read
-COMMAND_EVERY = 250  # of so many files one is also given to the command
+# of so many files one is used, not only read; and one is also given to the command
+USED_EVERY = {"scenario": 25, "experiment": 1, "diagnosis": 2}
+COMMAND_EVERY = {"scenario": 100, "experiment": 50, "diagnosis": 25}
 
 
 class Failure(NamedTuple):
@@ -87,13 +88,17 @@ def hunt(kind: str, count: int, seed: int, commands: bool = True) -> tuple[Count
     failures = []
     for number in range(count):
         name = f"{kind}/{seed}/{number}"
-        damaged, use = mutant(name, sources), number % USED_EVERY == 0
+        damaged, use = mutant(name, sources), number % USED_EVERY[kind] == 0
         outcome = reader.outcome(damaged, use)
         counts[outcome.what] += 1
         if outcome.what in (FAILED, HANG):
             failures.append(Failure(name, *_smallest(reader, damaged, outcome, use)))
         # a diagnosis that is accepted would be fitted, which takes minutes
-        elif commands and number % COMMAND_EVERY == 0 and (kind != "experiment" or outcome.what == "refused"):
+        elif (
+            commands
+            and number % COMMAND_EVERY[kind] == 0
+            and (kind != "experiment" or outcome.what == "refused")
+        ):
             outcome = commanded(kind, damaged.files(sources))
             counts[f"command: {outcome.what}"] += 1
             if outcome.what == FAILED:

@@ -19,14 +19,16 @@ from time import perf_counter
 from typing import NamedTuple
 
 from tests.hunt.damage import Mutant, mutant
-from tests.hunt.trials import FAILED, KINDS, Outcome, commanded, tried
+from tests.hunt.trials import FAILED, KINDS, REFUSED, Outcome, commanded, tried
 from tests.hunt.valid_files import Files
 
 HANG = "hang"
+FAILURES = (FAILED, HANG)
+REPORT_EVERY = 500
 LIMIT_SECONDS = 30.0  # for one file
 # of so many files one is used, not only read; and one is also given to the command
-USED_EVERY = {"scenario": 25, "experiment": 1, "diagnosis": 2}
-COMMAND_EVERY = {"scenario": 100, "experiment": 50, "diagnosis": 25}
+USED_EVERY = {"scenario": 50, "experiment": 1, "diagnosis": 2}
+COMMAND_EVERY = {"scenario": 250, "experiment": 100, "diagnosis": 25}
 
 
 class Failure(NamedTuple):
@@ -81,34 +83,34 @@ def _read_all(kind: str, given: Connection) -> None:
         given.send(tuple(tried(kind, damaged.files(sources), use)))
 
 
-def hunt(kind: str, count: int, seed: int, commands: bool = True) -> tuple[Counter[str], list[Failure]]:
-    """Number of each outcome of `count` mutants, those of the command as "command: ...", and the failures."""
+def hunt(kind: str, count: int, seed: int) -> Counter[str]:
+    """Number of each outcome of `count` mutants, those of the command as "command: ..."; prints each failure."""
     sources, reader = KINDS[kind].sources(), Reader(kind)
     counts: Counter[str] = Counter()
-    failures = []
     for number in range(count):
         name = f"{kind}/{seed}/{number}"
         damaged, use = mutant(name, sources), number % USED_EVERY[kind] == 0
         outcome = reader.outcome(damaged, use)
         counts[outcome.what] += 1
-        if outcome.what in (FAILED, HANG):
-            failures.append(Failure(name, *_smallest(reader, damaged, outcome, use)))
+        if outcome.what in FAILURES:
+            show(Failure(name, *_smallest(reader, damaged, outcome, use)), sources)
         # a diagnosis that is accepted would be fitted, which takes minutes
-        elif (
-            commands
-            and number % COMMAND_EVERY[kind] == 0
-            and (kind != "experiment" or outcome.what == "refused")
-        ):
+        elif number % COMMAND_EVERY[kind] == 0 and (kind != "experiment" or outcome.what == REFUSED):
             outcome = commanded(kind, damaged.files(sources))
             counts[f"command: {outcome.what}"] += 1
-            if outcome.what == FAILED:
-                failures.append(Failure(name, damaged, outcome))
+            if outcome.what in FAILURES:
+                show(Failure(name, damaged, outcome), sources)
+        if number % REPORT_EVERY == REPORT_EVERY - 1:
+            print(f"{kind} {number + 1}: {dict(counts)}", flush=True)
     reader.close()
-    return counts, failures
+    return counts
 
 
 def _smallest(reader: Reader, damaged: Mutant, outcome: Outcome, use: bool) -> tuple[Mutant, Outcome]:
+    """The mutant with the fewest changes that ends in the same way; for a hang, which costs time, with one or all."""
     for fewer in damaged.smaller():
+        if outcome.what == HANG and len(fewer.changes) > 1:
+            break
         again = reader.outcome(fewer, use)
         if again.what == outcome.what:
             return fewer, again
@@ -124,7 +126,7 @@ def show(failure: Failure, sources: Sequence[Files]) -> None:
     print(
         f"\n{name}: {outcome.what}; {damaged.file} (set {damaged.source}), {damaged.how}, {damaged.changes}"
     )
-    print(*(f"  | {line!r}" for line in lines), outcome.text.rstrip()[-1500:], sep="\n")
+    print(*(f"  | {line!r}" for line in lines), outcome.text.rstrip()[-1500:], sep="\n", flush=True)
 
 
 def repeat(name: str) -> Outcome:
@@ -149,18 +151,18 @@ def main() -> None:
     given = parser.parse_args()
     if given.repeat:
         sys.exit(repeat(given.repeat).what == FAILED)
-    rows, failed = [], False
+    rows = []
     for kind, count in zip(KINDS, (given.scenarios, given.experiments, given.diagnoses), strict=True):
         if not count:
             continue
         begin = perf_counter()
-        counts, failures = hunt(kind, count, given.seed)
-        sources = KINDS[kind].sources()
-        for failure in failures:
-            show(failure, sources)
-        failed |= bool(failures)
-        rows.append((kind, count, f"{count / (perf_counter() - begin):.0f}/s", dict(counts)))
-    print("\n" + "\n".join(f"{kind:12} {count:6} {rate:>6}  {counts}" for kind, count, rate, counts in rows))
+        counts = hunt(kind, count, given.seed)
+        rows.append((kind, count, f"{count / (perf_counter() - begin):.0f}/s", counts))
+    print(
+        "\n"
+        + "\n".join(f"{kind:12} {count:6} {rate:>6}  {dict(counts)}" for kind, count, rate, counts in rows)
+    )
+    failed = any(FAILED in outcome or HANG in outcome for *_, counts in rows for outcome in counts)
     sys.exit(failed)
 
 

@@ -19,10 +19,9 @@ from time import perf_counter
 from typing import NamedTuple
 
 from tests.hunt.damage import Mutant, mutant
-from tests.hunt.trials import FAILED, KINDS, REFUSED, Outcome, commanded, tried
+from tests.hunt.trials import FAILED, HANG, KINDS, REFUSED, Outcome, commanded, tried
 from tests.hunt.valid_files import Files
 
-HANG = "hang"
 FAILURES = (FAILED, HANG)
 REPORT_EVERY = 500
 LIMIT_SECONDS = 30.0  # for one file
@@ -83,19 +82,26 @@ def _read_all(kind: str, given: Connection) -> None:
         given.send(tuple(tried(kind, damaged.files(sources), use)))
 
 
-def hunt(kind: str, count: int, seed: int) -> Counter[str]:
-    """Number of each outcome of `count` mutants, those of the command as "command: ..."; prints each failure."""
+def hunt(kind: str, count: int, seed: int, read_only: bool) -> Counter[str]:
+    """Number of each outcome of `count` mutants, those of the command as "command: ..."; prints each failure.
+
+    `read_only`: no file is used, and none is given to the command.
+    """
     sources, reader = KINDS[kind].sources(), Reader(kind)
     counts: Counter[str] = Counter()
     for number in range(count):
         name = f"{kind}/{seed}/{number}"
-        damaged, use = mutant(name, sources), number % USED_EVERY[kind] == 0
+        damaged, use = mutant(name, sources), not read_only and number % USED_EVERY[kind] == 0
         outcome = reader.outcome(damaged, use)
         counts[outcome.what] += 1
         if outcome.what in FAILURES:
             show(Failure(name, *_smallest(reader, damaged, outcome, use)), sources)
         # a diagnosis that is accepted would be fitted, which takes minutes
-        elif number % COMMAND_EVERY[kind] == 0 and (kind != "experiment" or outcome.what == REFUSED):
+        elif (
+            not read_only
+            and number % COMMAND_EVERY[kind] == 0
+            and (kind != "experiment" or outcome.what == REFUSED)
+        ):
             outcome = commanded(kind, damaged.files(sources))
             counts[f"command: {outcome.what}"] += 1
             if outcome.what in FAILURES:
@@ -147,6 +153,7 @@ def main() -> None:
     for option in ("scenarios", "experiments", "diagnoses"):
         parser.add_argument(f"--{option}", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--read-only", action="store_true", help="faster: no runs, predictions and commands")
     parser.add_argument("--repeat", metavar="NAME")
     given = parser.parse_args()
     if given.repeat:
@@ -156,7 +163,7 @@ def main() -> None:
         if not count:
             continue
         begin = perf_counter()
-        counts = hunt(kind, count, given.seed)
+        counts = hunt(kind, count, given.seed, given.read_only)
         rows.append((kind, count, f"{count / (perf_counter() - begin):.0f}/s", counts))
     print(
         "\n"

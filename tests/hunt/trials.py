@@ -16,14 +16,14 @@ from rock2d.errors import InputError, OldKeyWarning
 from tests.hunt import valid_files
 from tests.hunt.valid_files import Files
 
-ACCEPTED, REFUSED, FAILED = "accepted", "refused", "traceback"
+ACCEPTED, REFUSED, FAILED, HANG = "accepted", "refused", "traceback", "hang"
 LONGEST_MESSAGE = 1000
 RUN_SECONDS = 0.5  # of simulated time
-COMMAND_SECONDS = 60.0
+COMMAND_SECONDS = 120.0
 
 
 class Outcome(NamedTuple):
-    """ACCEPTED, REFUSED or FAILED, and the message or the traceback."""
+    """ACCEPTED, REFUSED, FAILED or HANG, and the message or the traceback."""
 
     what: str
     text: str = ""
@@ -132,7 +132,10 @@ def commanded(kind: str, files: Files) -> Outcome:
     with tempfile.TemporaryDirectory() as name:
         folder, out = _written(Path(name) / "in", files), Path(name) / "out"
         line = [sys.executable, "-m", "rock2d.cli", *KINDS[kind].command(folder, out)]
-        done = subprocess.run(line, capture_output=True, text=True, timeout=COMMAND_SECONDS, check=False)
+        try:
+            done = subprocess.run(line, capture_output=True, text=True, timeout=COMMAND_SECONDS, check=False)
+        except subprocess.TimeoutExpired:
+            return Outcome(HANG, f"the command took longer than {COMMAND_SECONDS:g} s")
         if done.returncode == 0 and out.exists():
             return Outcome(ACCEPTED)
         errors = [text for text in done.stderr.splitlines() if not text.startswith("warning: ")]

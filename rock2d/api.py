@@ -187,8 +187,8 @@ def predict(
     InputError
         If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
     """
+    from rock2d.diagnosis.diagnosis_file import read_model
     from rock2d.diagnosis.predict import predict as predict_segments
-    from rock2d.diagnosis.predict import read_model
 
     if isinstance(diagnosis, DiagnosisResult):
         content = diagnosis.to_dict()

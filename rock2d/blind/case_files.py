@@ -19,6 +19,7 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
 from rock2d.processes import as_finished
+from rock2d.files.text_files import read_json, read_text
 
 Array = np.ndarray
 
@@ -135,21 +136,21 @@ def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, r
 def read_index(folder: Path) -> dict[str, Any]:
     """cases.json of a trial; raises `InputError`."""
     path = folder / INDEX_FILE
-    try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except OSError:
-        raise InputError("found no trial; `rock2d blind make` writes one", folder) from None
-    except ValueError:
-        raise InputError("expected the cases.json of a trial", path) from None
+    if not path.exists():
+        raise InputError("found no trial; `rock2d blind make` writes one", folder, code="missing_file")
+    index = read_json(path)
+    kinds = {"count": int, "seed": int, "labels_sha256": str}
+    if not isinstance(index, dict) or any(not isinstance(index.get(k), kind) for k, kind in kinds.items()):
+        raise InputError("expected the cases.json of a trial", path, code="wrong_kind")
+    return index
 
 
 def read_labels(folder: Path) -> dict[str, dict[str, Any]]:
     """The sealed labels; raises `InputError` if their SHA-256 differs from the published one."""
     path = folder / LABELS
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError:
-        raise InputError("found no labels; they were sealed elsewhere", path) from None
+    if not path.exists():
+        raise InputError("found no labels; they were sealed elsewhere", path, code="missing_file")
+    text = read_text(path)
     if hashlib.sha256(text.encode()).hexdigest() != read_index(folder)["labels_sha256"]:
         raise InputError("these are not the sealed labels: their SHA-256 differs", path)
     return dict(json.loads(text))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ import numpy as np
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
 from rock2d.errors import InputError
+from rock2d.files.text_files import read_json
 from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def read_results(folder: Path) -> dict[str, dict[str, Any]]:
     paths = sorted((folder / RESULTS).glob("*.json"))
     if not paths:
         raise InputError("found no results; `rock2d blind run` writes them", folder)
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
+    return {path.stem: read_json(path) for path in paths}
 
 
 def score_table(
@@ -46,34 +46,48 @@ def score_table(
 
     labels, rows = read_labels(folder), []
     for name, result in read_results(folder).items():
-        label, diagnosis = labels[name], result["diagnosis"]
-        p = dict(diagnosis["probabilities"])
-        if classify is not None and result["statistics"] is not None:
-            p = dict.fromkeys(p, 0.0) | dict(classify(result["statistics"]))
-        ranked = sorted(p, key=lambda effect: -p[effect])
-        truth = set(label["label"].split("+"))
-        verdict = ranked[0]
-        closures = result.get("closures") or {}
-        effect = next(iter(truth)) if len(truth) == 1 else None
-        others = [v for k, v in closures.items() if "+" not in k and k not in truth]
-        held = result.get("heldout") or {}
-        rows.append({
-            "case": name, "label": label["label"], "verdict": verdict, "p": p[verdict],
-            "right": verdict in truth, "top3": bool(truth & set(ranked[:3])),
-            "p_truth": min(sum(p.get(t, 0.0) for t in truth), 1.0), "p_none": p["none"], "p_unknown": p["unknown"],
-            "brier": sum((p[k] - (k in truth) / len(truth)) ** 2 for k in p),
-            "signal_to_noise": label["signal_to_noise"], "kind": label["kind"], "releases": label["releases"],
-            "noise": label["position_noise_m"] / label["block_size_m"], "fps": label["fps"],
-            "form": label["hidden"][0]["form"] if label["hidden"] else -1,
-            "diagnosed": result["statistics"] is not None, "seconds": result["seconds"],
-            "closure": closures.get(effect, np.nan) if effect else np.nan,
-            "runner_up": max(others, default=np.nan), "gap_closure": diagnosis["gap"]["closure"],
-            "phase": diagnosis["where"][0]["phase"] if diagnosis["where"] else "",
-            "phases": "+".join(label.get("phases", [])),
-            "regression_closure": result.get("regression_closure", np.nan),
-            "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
-        })  # fmt: skip
+        try:
+            rows.append(_row(name, labels[name], result, classify))
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError, ZeroDivisionError):
+            path = folder / RESULTS / f"{name}.json"
+            raise InputError("expected a result of `rock2d blind run`", path, code="wrong_kind") from None
     return pd.DataFrame(rows)
+
+
+def _row(
+    name: str,
+    label: Mapping[str, Any],
+    result: Mapping[str, Any],
+    classify: Callable[[Mapping[str, Any]], Mapping[str, float]] | None,
+) -> dict[str, Any]:
+    """The row of one case."""
+    diagnosis = result["diagnosis"]
+    p = dict(diagnosis["probabilities"])
+    if classify is not None and result["statistics"] is not None:
+        p = dict.fromkeys(p, 0.0) | dict(classify(result["statistics"]))
+    ranked = sorted(p, key=lambda effect: -p[effect])
+    truth = set(label["label"].split("+"))
+    verdict = ranked[0]
+    closures = result.get("closures") or {}
+    effect = next(iter(truth)) if len(truth) == 1 else None
+    others = [v for k, v in closures.items() if "+" not in k and k not in truth]
+    held = result.get("heldout") or {}
+    return {
+        "case": name, "label": label["label"], "verdict": verdict, "p": p[verdict],
+        "right": verdict in truth, "top3": bool(truth & set(ranked[:3])),
+        "p_truth": min(sum(p.get(t, 0.0) for t in truth), 1.0), "p_none": p["none"], "p_unknown": p["unknown"],
+        "brier": sum((p[k] - (k in truth) / len(truth)) ** 2 for k in p),
+        "signal_to_noise": label["signal_to_noise"], "kind": label["kind"], "releases": label["releases"],
+        "noise": label["position_noise_m"] / label["block_size_m"], "fps": label["fps"],
+        "form": label["hidden"][0]["form"] if label["hidden"] else -1,
+        "diagnosed": result["statistics"] is not None, "seconds": result["seconds"],
+        "closure": closures.get(effect, np.nan) if effect else np.nan,
+        "runner_up": max(others, default=np.nan), "gap_closure": diagnosis["gap"]["closure"],
+        "phase": diagnosis["where"][0]["phase"] if diagnosis["where"] else "",
+        "phases": "+".join(label.get("phases", [])),
+        "regression_closure": result.get("regression_closure", np.nan),
+        "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
+    }  # fmt: skip
 
 
 def summary(cases: pd.DataFrame) -> dict[str, Any]:

@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
-from rock2d.diagnosis.predict import predict, read_model
+from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
+from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import check_file, make_folder, write_whole
+from rock2d.files.text_files import read_json
 
+DIAGNOSIS = "diagnosis.json"
 FITS = ".fits"  # folder of finished fits, removed at the end
 
 
@@ -34,6 +38,7 @@ def run_diagnosis(
     from rock2d.diagnosis.report.page import write_report
 
     read = load_experiment(experiment)
+    _refuse_foreign(out)
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
@@ -60,18 +65,33 @@ def run_diagnosis(
         )
     content = diagnosis_json(result)
     write_report(result, content, out, progress=progress)
-    write_whole(out / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    write_whole(out / DIAGNOSIS, json.dumps(content, indent=1, allow_nan=False) + "\n")
     shutil.rmtree(out / FITS, ignore_errors=True)
+    report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
+    if result.found is None:
+        raise InputError(
+            f"not diagnosed: {'; '.join(content['sanity']['faults'])}", experiment, code="not_diagnosed"
+        )
     for line in summary(result, content):
         report(line)
-    report(f"written: {out / 'diagnosis.json'}, {out / 'report.html'}")
     return content
+
+
+def _refuse_foreign(out: Path) -> None:
+    """Raise InputError for a folder that holds files, but neither a diagnosis nor the fits of an interrupted one."""
+    if not out.is_dir() or not any(out.iterdir()) or (out / FITS).is_dir():
+        return
+    try:
+        content = read_json(out / DIAGNOSIS)
+    except InputError:
+        content = None
+    if not isinstance(content, dict) or not {"schema", "verdict", "probabilities"} <= content.keys():
+        message = "exists and is no diagnosis; choose another output folder"
+        raise InputError(message, out, code="not_a_result")
 
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines."""
-    if result.found is None:
-        return ["not diagnosed: " + "; ".join(fault.message for fault in result.sanity.faults)]
     verdict = content["verdict"]
     lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
     if len(content["group"]) > 1:

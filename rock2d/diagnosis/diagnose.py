@@ -37,6 +37,7 @@ from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.stated_shapes import shape_remarks
 from rock2d.laws.contact import INDENTATION
 from rock2d.records.columns import X
 from rock2d.scene.cross_section import CrossSection
@@ -90,25 +91,16 @@ def diagnose(
     on_forecast : called at the start with a rough number of seconds that the diagnosis will take
     """
     setup = setup_world(experiment)
-    data: FilmData | TableData
-    if experiment.trajectories is not None:
-        film = load_film(experiment)
-        result = Diagnosis(experiment, check_film(experiment, film), setup)
-        if result.sanity.faults:
-            return result
-        data = FilmData.of(film, result.sanity.registered or setup)
-        keys = [film.t_s, film.pose, film.release]
-    else:
-        data = TableData.of(experiment)
-        result = Diagnosis(experiment, check_table(experiment, data), setup)
-        keys = [data.before, data.after, data.impact_release]
-        if result.sanity.faults:
-            return result
-    check_impacts(len(data.impact_release), result.sanity)
-    if result.sanity.faults:
+    sanity, data = prepared(experiment, setup)
+    result = Diagnosis(experiment, sanity, setup)
+    if data is None:
         return result
     if folder is not None:
         stated = np.array([[b.mass_kg, b.inertia_kg_m2, b.size_m] for b in experiment.blocks.values()])
+        if isinstance(data, TableData):
+            keys = [data.before, data.after, data.impact_release]
+        else:
+            keys = [data.film.t_s, data.film.pose, data.film.release]
         keys += [experiment.cross_section.points_m, experiment.cross_section.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,6 +116,25 @@ def diagnose(
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
     result.cells = locate(experiment, data, found, setup)
     return result
+
+
+def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | TableData | None]:
+    """What the sanity checks found, and flights and impacts; None instead of these if there is a fault."""
+    data: FilmData | TableData
+    if experiment.trajectories is not None:
+        film = load_film(experiment)
+        sanity = check_film(experiment, film)
+        if sanity.faults:
+            return sanity, None
+        world = sanity.registered or setup
+        data = FilmData.of(film, world)
+        sanity.remarks += shape_remarks(data, world)
+    else:
+        data = TableData.of(experiment)
+        sanity = check_table(experiment, data)
+    if not sanity.faults:
+        check_impacts(len(data.impact_release), sanity)
+    return sanity, None if sanity.faults else data
 
 
 def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:

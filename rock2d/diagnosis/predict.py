@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import warnings
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.model import BASE_NAMES
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
@@ -28,46 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
-OLD_LAW_KEYS = {"rolling_in_crater": "rolling_in_indentation"}
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
-
-
-def read_model(path: str | Path) -> dict[str, Any]:
-    """Content of diagnosis.json, checked for what a prediction needs.
-
-    Raises InputError if it cannot be used; warns if it has keys with old names.
-    """
-    path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        raise InputError("no such diagnosis", path) from None
-    except json.JSONDecodeError as error:
-        raise InputError(f"not JSON: {error.msg}", path, error.lineno, error.colno) from None
-    if not isinstance(content, dict) or content.get("schema") != 1:
-        raise InputError('expected a diagnosis with "schema": 1', path)
-    laws = [content.get("base")] + [e.get("base") for e in content.get("effects", {}).values()]
-    for law in laws:
-        if not isinstance(law, dict) or not all(_positive(law.get(name)) for name in BASE_NAMES):
-            raise InputError(
-                f"expected base parameters {', '.join(BASE_NAMES)}; this diagnosis has none to predict with",
-                path,
-            )
-    return _with_current_keys(content, path)
-
-
-def _with_current_keys(content: dict[str, Any], path: Path) -> dict[str, Any]:
-    """The content with the current name of each key that had another one."""
-    law = content.get("law", {})
-    for old, key in OLD_LAW_KEYS.items():
-        if old in law:
-            warnings.warn(f"{path}: law.{old} is an old name of law.{key}", stacklevel=3)
-            law = {key: law[old]} | {name: value for name, value in law.items() if name != old}
-    return {**content, "law": law}
-
-
-def _positive(value: Any) -> bool:
-    return isinstance(value, (int, float)) and np.isfinite(value) and value > 0
 
 
 def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:

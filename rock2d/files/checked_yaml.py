@@ -16,8 +16,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, mod
 from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
+from rock2d.files.text_files import place_in, read_text
 
-MOST_VALUES = 500_000  # aliases of aliases can blow up a small file
+MOST_VALUES = 500_000
+MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
+LONGEST_SHOWN = 60  # characters of a key or value in a message
 SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
 Path_ = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
@@ -106,7 +109,7 @@ def did_you_mean(word: object, choices: Iterable[str]) -> str:
     best = process.extract(
         str(word), list(choices), scorer=fuzz.ratio, processor=str.lower, score_cutoff=60, limit=1
     )
-    return f" (did you mean {best[0][0]!r}?)" if best else ""
+    return f" (did you mean {shown(best[0][0])}?)" if best else ""
 
 
 def shown(value: object) -> str:
@@ -122,7 +125,17 @@ def shown(value: object) -> str:
     if isinstance(value, int):
         return str(value) if abs(value) < 10**50 else "a huge number"
     text = f"{value:.12g}" if isinstance(value, float) else repr(str(value))
-    return text if len(text) <= 60 else text[:57] + "..."
+    return _short(text)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
+
+
+def key_shown(key: str | int) -> str:
+    """A key as a message shows it: short, without quotes, on one line."""
+    text = str(key)
+    return _short(text if text.isprintable() else repr(text)[1:-1])
 
 
 class Document:
@@ -151,7 +164,7 @@ class Document:
             place = place or self._values.get(own)
             if place:
                 break
-        dotted = ".".join(map(str, path))
+        dotted = ".".join(map(key_shown, path))
         text = f"{dotted}: {message}" if dotted else message
         return InputError(text, self.file, *(place or (1, 1)), code=code, **fields)
 
@@ -187,7 +200,7 @@ class Document:
                 key = item["loc"][-1]
                 problem = self.error(f"missing key {key!r}", *path, at="key", code="missing_key", key=key)
             else:
-                problem = self.error(_in_words(item["type"], item["msg"], context, value), *path)
+                problem = self.error(in_words(item["type"], item["msg"], context, value), *path)
             found.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
         return min(found, key=lambda entry: entry[:3])[3]
 
@@ -212,6 +225,7 @@ class Document:
             root = yaml.compose(text)
             if root is None:
                 raise InputError("the file is empty; expected keys and values", self.file, 1, 1, code="empty")
+            self._check_aliases(root)
             return self._plain(root, (), (), yaml)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
@@ -219,7 +233,7 @@ class Document:
             what = " ".join(str(part) for part in (error.context, error.problem) if part)
             raise InputError(f"not YAML: {what}", self.file, *place, code="not_yaml") from None
         except ReaderError as error:
-            place = _place_in(text, error.position)
+            place = place_in(text, error.position)
             raise InputError(
                 "not YAML: a character that YAML does not allow", self.file, *place, code="not_yaml"
             ) from None
@@ -236,6 +250,22 @@ class Document:
         ):
             # the parser's own slips on garbage
             raise InputError("not YAML that can be read", self.file, 1, 1, code="not_yaml") from None
+
+    def _check_aliases(self, root: Any) -> None:
+        """Refuse aliases that repeat too many values, before they are repeated."""
+        values: dict[int, int] = {}  # identity of a node -> values in it, 0 while they are counted
+
+        def count(node: Any) -> int:
+            if id(node) not in values:
+                values[id(node)] = 0
+                parts = node.value if isinstance(node.value, list) else ()
+                below = (item for part in parts for item in (part if isinstance(part, tuple) else (part,)))
+                values[id(node)] = 1 + sum(map(count, below))
+            return values[id(node)]
+
+        if count(root) > len(values) + MOST_REPEATED:
+            message = f"aliases repeat more than {MOST_REPEATED} values"
+            raise InputError(message, self.file, 1, 1, code="not_yaml")
 
     def _plain(self, node: Any, path: Path_, above: tuple[int, ...], yaml: Any) -> Any:
         line, column = node.start_mark.line + 1, node.start_mark.column + 1
@@ -281,7 +311,7 @@ class Document:
         return node.value
 
 
-def _in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
+def in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
     """Pydantic's complaint in the form "expected ..., found ..."."""
     found = shown(value)
     if kind == "float_type":
@@ -315,25 +345,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def read_text(file: str | Path) -> str:
-    """The text of a UTF-8 file; raises `InputError` if it is absent, no plain file or not UTF-8."""
-    try:
-        raw = Path(file).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        code = "missing_file" if isinstance(error, FileNotFoundError) else "unreadable"
-        raise InputError(f"cannot be read: {reason}", file, code=code) from None
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        place = _place_in(raw[: error.start].decode("utf-8", "replace"), None)
-        raise InputError(
-            f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place, code="not_text"
-        ) from None
-
-
-def _place_in(text: str, position: int | None) -> tuple[int, int]:
-    before = text[:position]
-    return before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1

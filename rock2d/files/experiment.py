@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, model_validator
 
 from rock2d.errors import InputError
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, read_text, shown
+from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
+from rock2d.files.text_files import read_text
 from rock2d.records.columns import IMPACT_COLUMNS
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -34,6 +36,7 @@ REQUIRED_IMPACT_COLUMNS = (
 )  # fmt: skip
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 
 
 class Camera(Checked):
@@ -110,7 +113,7 @@ def load_experiment(folder: str | Path) -> Experiment:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
-    document = Document(folder / "experiment.yaml")
+    document = Document(_inside(folder, "experiment.yaml"))
     keys = document.check(ExperimentKeys)
     cross_section = keys.cross_section.make()
     blocks = {name: block.make(name) for name, block in keys.blocks.items()}
@@ -123,7 +126,7 @@ def load_experiment(folder: str | Path) -> Experiment:
             path = path_inside(folder, relative)
         except OutsideFolderError as error:
             raise document.error(error.message, kind, code="outside_folder") from None
-        if not path.is_file():
+        if not path.exists():
             raise document.error(f"no file {shown(relative)} in {folder}", kind, code="missing_file")
         if kind == "trajectories":
             tables[kind] = read_trajectories(path, blocks)
@@ -143,6 +146,13 @@ def load_experiment(folder: str | Path) -> Experiment:
     )
 
 
+def _inside(folder: Path, name: str) -> Path:
+    try:
+        return path_inside(folder, name)
+    except OutsideFolderError as error:
+        raise InputError(error.message, folder / name, code="outside_folder") from None
+
+
 def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame:
     """Trajectories CSV as a frame of `TRAJECTORY_COLUMNS`; raises `InputError` with file and line."""
     import numpy as np
@@ -151,6 +161,8 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     lines, table = _read_table(path, TRAJECTORY_COLUMNS, (), {"block": blocks})
     measured = ("x_m", "y_m", "theta_rad")
     frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
+    if frame[list(measured)].isna().any(axis=1).all():
+        raise InputError("every frame is lost: no row has x_m, y_m and theta_rad", path, code="empty")
     release, t = frame["release"].to_numpy(), frame["t_s"].to_numpy()
     order = np.argsort(release, kind="stable")
     stuck = np.flatnonzero((np.diff(release[order]) == 0) & (np.diff(t[order]) <= 0))
@@ -233,7 +245,8 @@ def _read_table(
     header = [cell.strip() for cell in line.split(",")]
     known = [*required, *optional]
     if len(header) == 1 and (";" in line or "\t" in line):
-        raise InputError("cells must be separated by commas", path, top, code="bad_table")
+        also = "; numbers need a decimal point, not a comma" if "," in text else ""
+        raise InputError(f"cells must be separated by commas{also}", path, top, code="bad_table")
     for i, name in enumerate(header):
         if name in header[:i]:
             raise InputError(f"column {shown(name)} stands twice", path, top, code="duplicate", key=name)
@@ -250,8 +263,10 @@ def _read_table(
         raise InputError("there is no row below the header", path, top, code="empty")
     for number, line in rows:
         if line.count(",") != len(header) - 1:
-            cells = line.count(",") + 1
-            raise InputError(f"expected {len(header)} cells, found {cells}", path, number, code="bad_table")
+            message = f"expected {len(header)} cells, found {line.count(',') + 1}"
+            if line.count(",") >= len(header) and (found := DECIMAL_COMMA.search(line)):
+                message += f"; {shown(found[0])} looks like a decimal comma, write a decimal point"
+            raise InputError(message, path, number, code="bad_table")
     columns = zip(*[line.split(",") for _, line in rows], strict=True)
     table = dict(zip(header, ([cell.strip() for cell in column] for column in columns), strict=True))
     return [number for number, _ in rows], table
@@ -262,8 +277,12 @@ def _without_quotes(line: str, path: str | Path, number: int) -> str:
         cells = next(csv.reader([line], strict=True))
     except (csv.Error, StopIteration):
         raise InputError("a quote that does not close on its line", path, number, code="bad_table") from None
-    if any("," in cell for cell in cells):
-        raise InputError("a cell must not contain a comma", path, number, code="bad_table")
+    for cell in cells:
+        if DECIMAL_COMMA.fullmatch(cell.strip()):
+            message = f"{shown(cell)} has a decimal comma, write a decimal point"
+            raise InputError(message, path, number, code="bad_table")
+        if "," in cell:
+            raise InputError("a cell must not contain a comma", path, number, code="bad_table")
     return ",".join(cells)
 
 

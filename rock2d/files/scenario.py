@@ -187,14 +187,18 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
     source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:
-        message = f"the data are not here: say where {source.folder!r} lies with --data or {DATA_VARIABLE}"
+        message = (
+            f"the data are not here: say where {shown(source.folder)} lies with --data or {DATA_VARIABLE}"
+        )
         raise scenario._error(message, *where, code="missing_data", folder=source.folder)
     try:
         folder = path_inside(root, source.folder)
     except OutsideFolderError as error:
         raise scenario._error(error.message, *where, code="outside_folder") from None
     if not folder.is_dir():
-        message = f"no folder {source.folder!r} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
+        message = (
+            f"no folder {shown(source.folder)} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
+        )
         raise scenario._error(message, *where, code="missing_data", folder=source.folder)
     experiment = load_experiment(folder)
     if experiment.trajectories is None:

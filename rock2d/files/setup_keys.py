@@ -22,10 +22,13 @@ from rock2d.scene.shapes.shape import BlockError, Shape
 
 FARTHEST_M = 1.0e6
 MOST_CORNERS = 200
+LONGEST_NAME = 100
 WORDS = inertia_words()
 
 
 def _plain_name(name: str) -> str:
+    if len(name) > LONGEST_NAME:
+        raise mistake(f"expected a name of at most {LONGEST_NAME} characters, found {shown(name)}")
     if not name.strip() or name != name.strip() or not name.isprintable() or "," in name or '"' in name:
         raise mistake(f"expected a name without commas, quotes or spaces around it, found {shown(name)}")
     return name

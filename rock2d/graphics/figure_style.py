@@ -1,6 +1,6 @@
 """The common look of figures: sizes, lines, frames, legends, and writing them whole.
 
-Figures live outside any global state of matplotlib. Names that come from files go through `plain_text`.
+Figures live outside any global state of matplotlib and show every text as it is.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_file
@@ -18,9 +19,13 @@ LINESTYLES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.2)), (0, (6, 1.4,
 TEXT_PT, SMALL_PT = 9.0, 7.5
 
 
-def plain_text(text: str) -> str:
-    """Text that matplotlib shows as it is: a `$` is no mathematics."""
-    return text.replace("$", r"\$")
+class PlainFigure(Figure):
+    """A figure whose texts are shown as they are: a `$` in a name is no mathematics."""
+
+    def draw(self, renderer: Any) -> None:
+        for text in self.findobj(Text):
+            text.set_parse_math(False)
+        super().draw(renderer)
 
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
@@ -40,15 +45,15 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
 
 def blank_figure(wide_in: float, high_in: float) -> Figure:
     """An empty figure of this size in inches, outside any global state."""
-    figure = Figure(figsize=(wide_in, high_in), layout="constrained")
+    figure = PlainFigure(figsize=(wide_in, high_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def finish(figure: Figure, title: str = "") -> None:
-    """The common look: title (plain text), sizes of the labels, no frame at the top and on the right."""
+    """The common look: title, sizes of the labels, no frame at the top and on the right."""
     if title:
-        figure.suptitle(plain_text(title), fontsize=TEXT_PT + 2, fontweight="bold")
+        figure.suptitle(title, fontsize=TEXT_PT + 2, fontweight="bold")
     for axis in figure.axes:
         axis.tick_params(labelsize=SMALL_PT, length=3)
         axis.xaxis.label.set_fontsize(TEXT_PT)

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from rock2d.errors import InputError
-from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle, plain_text
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.trajectories import positions_of
 from rock2d.records.track import Track
@@ -68,7 +68,7 @@ def overlay_figure(
         left = 0.5 * (frame[0] + frame[1] - wide)
         top.set_xlim(left * factor, (left + wide) * factor)
         top.set_ylim(frame[2] * factor, (frame[2] + high) * factor)
-        top.set_title(plain_text(note), fontsize=SMALL_PT + 0.5)
+        top.set_title(note, fontsize=SMALL_PT + 0.5)
         top.set_xlabel(f"x ({unit})", labelpad=1)
         _draw_histories(height, angle, rows, track, factor)
         for axis, label in ((top, f"y ({unit})"), (height, f"y ({unit})"), (angle, "orientation (rad)")):

@@ -70,9 +70,9 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
 
 def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, list[Axes]]:
     """A figure of this size in inches with `columns` axes side by side, without top and right frame lines."""
-    from matplotlib.figure import Figure
+    from rock2d.graphics.figure_style import blank_figure
 
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure = blank_figure(width_in, height_in)
     axes = list(np.atleast_1d(figure.subplots(1, columns)))
     for own in axes:
         own.spines[["top", "right"]].set_visible(False)

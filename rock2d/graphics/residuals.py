@@ -17,7 +17,6 @@ from rock2d.graphics.figure_style import (
     blank_figure,
     finish,
     handle,
-    plain_text,
 )
 from rock2d.graphics.palette import INK, block_colours
 
@@ -60,9 +59,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
             t, colour = quantiles.index.to_numpy(float), colours[name]
             over.fill_between(t, quantiles[0.1], quantiles[0.9], color=colour, alpha=0.22, lw=0)
             style = LINESTYLES[i % len(LINESTYLES)]
-            over.plot(
-                t, quantiles[0.5], color=colour, ls=style, lw=1.5, label=plain_text(name.replace("_", " "))
-            )
+            over.plot(t, quantiles[0.5], color=colour, ls=style, lw=1.5, label=name.replace("_", " "))
             over.set_xlim(0, max(t.max(), over.get_xlim()[1] if i else 0.0))
         over.axhline(0, color="#555555", lw=0.7)
         over.grid(color="#e4e4e4", lw=0.6)
@@ -74,7 +71,7 @@ def residuals_figure(residuals: pd.DataFrame, title: str = "") -> Figure:
     axes[1, 0].set_ylabel("releases")
     grey = colours[names[0]] if len(names) == 1 else "#777777"
     handles = [
-        handle(plain_text(n.replace("_", " ")), color=colours[n], ls=LINESTYLES[i % len(LINESTYLES)], lw=1.6)
+        handle(n.replace("_", " "), color=colours[n], ls=LINESTYLES[i % len(LINESTYLES)], lw=1.6)
         for i, n in enumerate(names)
         if len(names) > 1
     ]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rock2d.errors import InputError
 from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
-from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle, plain_text
+from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import INK, LEADER_INK, LINE_INK, SKY, block_colours
 from rock2d.graphics.scenery import ground_image, placed_names
 from rock2d.records.columns import TIME
@@ -20,7 +20,14 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-STOP_MARKERS = {"rest": ("o", "came to rest"), "exit": (">", "left the section"), "time": ("s", "time limit")}
+STOP_MARKERS = {
+    "rest": ("o", "came to rest"),
+    "exit": (">", "left the section"),
+    "time": ("s", "time limit"),
+    "impacts": ("D", "limit of impacts"),
+    "spent": ("X", "energy spent"),
+    "buried": ("v", "sank into the ground"),
+}
 
 
 def trajectories_figure(
@@ -58,9 +65,7 @@ def trajectories_figure(
                 ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
         plural = "release" if len(own) == 1 else "releases"
-        axis.set_title(
-            f"{plain_text(name.replace('_', ' '))}, {len(own)} {plural}", loc="left", fontsize=TEXT_PT
-        )
+        axis.set_title(f"{name.replace('_', ' ')}, {len(own)} {plural}", loc="left", fontsize=TEXT_PT)
         axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:
             axis.set_xlabel(f"x ({length_unit(view.limits_m)[0]})")
@@ -102,7 +107,7 @@ def draw_cross_section(
             axis.plot(
                 view.left_m + leader[:, 0], view.top_m - leader[:, 1], color=LEADER_INK, lw=0.6, zorder=2
             )
-        text = axis.text(x, y, plain_text(name.text), size=SMALL_PT, color=name.colour, va="center", zorder=5)
+        text = axis.text(x, y, name.text, size=SMALL_PT, color=name.colour, va="center", zorder=5)
         text.set_in_layout(False)
         if name.colour == LINE_INK:
             text.set_path_effects([withStroke(linewidth=2.5, foreground=SKY)])

@@ -19,6 +19,7 @@ from rock2d.engines.geometry import (
     point_depth,
     polygon_depth,
 )
+from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.segmentation import (
     ACCELERATION_SD,
@@ -38,6 +39,7 @@ NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
+SMALLEST_NOISE = 1.0e-9  # of positions in m and angles in rad, for films without noise
 NOISE_LAGS = 6  # frames over which the noise may be correlated
 
 
@@ -92,10 +94,15 @@ class Segmentation:
 
 
 def load_film(experiment: Experiment) -> Film:
-    """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped."""
+    """Frames of an experiment with trajectories. Lost frames are left out, angles are unwrapped.
+
+    Raises InputError if every frame is lost.
+    """
     table = experiment.trajectories
     assert table is not None
     table = table.dropna().sort_values(["release", "t_s"], kind="stable")
+    if table.empty:
+        raise InputError("every frame of the film is lost", experiment.folder, code="empty")
     names, release = np.unique(table["release"].to_numpy(), return_inverse=True)
     block_names = list(experiment.blocks)
     starts = np.searchsorted(release, np.arange(len(names)))
@@ -136,7 +143,7 @@ def _first_noise(film: Film) -> Array:
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
     residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
     variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
-    return np.maximum(np.sqrt(np.median(variance, axis=0)), 1e-9)
+    return np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
 
 
 def segment_film(world: World, film: Film) -> Segmentation:
@@ -267,7 +274,7 @@ def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
         used += 1
     if freedom < 50:
         return film.noise, film.noise
-    variance = lagged[0] / freedom
+    variance = np.maximum(lagged[0] / freedom, SMALLEST_NOISE**2)
     # four fitted parameters give even white noise a small negative correlation
     correlation = lagged[1:] / pairs[1:, None] / variance + 4.0 * used / (freedom + 4.0 * used)
     sigma = np.sqrt(variance)

@@ -45,25 +45,33 @@ def below_ground(world: World, film: Film) -> float:
     return float(shapely.contains_xy(ground, pose[:, X], pose[:, Y]).mean())
 
 
+def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
+    """Of each release (releases,): height of the block above the ground at its lowest, in radii, negative in the
+    ground; and the number of frames after that one."""
+    step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
+    blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
+    ground = ground_arrays(world.cross_section, 10 * max(radius for _, radius in blocks))
+    starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
+    lowest = []
+    for b, (first, last) in zip(film.release_block, itertools.pairwise(starts), strict=True):
+        block, radius = blocks[b]
+        gap = clearances(block, ground, world.view.true(film.pose[first:last:step]))
+        low = int(np.argmin(gap))
+        lowest.append((gap[low] / radius, last - first - 1 - low * step))
+    gaps, left = np.array(lowest).T
+    return gaps, left
+
+
 def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[World, str] | None:
     """The world in which most releases come down to the ground and no farther, and a text that says what differs in it;
     None if there is none.
 
     gravity : (2,) acceleration in m/s² of flights as recorded, None if it is not known
     """
-    step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
-    frames = [film.pose[film.release == r][::step] for r in range(len(film.release_names))]
-    blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
-    reach = 10 * max(radius for _, radius in blocks)
 
     def miss(other: World) -> float:
         """Median over releases of the distance in block radii of the lowest point from the ground."""
-        ground = ground_arrays(other.cross_section, reach)
-        gaps = [
-            abs(clearances(blocks[b][0], ground, other.view.true(own)).min()) / blocks[b][1]
-            for b, own in zip(film.release_block, frames, strict=True)
-        ]
-        return float(np.median(gaps))
+        return float(np.median(np.abs(lowest_gaps(other, film)[0])))
 
     best, text = min([*_cameras(world, gravity), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
     return (

@@ -16,35 +16,36 @@ import numpy as np
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
-from rock2d.kinematics.registration import POSSIBLE_BELOW_GROUND, below_ground, registered_world
+from rock2d.kinematics.recorded_gravity import LARGEST_RATIO, LEAST_RATIO, recorded_gravity
+from rock2d.kinematics.registration import (
+    LARGEST_GAP_RADII,
+    POSSIBLE_BELOW_GROUND,
+    below_ground,
+    lowest_gaps,
+    registered_world,
+)
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.scene.world import View, World
 
 Array = np.ndarray
 
-GRAVITY_WINDOWS = (
-    768,
-    384,
-    192,
-    96,
-    64,
-    48,
-    32,
-    20,
-    12,
-)  # frames of the parabolas from which gravity is read
 FEWEST_RELEASES = 6
 FEWEST_IMPACTS = 15
 MIRRORED_SIGNS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
 IMPOSSIBLE_BELOW_GROUND = 0.2  # share of the frames with the centroid in the ground
+STILL_ANGLE_SDS = 1.5  # standard deviation of an angle that does not change, over that of the noise
+MOST_BESIDE = 0.5  # share of the frames
+LANDED_FRAMES = 5  # recorded after the lowest position of a block that has come down
+DEEP_RADII, FAR_RADII = 0.5, 2.0  # block radii below and above the ground that no soil explains
 
 
 # codes of faults
 FEW_RELEASES, FEW_IMPACTS, NO_FRAMES = "few_releases", "few_impacts", "no_frames"
 FRAME_RATE, LENGTH_UNIT, ANGLE_UNIT = "frame_rate", "length_unit", "angle_unit"
 NO_MOTION, WRONG_GRAVITY, UPWARD_GRAVITY = "no_motion", "wrong_gravity", "upward_gravity"
-BELOW_GROUND, ENERGY_GAIN = "below_ground", "energy_gain"
+BELOW_GROUND, ABOVE_GROUND, BESIDE_GROUND = "below_ground", "above_ground", "beside_ground"
+CONSTANT_ANGLE, ENERGY_GAIN = "constant_angle", "energy_gain"
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,23 @@ def _check_releases(releases: int, found: Sanity) -> None:
 
 
 def check_film(experiment: Experiment, film: Film) -> Sanity:
-    """Checks of the recorded frames: numbers, time step, units, axes, ground."""
+    """Checks of the recorded frames: numbers, time step, units, angles, axes, ground, sizes."""
     found = Sanity()
+    _check_gravity_is_given(experiment, found)
     _check_time_step(experiment, film, found)
     _check_units(experiment, film, found)
+    _check_angles(experiment, film, found)
     if not found.faults:
         _check_axes(experiment, film, found)
+    if not found.faults and found.registered is None:
+        _check_touches(experiment, film, found)
     _check_releases(len(film.release_names), found)
     return found
+
+
+def _check_gravity_is_given(experiment: Experiment, found: Sanity) -> None:
+    if experiment.gravity_m_s2 == 0:
+        found.fail(WRONG_GRAVITY, "gravity_m_s2 is 0: without gravity no block falls")
 
 
 def _check_time_step(experiment: Experiment, film: Film, found: Sanity) -> None:
@@ -146,10 +156,10 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
             f"all positions lie within {np.ptp(film.pose[:, POSITION], axis=0).max():.3g} m of each other on a set-up "
             f"of {setup:.3g} m: wrong unit, or a block that never moved",
         )
-    gravity = _recorded_gravity(experiment, film)
+    gravity = recorded_gravity(experiment, film)
     if gravity is not None and not found.faults:
         ratio = abs(gravity[Y]) / max(experiment.gravity_m_s2, 1e-9)
-        if not 0.6 < ratio < 1.6:
+        if not LEAST_RATIO < ratio < LARGEST_RATIO:
             found.fail(
                 WRONG_GRAVITY,
                 f"blocks in flight accelerate by {abs(gravity[Y]):.3g} m/s², gravity is {experiment.gravity_m_s2:g}: "
@@ -168,52 +178,8 @@ def _check_units(experiment: Experiment, film: Film, found: Sanity) -> None:
             )
 
 
-def _recorded_gravity(experiment: Experiment, film: Film) -> Array | None:
-    """(2,) acceleration in m/s² of the frames that lie on a curved parabola; None if too few do.
-
-    A short window may be the smooth turn of an impact, a long one a slide. So the mode over the windows of one length
-    counts, and of all lengths the mode nearest to gravity. If none is near it, lengths or times are wrong.
-    """
-    found = []
-    for window in GRAVITY_WINDOWS:
-        a, error = _curvatures(film, window)
-        use = (np.abs(a[:, Y]) > 8 * error) & (experiment.gravity_m_s2 > 8 * error)
-        if use.sum() >= 20:
-            found.append(_mode(a[use]))
-    stated = max(experiment.gravity_m_s2, 1e-9)
-    return min(found, key=lambda a: abs(np.log(abs(a[Y]) / stated)), default=None)
-
-
-def _mode(a: Array) -> Array:
-    """Mode of vectors (n, 2) along y: the median of the closest quarter of them, or of the closest ten."""
-    a = a[np.argsort(a[:, Y])]
-    k = max(len(a) // 4, min(len(a), 10))
-    first = int(np.argmin(a[k - 1 :, Y] - a[: len(a) - k + 1, Y]))
-    return np.asarray(np.median(a[first : first + k], axis=0))
-
-
-def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
-    """Accelerations (n, 2) of the windows of frames in which a block moves smoothly, and standard errors (n,) of their
-    y component."""
-    start = np.arange(0, len(film.t_s) - window, max(window // 2, 1))
-    start = start[film.release[start] == film.release[start + window - 1]]
-    frames = start[:, None] + np.arange(window)
-    t = film.t_s[frames]
-    t = t - t.mean(axis=1, keepdims=True)
-    pose = film.pose[frames]
-    cubic = (t**3).mean(axis=1, keepdims=True) / (t**2).mean(axis=1, keepdims=True) * t
-    square = t**2 - (t**2).mean(axis=1, keepdims=True) - cubic
-    a = 2 * np.einsum("wf,wfc->wc", square, pose) / (square**2).sum(axis=1)[:, None]
-    v = np.einsum("wf,wfc->wc", t, pose) / (t**2).sum(axis=1)[:, None]
-    fitted = pose.mean(axis=1)[:, None] + v[:, None] * t[..., None] + 0.5 * a[:, None] * square[..., None]
-    error = 2 * film.noise[Y] / np.sqrt((square**2).sum(axis=1))
-    rough = np.sqrt(((pose - fitted) ** 2).mean(axis=1)) / film.noise
-    smooth = rough[:, POSITION].max(axis=1) < 1.4
-    return a[smooth, POSITION], error[smooth]
-
-
 def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
-    gravity = _recorded_gravity(experiment, film)
+    gravity = recorded_gravity(experiment, film)
     upwards = gravity is not None and gravity[Y] > 0
     setup = setup_world(experiment)
     worlds = {axis: replace(setup, view=View(mirror=mirror)) for axis, mirror in MIRRORED_SIGNS.items()}
@@ -253,9 +219,61 @@ def _check_axes(experiment: Experiment, film: Film, found: Sanity) -> None:
         found.registered = worlds[found.mirror]
 
 
+def _check_angles(experiment: Experiment, film: Film, found: Sanity) -> None:
+    """An angle that was not measured: it does not change in any release of a block, though the block moves."""
+    for b, name in enumerate(film.block_names):
+        own = [film.pose[film.release == r] for r in np.flatnonzero(film.release_block == b)]
+        moved = [pose for pose in own if np.ptp(pose[:, POSITION], axis=0).max() > 10 * film.noise[X]]
+        still = STILL_ANGLE_SDS * experiment.angle_noise_rad
+        if not moved or any(np.std(pose[:, THETA]) > still for pose in moved):
+            continue
+        message = f"the angle of block {name} never changes, though the block moves: was theta_rad measured?"
+        if experiment.blocks[name].shape == "circle":
+            found.remarks.append(f"{message} Its spin and the effects on it cannot be judged")
+        else:
+            found.fail(CONSTANT_ANGLE, message)
+
+
+def _check_touches(experiment: Experiment, film: Film, found: Sanity) -> None:
+    """A film beside the ground, above it or deep in it: another origin, or another block than stated."""
+    setup = setup_world(experiment)
+    ends = experiment.cross_section.points_m[[0, -1], X]
+    beside = float(((film.pose[:, X] < ends[0]) | (film.pose[:, X] > ends[1])).mean())
+    if beside > MOST_BESIDE:
+        found.fail(
+            BESIDE_GROUND,
+            f"in {100 * beside:.0f} % of the frames the block is beside the cross-section: "
+            "they do not belong together (origin, scale or axes)",
+        )
+        return
+    gaps, left = lowest_gaps(setup, film)
+    landed = left > LANDED_FRAMES  # others may have ended in mid-air
+    for b, name in enumerate(film.block_names):
+        own, radius = gaps[landed & (film.release_block == b)], experiment.blocks[name].radius_m
+        gap = float(np.median(own)) if len(own) else 0.0
+        if gap < -DEEP_RADII:
+            found.remarks.append(
+                f"block {name} sinks {-gap * radius:.3g} m into the ground (median of the releases), {-gap:.1f} times "
+                "its radius: are its size and the origin right?"
+            )
+        elif gap > LARGEST_GAP_RADII:
+            found.remarks.append(
+                f"block {name} comes no closer to the ground than {gap * radius:.3g} m (median of the releases), "
+                f"{gap:.1f} times its radius: are its size and the origin right?"
+            )
+    gap = float(np.median(gaps[landed])) if landed.any() else 0.0
+    if gap > FAR_RADII and registered_world(setup, film, recorded_gravity(experiment, film)) is None:
+        found.fail(
+            ABOVE_GROUND,
+            f"the blocks come no closer to the ground than {gap:.1f} times their radius (median of the releases): "
+            "the cross-section and the film do not belong together (origin, scale or axes)",
+        )
+
+
 def check_table(experiment: Experiment, data: ImpactTable) -> Sanity:
     """Checks of an impact table: numbers, units, direction of the impacts, energy."""
     found = Sanity()
+    _check_gravity_is_given(experiment, found)
     _check_releases(len(data.order), found)
     if found.faults:
         return found

@@ -9,14 +9,14 @@ from rock2d.blind.scoring import summary
 
 
 def test_labels_cannot_become_markup(tmp_path):
-    row = {"case": "000", "label": "air_drag", "verdict": "<script>", "p": 0.9, "right": False, "top3": False,
+    row = {"case": "<i>0", "label": "<b>$x^$", "verdict": "<script>", "p": 0.9, "right": False, "top3": False,
            "p_truth": 0.1, "p_none": 0.0, "p_unknown": 0.0, "brier": 1.0, "signal_to_noise": 20.0, "releases": 30,
            "noise": 0.01, "diagnosed": True, "phase": "flight", "phases": "flight", "closure": 0.1,
            "runner_up": 0.1, "regression_closure": 0.1, "heldout_base": 1.0, "heldout_diagnosed": 1.0,
            "seconds": 1.0}  # fmt: skip
     cases = pd.DataFrame([row, row | {"case": "001"}])
     pair = {
-        "label": "air_drag",
+        "label": "<b>$x^$",
         "verdict": "<script>",
         "count": 2,
         "cosine": None,
@@ -24,5 +24,6 @@ def test_labels_cannot_become_markup(tmp_path):
     }
     write_page(cases, summary(cases) | {"confused": [pair]}, "0" * 64, tmp_path / "score.html")
     page = (tmp_path / "score.html").read_text(encoding="utf-8")
-    assert "<script" not in page and "&lt;script&gt;" in page
+    assert not any(tag in page for tag in ("<script", "<i>", "<b>"))
+    assert all(text in page for text in ("&lt;script&gt;", "&lt;i&gt;", "&lt;b&gt;"))
     assert page.count("<img ") == 5

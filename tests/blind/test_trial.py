@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 
 from rock2d.blind import case_files, reality
-from rock2d.blind.case_files import make_trial, read_labels, redraw
+from rock2d.blind.case_files import make_trial, read_index, read_labels, redraw
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_table, summary
 from rock2d.blind.signal_to_noise import likeness, signal_to_noise
@@ -218,3 +219,22 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
         json.loads((tmp_path / "t" / "results" / "001.json").read_text())["statistics"], learned
     )
     assert max(named, key=named.__getitem__) == "air_drag"
+
+
+@pytest.mark.parametrize("damage", ["[" * 100_000, "[]", '{"diagnosis": {"probabilities": 3}}'])
+def test_a_damaged_result_is_refused_with_its_file(tmp_path, damage):
+    text = json.dumps({"000": {"label": "none"}})
+    (tmp_path / "labels.json").write_text(text)
+    index = {"count": 1, "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
+    (tmp_path / "cases.json").write_text(json.dumps(index))
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "000.json").write_text(damage)
+    with pytest.raises(InputError, match=r"000\.json"):
+        score_table(tmp_path)
+
+
+@pytest.mark.parametrize("index", ["[]", '{"count": "1", "seed": 1, "labels_sha256": ""}', "\x00"])
+def test_a_damaged_index_of_a_trial_is_refused(tmp_path, index):
+    (tmp_path / "cases.json").write_text(index)
+    with pytest.raises(InputError, match=r"cases\.json"):
+        read_index(tmp_path)

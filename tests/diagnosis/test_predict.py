@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -10,8 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from rock2d.cli import cli
+from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
-from rock2d.diagnosis.predict import COLUMNS, predict, read_model
+from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
@@ -56,17 +61,36 @@ def test_segments_cover_what_follows_the_first_flight(content):
     assert one.t_s.max() == whole.t_s.max()
 
 
+def _without_a_parameter(content):
+    broken = copy.deepcopy(content)
+    broken["effects"]["camera_tilt"]["parameters"].popitem()
+    return broken
+
+
 def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
     path = tmp_path / "diagnosis.json"
     for broken, said in (
         ("{", "not JSON"),
         ("[]", '"schema": 1'),
         (json.dumps({**content, "base": {}}), "expected base parameters"),
+        (json.dumps({**content, "base": {**content["base"], "k_l_N_m": -1}}), "base.k_l_N_m: expected"),
+        (json.dumps({**content, "effects": []}), "effects: expected a mapping"),
+        (json.dumps({**content, "effects": {}}), "camera_tilt, is missing"),
+        (json.dumps({**content, "verdict": ["camera_tilt"]}), "verdict: expected text"),
+        (json.dumps({**content, "verdict": "magic"}), "verdict: expected none, unknown or an effect"),
+        (json.dumps({**content, "series": {"cube": "1"}}), "series.cube: expected a whole number"),
+        (json.dumps({**content, "law": 1}), "law: expected a mapping"),
+        (
+            json.dumps({**content, "beside": [{"effect": "x", "parameters": {}}]}),
+            "missing key 'beside.0.base'",
+        ),
+        (json.dumps(_without_a_parameter(content)), "missing parameter"),
+        ("[" * 100_000, "nested too deeply"),
     ):
         path.write_text(broken, encoding="utf-8")
         with pytest.raises(InputError, match=said):
             read_model(path)
-    with pytest.raises(InputError, match="no such diagnosis"):
+    with pytest.raises(InputError, match="cannot be read: No such file"):
         read_model(tmp_path / "absent.json")
 
 
@@ -93,13 +117,30 @@ def test_commands_write_what_they_say(tmp_path, content):
     assert list(table.columns) == list(COLUMNS) and len(table) > 100
 
 
-def test_too_poor_an_experiment_still_gets_its_files(tmp_path):
+def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
     write_experiment(tmp_path / "film", film(world(), 2, seed=5))
-    result = CliRunner().invoke(
-        cli, ["diagnose", str(tmp_path / "film"), "--out", str(tmp_path / "out"), "--quiet"]
+    command = [sys.executable, "-m", "rock2d.cli", "diagnose", str(tmp_path / "film"), "--quiet"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
     )
-    assert result.exit_code == 0, result.output
-    assert "too few" in result.output
+    assert done.returncode == 2 and "not diagnosed" in done.stderr and "too few" in done.stderr, done.stderr
     written = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert written["verdict"] == "unknown" and sum(written["probabilities"].values()) == pytest.approx(1.0)
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):
+    write_experiment(tmp_path / "film", film(world(), 2, seed=5))
+
+    def diagnose_into(out):
+        arguments = (tmp_path / "film", tmp_path / out)
+        with pytest.raises(InputError) as caught:
+            run_diagnosis(*arguments, seed=0, workers=1, progress=False, report=lambda line: None)
+        return caught.value.code
+
+    assert diagnose_into("out") == diagnose_into("out") == "not_diagnosed"
+    (tmp_path / "out" / "diagnosis.json").write_text('{"schema": 1}')
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("notes")
+    assert diagnose_into("out") == diagnose_into("mine") == diagnose_into("film") == "not_a_result"
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]

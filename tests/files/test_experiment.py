@@ -17,7 +17,7 @@ from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_ex
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.files.mutation import mutate_bytes, mutate_data
+from tests.hunt.mutations import mutate_bytes, mutate_data
 
 SETUP = """\
 name: set-up
@@ -141,6 +141,9 @@ def test_a_mistake_in_the_yaml_gets_its_place_and_what_was_expected(folder, old,
         ("theta_rad", "theta", 1, "did you mean 'theta_rad'"),
         (",theta_rad", "", 1, "column theta_rad is missing"),
         ("y_m", "x_m", 1, "stands twice"),
+        ("0.003,-0.008", "0,003,-0,008", 4, "expected 6 cells, found 8; '0,003' looks like a decimal comma"),
+        ("0.003,-0.008", '"0,003",-0.008', 4, "'0,003' has a decimal comma"),
+        ("0.003,-0.008", '"a,b",-0.008', 4, "must not contain a comma"),
     ],
 )
 def test_a_mistake_in_the_csv_gets_its_line_and_column(folder, old, new, line, words):
@@ -148,6 +151,18 @@ def test_a_mistake_in_the_csv_gets_its_line_and_column(folder, old, new, line, w
     (folder / "seen.csv").write_text(ROWS.replace(old, new, 1))
     message = refusal(folder)
     assert message.startswith(f"{folder / 'seen.csv'}:{line}: ") and words in message, message
+
+
+def test_a_table_of_a_spreadsheet_with_decimal_commas_is_named(folder):
+    (folder / "seen.csv").write_text("release;block;t_s;x_m;y_m;theta_rad\n0;sphere;0,001;1;2;3\n")
+    assert "numbers need a decimal point" in refusal(folder)
+
+
+def test_a_film_without_any_whole_frame_is_refused(folder):
+    rows = ROWS.splitlines()
+    lost = [",".join([*row.split(",")[:4], "", ""]) for row in rows[1:]]
+    (folder / "seen.csv").write_text("\n".join([rows[0], *lost]))
+    assert "every frame is lost" in refusal(folder)
 
 
 def test_quotes_bom_and_windows_lines_are_read(folder):
@@ -192,13 +207,13 @@ finite = st.floats(-1e3, 1e3)
 
 @settings(max_examples=30, deadline=None)
 @given(
-    rows=st.lists(st.tuples(finite, finite, finite | st.just(np.nan)), min_size=1, max_size=20),
+    rows=st.lists(st.tuples(finite, finite, finite | st.just(np.nan)), max_size=20),
     size=st.floats(1e-3, 10.0),
     mass=st.floats(1e-3, 1e4),
 )
 def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, mass):
-    x, y, theta = map(np.array, zip(*rows, strict=True))
-    n = len(rows)
+    x, y, theta = map(np.array, zip((0.0, 0.0, 0.0), *rows, strict=True))
+    n = len(x)
     time = np.arange(n) / 3
     blocks = [
         make_block("a", "circle", mass, "solid_sphere", diameter_m=size),

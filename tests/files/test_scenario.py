@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from ruamel.yaml import YAML
 
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
-from tests.files.mutation import mutate_bytes, mutate_data
+from tests.hunt.mutations import mutate_bytes, mutate_data
 
 SHIPPED = Path(__file__).parents[2] / "scenarios"
 WITHOUT_DATA = sorted(path for path in SHIPPED.glob("*.yaml") if path.stem != "real_squares")
@@ -141,6 +143,31 @@ def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, wor
     message = refusal(file)
     place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
     assert words in message and message.startswith(f"{file}:{place}: "), message
+
+
+def test_long_and_unprintable_names_are_shortened_on_one_line(write):
+    for old, new in (
+        ("engine:", f"{'k' * 1000}:"),
+        ("engine:", '"a\\n\\e[31mb":'),
+        ("  sphere:", f"  {'s' * 1000}:"),
+    ):
+        message = refusal(write(SMALL.replace(old, new)))
+        assert len(message) < 400 and message.isprintable(), message
+    message = refusal(write(SMALL.replace("cube", "c" * 1000)))
+    assert "at most 100 characters" in message and len(message) < 300
+
+
+def test_aliases_that_repeat_each_other_are_refused_before_they_are_repeated(write):
+    bomb = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+    for name, below in itertools.pairwise("abcdefgh"):
+        bomb += f"{below}: &{below} [{', '.join(10 * [f'*{name}'])}]\n"
+    begin = time.perf_counter()
+    assert "aliases repeat more than" in refusal(write(bomb))
+    assert time.perf_counter() - begin < 1.0
+    once = SMALL.replace("half_kg_m_s: 0.025", "half_kg_m_s: &m 0.025").replace(
+        "half_kg_m_s: 0.04", "half_kg_m_s: *m"
+    )
+    assert load_scenario(write(once)).rebound_parameters("cube")["ditch"].momentum_half_kg_m_s == 0.025
 
 
 def test_a_former_key_is_read_with_a_warning_that_names_its_place_and_the_key(write):

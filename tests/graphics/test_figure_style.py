@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from rock2d.diagnosis.report.figures import Misses, section_figure
 from rock2d.errors import InputError
 from rock2d.graphics.energies import energy_figure
 from rock2d.graphics.figure_style import save_figure
@@ -21,8 +23,8 @@ def test_a_figure_is_saved_whole_or_not_at_all(tmp_path):
         assert save_figure(figure, tmp_path / f"a.{suffix}", dpi=60).stat().st_size > 1000
     with pytest.raises(InputError, match=r"\.doc"):
         save_figure(figure, tmp_path / "a.doc")
-    figure.axes[0].set_title("$\\broken$")  # drawing fails midway
-    with pytest.raises(ValueError, match="broken"):
+    figure.axes[0].set_title("\ud800")  # a character that cannot be drawn
+    with pytest.raises((TypeError, UnicodeError)):
         save_figure(figure, tmp_path / "b.png")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.pdf", "a.png"]
 
@@ -32,11 +34,19 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path):
     name = "ball$\\frac$"
     block = make_block(name, "circle", 0.02, "solid_sphere", diameter_m=0.05)
     track = flight(name, 0)
+    way = track.states(np.array([0.0, 0.4]))[:, :2]
     figures = (
         trajectories_figure(floor, {name: block}, [track], "$x^$"),
         overlay_figure(floor, {name: block}, rows_of(track), [track], title="$x^$"),
         residuals_figure(rows_of(track).assign(dx_m=0.1, dy_m=0.0, dtheta_rad=0.0), "$x^$"),
         energy_figure(track, block, "$x^$"),
+        section_figure(
+            floor,
+            {name: block, "$^_$": block},
+            [way],
+            Misses(way, np.zeros(2, int), np.ones(2)),
+            {"a$_{b$": 1.0},
+        ),
     )
     for k, figure in enumerate(figures):
         assert save_figure(figure, tmp_path / f"{k}.png", dpi=60).stat().st_size > 1000

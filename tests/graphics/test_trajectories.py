@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from rock2d.graphics.trajectories import trajectories_figure
+from rock2d.graphics.trajectories import STOP_MARKERS, trajectories_figure
+from rock2d.records.columns import STOPS
 from tests.graphics.flights import BLOCKS, FLOOR, flight
 
 
@@ -17,3 +20,9 @@ def test_trajectories_have_a_panel_a_block_with_every_release_on_it():
     for axis in figure.axes:
         assert axis.get_aspect() == 1.0
         assert {t.get_text() for t in axis.texts} >= {"floor", "gate"}
+
+
+@pytest.mark.parametrize("stop", STOPS)
+def test_every_stop_has_a_mark_and_an_entry_of_the_legend(stop):
+    figure = trajectories_figure(FLOOR, BLOCKS, [replace(flight("ball", 0), stop=stop)])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [STOP_MARKERS[stop][1]]

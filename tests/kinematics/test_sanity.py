@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,12 @@ import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.effects import catalogue
+from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.kinematics.stated_shapes import shape_remarks
+from rock2d.scene.blocks import make_block
 from tests.kinematics.synthetic_films import film, world
 
 NOTHING = {"angle_offset": catalogue()["angle_offset"]}
@@ -19,6 +24,11 @@ NOTHING = {"angle_offset": catalogue()["angle_offset"]}
 @pytest.fixture(scope="module")
 def plain():
     return film(world(), 8, seed=4)
+
+
+@pytest.fixture(scope="module")
+def many():
+    return film(world(), 40, seed=4)
 
 
 def changed(experiment, **columns):
@@ -42,11 +52,76 @@ def test_a_sound_film_has_no_faults(plain):
         (lambda t: {"theta_rad": np.rad2deg(t.theta_rad)}, "degrees"),
         (lambda t: {"t_s": 4.0 * t.t_s}, "frames/s"),
         (lambda t: {"y_m": t.y_m - 0.2}, "inside the ground"),
+        (lambda t: {"y_m": t.y_m + 0.2}, "no closer to the ground"),
+        (lambda t: {"x_m": t.x_m + 9.0}, "beside the cross-section"),
+        (lambda t: {"theta_rad": 0.3}, "angle of block cube never changes"),
         (lambda t: {"x_m": 0.0 * t.x_m, "y_m": 0.1 + 0.0 * t.y_m}, "never moved"),
     ],
 )
 def test_faults_are_said_in_words(plain, change, said):
     assert said in faults(changed(plain, **change(plain.trajectories)))
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3, 2.0, 3.0, 10.0, 25.4])
+def test_a_wrong_scale_is_said_with_its_factor(plain, factor):
+    t = plain.trajectories
+    said = faults(changed(plain, x_m=factor * t.x_m, y_m=factor * t.y_m))
+    found = float(re.search(r"lengths would be wrong by a factor ([\d.e+]+)", said)[1])
+    assert found == pytest.approx(factor, rel=0.03)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 4.0])
+def test_a_wrong_frame_rate_is_said_with_its_factor(plain, factor):
+    slow = changed(plain, t_s=factor * plain.trajectories.t_s)
+    slow.fps = plain.fps / factor
+    found = float(re.search(r"or the frame rate by ([\d.e+]+)", faults(slow))[1])
+    assert found == pytest.approx(factor, rel=0.03)
+
+
+def test_gravity_of_zero_is_a_fault(plain):
+    assert "gravity_m_s2 is 0" in faults(replace(plain, gravity_m_s2=0.0))
+
+
+def test_a_constant_angle_of_a_circle_is_remarked(plain):
+    t = plain.trajectories
+    found = check_film(
+        still := changed(plain, theta_rad=t.theta_rad.where(t.block != "sphere", 0.0)), load_film(still)
+    )
+    assert not found.faults and "angle of block sphere never changes" in found.remarks[0]
+
+
+def test_a_film_a_little_too_high_is_remarked(plain):
+    high = changed(plain, y_m=plain.trajectories.y_m + 0.05)
+    found = check_film(high, load_film(high))
+    assert any(
+        "comes no closer to the ground than" in text for text in [*found.remarks, *map(str, found.faults)]
+    )
+
+
+@pytest.mark.parametrize(("side_m", "said"), [(0.05, "sinks"), (0.007, "comes no closer")])
+def test_a_block_of_another_size_is_remarked(plain, side_m, said):
+    other = {**plain.blocks, "cube": make_block("cube", "square", 0.0233, side_m=side_m)}
+    found = check_film(wrong := replace(plain, blocks=other), load_film(wrong))
+    assert not found.faults and len(found.remarks) == 1 and f"block cube {said}" in found.remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "stated"),
+    [
+        ("cube", {"shape": "circle", "diameter_m": 0.019}),
+        ("cube", {"shape": "rectangle", "length_m": 0.03, "height_m": 0.01}),
+        ("sphere", {"shape": "square", "side_m": 0.022}),
+    ],
+)
+def test_a_block_of_another_shape_is_remarked(many, name, stated):
+    blocks = {**many.blocks, name: make_block(name, mass_kg=0.0233, **stated)}
+    wrong, film = replace(many, blocks=blocks), load_film(many)
+    (remark,) = shape_remarks(FilmSegments.of(film, setup_world(wrong)), setup_world(wrong))
+    assert f"block {name}" in remark and stated["shape"] in remark
+
+
+def test_the_right_shapes_are_not_remarked(many):
+    assert not shape_remarks(FilmSegments.of(load_film(many), setup_world(many)), setup_world(many))
 
 
 def test_wrong_frame_rate_shows_in_gravity(plain):

@@ -14,6 +14,7 @@ from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
+from rock2d.errors import InputError
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -129,3 +130,10 @@ def test_a_step_that_leaps_is_shortened():
     flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
     lost = cross_validate(found, data).score.sum() - cross_validate(flat, data).score.sum()
     assert abs(lost) < 30.0  # 138 if it is taken whole
+
+
+def test_a_film_whose_frames_are_all_lost_is_refused():
+    experiment = film(world(), 2)
+    experiment.trajectories["y_m"] = np.nan
+    with pytest.raises(InputError, match="every frame of the film is lost"):
+        load_film(experiment)

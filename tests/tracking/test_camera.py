@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from rock2d_tracking.camera import PixelMap
@@ -97,3 +99,9 @@ def test_mistakes_are_told_with_their_place(tmp_path, scale, changes, said):
     with pytest.raises(InputError, match=said) as error:
         setup(tmp_path, scale, **changes)
     assert "setup.yaml:" in str(error.value)
+
+
+def test_a_checkerboard_that_is_a_pipe_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "board.png")
+    with pytest.raises(InputError, match="expected a file, found a pipe"):
+        setup(tmp_path, "{checkerboard: board.png, columns: 10, rows: 7, square_m: 0.012}")

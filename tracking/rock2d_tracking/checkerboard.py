@@ -8,6 +8,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.folders import path_inside
+from rock2d.files.text_files import require_regular
 
 LARGEST_SCALE_SPREAD = 0.02  # over the board; with a larger one the camera looked at a slant
 
@@ -23,6 +24,7 @@ def scale_of_board(folder: Path, picture: str, corners: tuple[int, int], square_
         path = path_inside(folder, picture)
     except ValueError as error:
         raise InputError(str(error)) from None
+    require_regular(path)
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if image is None:
         raise InputError("cannot be read as a picture", path)

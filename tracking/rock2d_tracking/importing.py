@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.checked_yaml import did_you_mean, read_text, shown
+from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.files.experiment import LARGEST, TRAJECTORY_COLUMNS
+from rock2d.files.text_files import read_text
 from rock2d.scene.blocks import Block
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.importers import find_importer, importer_names

@@ -35,9 +35,12 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
 }
 SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
 UNIT_FAULTS = {
-    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.NO_MOTION, sanity.WRONG_GRAVITY
+    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.CONSTANT_ANGLE, sanity.NO_MOTION,
+    sanity.WRONG_GRAVITY,
 }  # fmt: skip
-AXIS_FAULTS = {sanity.BELOW_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN}
+AXIS_FAULTS = {
+    sanity.BELOW_GROUND, sanity.ABOVE_GROUND, sanity.BESIDE_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN
+}  # fmt: skip
 
 
 def spoken(name: str) -> str:

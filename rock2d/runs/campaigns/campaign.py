@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
+from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
 
@@ -243,7 +244,7 @@ def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
 
 def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
     try:
-        there = json.loads(path.read_text(encoding="utf-8"))
+        there = read_json(path)
         fingerprint, other = there["fingerprint"], dict(there["determined_by"])
     except (ValueError, KeyError, TypeError):
         raise InputError("is damaged; choose another output folder", path, code="not_a_result") from None

@@ -287,3 +287,11 @@ def test_percentiles_are_numpys_and_look_at_no_more_values_than_they_say(n, perc
     ranked = np.sort(np.random.default_rng(seed).normal(size=n))
     seen = {rank: float(ranked[rank]) for rank in percentile_ranks(n, percentile)}
     assert percentile_estimate(seen, n, percentile)[0] == np.percentile(ranked, percentile)
+
+
+@pytest.mark.parametrize("damage", ["[" * 100_000, "[]", "{"])
+def test_a_damaged_manifest_is_refused(tmp_path, damage):
+    campaign(tmp_path)
+    (tmp_path / "campaign.json").write_text(damage)
+    with pytest.raises(InputError, match=r"campaign\.json"):
+        campaign(tmp_path)

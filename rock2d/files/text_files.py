@@ -1,0 +1,61 @@
+"""Text files that a user gives: only regular files of UTF-8 are read."""
+
+from __future__ import annotations
+
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+from rock2d.errors import InputError
+
+
+def require_regular(file: str | Path) -> None:
+    """Raise `InputError` for what is no regular file: a pipe never ends to wait, a device never ends to give."""
+    try:
+        mode = Path(file).stat().st_mode
+    except (OSError, ValueError) as error:
+        raise _unreadable(file, error) from None
+    if not stat.S_ISREG(mode):
+        what = "a folder" if stat.S_ISDIR(mode) else "a pipe, device or socket"
+        raise InputError(f"expected a file, found {what}", file, code="unreadable")
+
+
+def read_text(file: str | Path) -> str:
+    """The text of a UTF-8 file; raises `InputError` if it is absent, no regular file or not UTF-8."""
+    require_regular(file)
+    try:
+        raw = Path(file).read_bytes()
+    except OSError as error:
+        raise _unreadable(file, error) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        place = place_in(raw[: error.start].decode("utf-8", "replace"), None)
+        raise InputError(
+            f"byte 0x{raw[error.start]:02x} is not UTF-8", file, *place, code="not_text"
+        ) from None
+
+
+def read_json(file: str | Path) -> Any:
+    """The content of a JSON file; raises `InputError` if there is none."""
+    try:
+        return json.loads(read_text(file))
+    except json.JSONDecodeError as error:
+        raise InputError(f"not JSON: {error.msg}", file, error.lineno, error.colno, code="not_json") from None
+    except RecursionError:
+        raise InputError("not JSON: nested too deeply", file, 1, 1, code="not_json") from None
+    except ValueError:  # Python converts no integer of thousands of digits
+        raise InputError("not JSON: a number that is too long", file, 1, 1, code="not_json") from None
+
+
+def place_in(text: str, position: int | None) -> tuple[int, int]:
+    """Line and column, from 1, of a position in a text; None is its end."""
+    before = text[:position]
+    return before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
+
+
+def _unreadable(file: str | Path, error: Exception) -> InputError:
+    reason = getattr(error, "strerror", None) or error
+    code = "missing_file" if isinstance(error, FileNotFoundError) else "unreadable"
+    return InputError(f"cannot be read: {reason}", file, code=code)

@@ -1,0 +1,67 @@
+"""Files that a user gives: what is no regular text file is refused at once."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.errors import InputError
+from rock2d.files.experiment import load_experiment
+from rock2d.files.scenario import load_scenario
+from rock2d.files.text_files import read_json, read_text
+
+EXPERIMENT = """\
+name: drops
+gravity_m_s2: 9.7
+camera: {fps: 100, position_noise_m: 0, angle_noise_rad: 0}
+cross_section: {points_m: [[-1, 0], [1, 0]], zones: [floor]}
+blocks: {ball: {shape: circle, diameter_m: 0.1, mass_kg: 1}}
+trajectories: t.csv
+"""
+
+
+@pytest.mark.parametrize("read", [load_scenario, read_model, read_text])
+def test_pipes_devices_and_folders_are_refused_without_reading(tmp_path, read):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "/dev/zero", tmp_path):
+        with pytest.raises(InputError, match="expected a file") as caught:
+            read(path)
+        assert caught.value.code == "unreadable"
+
+
+@pytest.mark.parametrize("name", ["experiment.yaml", "t.csv"])
+def test_a_pipe_in_an_experiment_folder_is_refused(tmp_path, name):
+    (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
+    (tmp_path / name).unlink(missing_ok=True)
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=rf"{name}: expected a file, found a pipe"):
+        load_experiment(tmp_path)
+
+
+def test_a_link_out_of_the_folder_does_not_show_what_it_leads_to(tmp_path):
+    (tmp_path / "secret.txt").write_text("password: swordfish")
+    folder = tmp_path / "film"
+    folder.mkdir()
+    (folder / "experiment.yaml").symlink_to(tmp_path / "secret.txt")
+    with pytest.raises(InputError, match="leads out") as caught:
+        load_experiment(folder)
+    assert "password" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "said"),
+    [
+        (b"[" * 100_000, "not_json", "nested too deeply"),
+        (b'{"a": "\xff"}', "not_text", "0xff"),
+        (b'{"a": ' + b"1" * 5000 + b"}", "not_json", "too long"),
+        (b'{"a": ]', "not_json", "not JSON"),
+    ],
+)
+def test_json_that_cannot_be_read_is_said_in_one_line(tmp_path, content, code, said):
+    path = tmp_path / "some.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said) as caught:
+        read_json(path)
+    assert caught.value.code == code and len(str(caught.value)) < 300

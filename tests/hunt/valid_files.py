@@ -1,0 +1,118 @@
+"""Valid files of every kind that a hunt damages. A set of files is a mapping from names to contents."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rock2d.diagnosis.model import BASE_NAMES
+from rock2d.effects import catalogue
+from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
+from tests.kinematics.synthetic_films import film, world
+
+Files = Mapping[str, bytes]
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+FEW_RELEASES = 8  # of a film from the data folder: enough for a diagnosis, few enough to be read often
+BASE = dict(zip(BASE_NAMES, (1.1e4, 7.0e4, 3.0e3, 32.0, 0.03), strict=True))
+
+
+def scenarios() -> list[Files]:
+    """The shipped scenarios, without the one that needs measured data."""
+    paths = sorted(SCENARIOS.glob("*.yaml"))
+    return [
+        {"scenario.yaml": path.read_bytes()} for path in paths if b"from_experiment" not in path.read_bytes()
+    ]
+
+
+def experiments() -> list[Files]:
+    """Small experiments, a film and a table of impacts, and the first releases of those under ROCK2D_DATA."""
+    own = [film(world(), 4, seed=1, duration_s=0.25), _impacts()]
+    root = os.environ.get("ROCK2D_DATA")
+    for path in sorted(Path(root).glob("practice/*/fit")) if root else []:
+        own.append(_first_releases(load_experiment(path)))
+    return [_files(experiment) for experiment in own]
+
+
+def small_film() -> Experiment:
+    """A film that can be predicted quickly."""
+    return film(world(), 3, seed=1, duration_s=0.2)
+
+
+def diagnoses() -> list[Files]:
+    """Diagnoses with a verdict, with an effect beside it, and without any."""
+    known = catalogue()
+    names = ("camera_tilt", "air_drag", "geometry_error", "mirrored_axis", "surface_roughness")
+    contents = [_diagnosis(name, known) for name in names] + [_diagnosis("none", known)]
+    beside = _diagnosis("air_drag", known)
+    both = {name: _parameters(name, known) for name in ("air_drag", "camera_tilt")}
+    gain = {"heldout_score_gain": 1.0, "heldout_score_gain_se": 0.1}
+    beside["beside"] = [{"effect": "camera_tilt", "base": BASE, "parameters": both, **gain}]
+    return [{"diagnosis.json": json.dumps(content, indent=1).encode()} for content in [*contents, beside]]
+
+
+def _parameters(name: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        p.name: {
+            "value": p.choices[-1] if p.choices else 0.3 * p.high,
+            "ci95": [p.low, p.high],
+            "unit": p.unit,
+        }
+        for p in known[name].parameters
+    }
+
+
+def _diagnosis(verdict: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    effects = {} if verdict == "none" else {verdict: {
+        "parameters": _parameters(verdict, known), "base": BASE, "heldout_score_gain": 9.0,
+        "heldout_score_gain_se": 1.0, "closure": 0.9, "closure_ci95": [0.8, 1.0],
+    }}  # fmt: skip
+    probabilities = dict.fromkeys(("none", "unknown", *known), 0.0) | {verdict: 1.0}
+    gap = {
+        "unit": "1",
+        "base": 2.0,
+        "augmented": 1.1,
+        "noise_floor": 1.0,
+        "closure": 0.9,
+        "closure_ci95": [0.8, 1.0],
+    }
+    return {
+        "schema": 1, "experiment": "film", "base": BASE, "law": {"rolling_in_indentation": False},
+        "verdict": verdict, "group": [verdict] if effects else [], "probabilities": probabilities, "effects": effects,
+        "where": [], "gap": gap, "next_release": "", "unexplained": [], "beside": [],
+        "series": {"sphere": 3, "cube": 3}, "assumptions": [],
+        "sanity": {"faults": [], "fault_codes": [], "remarks": []},
+    }  # fmt: skip
+
+
+def _impacts() -> Experiment:
+    """A table of random impacts that lose energy."""
+    rng, n = np.random.default_rng(1), 40
+    before = rng.normal([0.05, 0.012, 0, 1, -1.5, -40], [0.03, 0.001, 2, 0.2, 0.2, 10], (n, 6))
+    after = before[:, 3:] * [0.7, -0.4, 0.8]
+    table = pd.DataFrame(np.column_stack([before, after]), columns=list(REQUIRED_IMPACT_COLUMNS[2:]))
+    table.insert(0, "release", np.arange(n) // 2)
+    table.insert(1, "block", np.where(np.arange(n) < n // 2, "sphere", "cube"))
+    return replace(film(world(), 1, duration_s=0.01), trajectories=None, impacts=table)
+
+
+def _first_releases(experiment: Experiment) -> Experiment:
+    rows = experiment.trajectories
+    assert rows is not None
+    return replace(
+        experiment, trajectories=rows[rows["release"].isin(sorted(set(rows["release"]))[:FEW_RELEASES])]
+    )
+
+
+def _files(experiment: Experiment) -> Files:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "film"
+        write_experiment(folder, experiment)
+        return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".yaml", ".csv")}

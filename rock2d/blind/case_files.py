@@ -18,8 +18,8 @@ from rock2d.blind.signal_to_noise import signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
-from rock2d.processes import as_finished
 from rock2d.files.text_files import read_json, read_text
+from rock2d.processes import as_finished
 
 Array = np.ndarray
 

@@ -69,6 +69,8 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
+MOST_LANDINGS = 6  # of a step on its events: near a vertex the way to an event is far from a cubic
+LANDED = 0.9  # of a step: an event that comes later is the one that it has landed on
 MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
@@ -370,9 +372,13 @@ def step(q, h, near, world, contacts, audit, floating):
             break
         h *= 0.5
     find_features(q1, reach, near, world, memory, found)
-    event_s = first_event(h, q, q1, world, memory, found)
-    if event_s < h:
-        error, scale = _trial(q, (c, s), event_s, body, pressing, scratch, effects)
+    whole = h
+    for landings in range(MOST_LANDINGS):
+        event_s = first_event(h, whole, q, q1, world, memory, found)
+        if event_s >= h or (landings > 0 and event_s > LANDED * h):
+            break
+        h = event_s
+        error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
         find_features(q1, reach, near, world, memory, found)
     for a in range(active):
         if floating:
@@ -388,4 +394,4 @@ def step(q, h, near, world, contacts, audit, floating):
         factor = keep_energy(q, error, scale, block, audit)
         for j in range(memory.reals.shape[0]):
             memory.reals[j, RATE] *= factor
-    return event_s
+    return h

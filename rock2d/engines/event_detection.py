@@ -178,8 +178,11 @@ def _beyond(corner, vertex, q, ground, block):
 
 
 @kernel
-def first_event(h, q0, q1, world, memory, found):
-    """Time in (0, h] of the first event of the law within a trial step; h if there is none."""
+def first_event(h, whole, q0, q1, world, memory, found):
+    """Time in (0, h] of the first event of the law within a trial step of h; h if there is none.
+
+    whole : the step in s that was tried first; it sets how far behind an event a step lands
+    """
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     first = h
     for j in range(ints.shape[0]):
@@ -193,11 +196,11 @@ def first_event(h, q0, q1, world, memory, found):
         if not ints[j, ACTIVE]:
             if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
                 # rounding can put a landing just above the ground: the touch must not wait for the end of the next step
-                t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * h)
+                t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * whole)
         else:
             p = world.law[ints[j, ZONE]]
             # land a little behind the surface: there is no force on either side, and the cubic errs by less
-            clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * h if d1 <= 0.0 < d0 else h
+            clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * whole if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, PEAK]
             bottom = residual(peak, p[K_L], p[K_UL])
@@ -207,7 +210,7 @@ def first_event(h, q0, q1, world, memory, found):
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
                 held = hold_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-                t = held if 1e-3 * h < held < t else t
+                t = held if 1e-3 * whole < held < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]
@@ -218,7 +221,7 @@ def first_event(h, q0, q1, world, memory, found):
                 g1, s1 = _gap_to_found(j, q1, world, memory, found)
                 if (g0 > 0.0) != (g1 > 0.0):
                     # however soon: the old feature must not act where another is nearest
-                    first = min(first, hermite_root(g0, s0, g1, s1, h) + 1e-5 * h)
-        if 1e-3 * h < t < first:
+                    first = min(first, hermite_root(g0, s0, g1, s1, h) + 1e-5 * whole)
+        if 1e-3 * whole < t < first:
             first = t
     return first

@@ -69,8 +69,8 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
-MOST_LANDINGS = 6  # of a step on its events: near a vertex the way to an event is far from a cubic
-LANDED = 0.9  # of a step: an event that comes later is the one that it has landed on
+MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
+LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 

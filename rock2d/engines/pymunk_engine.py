@@ -21,7 +21,7 @@ from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.energy_balance import Masses, energy_balances
 from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays, point_depth
+from rock2d.engines.geometry import Body, WorldArrays, block_arrays, facet_range, ground_arrays, point_depth
 from rock2d.engines.impact_log import Departure, ImpactLog, Knot
 from rock2d.engines.recording import end_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
@@ -255,11 +255,10 @@ class PymunkRelease:
         return Knot(self.time, self.q.copy(), active, force, depth)
 
     def centroid_depth_m(self) -> float:
-        """Depth of the centroid below the nearest facets met; beyond 0 the law has lost its meaning."""
-        facets = self._ground.facets
-        if not self._near:
-            return -math.inf
-        return float(point_depth(self.q[X], self.q[Y], facets, self._near[0], self._near[-1] + 1)[0])
+        """Depth of the centroid below the surface nearby; beyond 0 the law has lost its meaning."""
+        facets, reach = self._ground.facets, 2.0 * self.block.reach_m
+        first, last = facet_range(self._ground, self.q[X] - reach, self.q[X] + reach)
+        return float(point_depth(self.q[X], self.q[Y], facets, first, last)[0])
 
     def first_zone(self) -> str:
         """Zone of the first active contact."""
@@ -313,7 +312,9 @@ def run_pymunk(
     knots.append(np.concatenate([[0.0], sim.q]))
     watch = np.empty(rest.N_WATCH)
     rest.forget_rest(watch)
-    stop, airy = "time", bool(in_air(sim._block))
+    stop, airy, body = "time", bool(in_air(sim._block)), Body(sim._block, sim.gravity)
+    if sim.centroid_depth_m() > 0:
+        stop, time_limit_s = "buried", 0.0
     while sim.time < time_limit_s:
         free = sim.flying
         for knot in sim.step():
@@ -323,7 +324,7 @@ def run_pymunk(
         if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
-        if knot.depth > 0.5 * block.radius_m and sim.centroid_depth_m() > 0:
+        if not sim.flying and sim.centroid_depth_m() > 0:
             stop = "buried"
             break
         if impact_limit is not None and len(log.impacts) >= impact_limit:
@@ -331,7 +332,7 @@ def run_pymunk(
             break
         if not log.open:
             rest.forget_rest(watch)
-        elif rest.watch_rest(watch, sim.time, sim.q, block.radius_m, gravity_m_s2):
+        elif rest.watch_rest(watch, sim.time, sim.q, body):
             stop = "rest"
             break
     log.close()

@@ -67,7 +67,6 @@ from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
-    I_PENETRATION,
     I_ZONE,
     N_IMPACT,
     N_POSE,
@@ -93,7 +92,6 @@ VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
 FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
-BURIED_SEARCH = 0.5  # radii of penetration from which a centroid may be buried
 TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
 
 
@@ -115,7 +113,7 @@ class Workspace(NamedTuple):
     stack: np.ndarray  # (TREE_STACK,)
     old: np.ndarray  # (6,) the state before the step at hand
     anchor: np.ndarray  # (4,) the pose whose guard is known, and the guard in m (0: none)
-    watch: np.ndarray  # (8,) see `rest.watch_rest`
+    watch: np.ndarray  # (rest.N_WATCH,) see `rest.watch_rest`
     impact: np.ndarray  # (N_IMPACT,) the open impact
 
 
@@ -187,6 +185,9 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     stale = no  # whether the contacts have not looked at the ground since the block moved
     noticed = no  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
+    buried = _is_buried(q, world)
+    if buried:
+        stop, time_limit = STOP_BURIED, 0.0
 
     while t < time_limit:
         if not ground.x_low <= q[X] <= ground.x_high:
@@ -219,7 +220,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 if rules.captured and rest.captured(q, world, memory):
                     stop = STOP_REST
                     break
-                if rest.watch_rest(watch, t, q, radius, gravity):
+                if rest.watch_rest(watch, t, q, body):
                     stop = STOP_REST
                     break
                 if spent:
@@ -244,7 +245,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
                 anchor[GUARD] = 0.0
                 if why == GUARD_LEFT and moved:
-                    _set_anchor(anchor, q, h, world, memory)
+                    buried = _set_anchor(anchor, q, h, world, memory)
             stale = stale or done > 0
             if done == 0:
                 continue
@@ -285,13 +286,15 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
             if active > 0:
-                _set_anchor(anchor, q, h, world, memory)
+                buried = _set_anchor(anchor, q, h, world, memory)
+            elif before > 0:
+                buried = _is_buried(q, world)
         gone = until - t
         if near:
             cross((t, gone), old, q, flying, body, line_record)
         at = sample((t, gone), old, q, flying and not airy, gravity, sample_record, at)
         t = until
-        if is_open and current[I_PENETRATION] > BURIED_SEARCH * radius and _is_buried(q, world):
+        if buried:
             stop = STOP_BURIED
             break
         if active == 0 and is_open:
@@ -349,14 +352,17 @@ def near_reach(q, h, gravity, radius):
 
 @kernel
 def _set_anchor(anchor, q, h, world, memory):
-    """Take q as the pose whose guard is known, if it lasts for a step of h (s)."""
+    """Take q as the pose whose guard is known, if it lasts for a step of h (s); returns whether the centroid lies below
+    the surface. Within the guard it stays above."""
     block, ground = world.block, world.ground
     near = facet_range(ground, q[X] - VIEW_RADII * block.radius, q[X] + VIEW_RADII * block.radius)
     anchor[X], anchor[Y], anchor[THETA] = q[X], q[Y], q[THETA]
     allowance = min(VIEW_RADII - 1.0, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
-    anchor[GUARD] = guard_distance(q, allowance, near, world, memory)
+    depth, _, _ = near_depth(q[X], q[Y], ground, near[0], near[1], block.radius)
+    anchor[GUARD] = min(guard_distance(q, allowance, near, world, memory), max(-depth, 0.0))
     if anchor[GUARD] < h * (abs(q[VX]) + abs(q[VY]) + TURN_ARM * block.radius * abs(q[OMEGA])):
         anchor[GUARD] = 0.0
+    return depth > 0.0
 
 
 @kernel

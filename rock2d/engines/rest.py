@@ -14,12 +14,14 @@ from rock2d.records.columns import VX, VY, X, Y
 # At rest: for two windows of REST_WINDOW √(radius/g) in contact, the second within a box of REST_BOX radii, its net
 # motion below REST_DRIFT radii and at most 5 % and REST_GROWTH radii more than the first's. The law has no damping
 # below its thresholds: a resting block keeps an elastic tremor that lifts the friction limit off and on, so that it
-# creeps without gaining speed. A block that slides above the friction angle, or tips, gains speed.
-REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH = 2.0, 0.6, 0.4, 0.01
+# creeps without gaining speed. A block that slides above the friction angle, or tips, gains speed. A ball that an
+# elastic rolling spring swings to and fro stays in its box, but has more than REST_ENERGY m g radius.
+REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH, REST_ENERGY = 2.0, 0.6, 0.4, 0.01, 0.05
 HOLDING_SHARE = 0.7  # of the friction must hold a captured block; what is over stops it
 LARGEST_FRICTION = 100.0  # friction coefficient used for friction without limit
-# what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, net motion of the window before
-W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_BEFORE = range(8)
+# what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, largest kinetic energy, net motion of the
+# window before
+W_TIME, W_X, W_Y, W_LOW_X, W_HIGH_X, W_LOW_Y, W_HIGH_Y, W_KINETIC, W_BEFORE = range(9)
 N_WATCH = W_BEFORE + 1
 
 
@@ -31,12 +33,14 @@ def forget_rest(watch):
 
 
 @kernel
-def watch_rest(watch, t, q, radius, gravity):
+def watch_rest(watch, t, q, body):
     """Note the state at time t of a block in contact; True if it has come to rest (see REST_WINDOW)."""
-    x, y = q[X], q[Y]
+    x, y, radius, gravity = q[X], q[Y], body.block.radius, body.gravity
     if watch[W_TIME] < 0.0:
         watch[W_TIME], watch[W_X], watch[W_Y] = t, x, y
         watch[W_LOW_X], watch[W_HIGH_X], watch[W_LOW_Y], watch[W_HIGH_Y] = x, x, y, y
+        watch[W_KINETIC] = 0.0
+    watch[W_KINETIC] = max(watch[W_KINETIC], kinetic_energy(q, body.block))
     watch[W_LOW_X], watch[W_HIGH_X] = min(watch[W_LOW_X], x), max(watch[W_HIGH_X], x)
     watch[W_LOW_Y], watch[W_HIGH_Y] = min(watch[W_LOW_Y], y), max(watch[W_HIGH_Y], y)
     if t - watch[W_TIME] < REST_WINDOW * np.sqrt(radius / max(gravity, 1e-9)):
@@ -45,6 +49,7 @@ def watch_rest(watch, t, q, radius, gravity):
     box = max(watch[W_HIGH_X] - watch[W_LOW_X], watch[W_HIGH_Y] - watch[W_LOW_Y])
     steady = net < min(REST_DRIFT * radius, 1.05 * watch[W_BEFORE] + REST_GROWTH * radius)
     at_rest = steady and watch[W_BEFORE] < np.inf and box < REST_BOX * radius
+    at_rest = at_rest and watch[W_KINETIC] < REST_ENERGY * body.block.mass * gravity * radius
     watch[W_TIME], watch[W_BEFORE] = -1.0, net
     return at_rest
 

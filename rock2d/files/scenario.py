@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from pydantic import Field, PrivateAttr
 
 from rock2d.errors import InputError, ParameterError
@@ -98,7 +99,7 @@ class Scenario(Checked):
 
         if self.model.deterministic is None:
             message = "missing key 'deterministic', which the engines pymunk and batch need"
-            raise self._error(message, "model", code="missing_key", key="deterministic")
+            raise self.error(message, "model", code="missing_key", key="deterministic")
         table = self.model.deterministic.named()
         start: dict[str, Any] = {"rolling_cap": False, "rolling_in_indentation": False}
         out = {}
@@ -113,7 +114,7 @@ class Scenario(Checked):
 
         if self.model.probabilistic is None:
             message = "missing key 'probabilistic', which engine point_mass needs"
-            raise self._error(message, "model", code="missing_key", key="probabilistic")
+            raise self.error(message, "model", code="missing_key", key="probabilistic")
         blocks = self.model.probabilistic.named()
         common = blocks["default"].named()
         owner = block if block in blocks else "default"
@@ -131,7 +132,7 @@ class Scenario(Checked):
     def _file(self) -> Path | None:
         return self._document.file if self._document else None
 
-    def _error(
+    def error(
         self, message: str, *path: str | int, at: str = "value", code: str = "bad_value", **fields: Any
     ) -> InputError:
         if self._document is None:
@@ -142,11 +143,11 @@ class Scenario(Checked):
         for name in kind.__dataclass_fields__:
             if name not in values:
                 message = f"{name} is given neither here nor under default"
-                raise self._error(message, *path, at="key", code="missing_key", key=name)
+                raise self.error(message, *path, at="key", code="missing_key", key=name)
         try:
             return kind(**values)
         except ParameterError as error:
-            raise self._error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
+            raise self.error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
 
 
 def _merged(start: Mapping[str, Any], *layers: Checked) -> dict[str, Any]:
@@ -183,39 +184,39 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
     if list(scenario.incident) != ["default"]:
         name = next(iter(sources))
         message = "from_experiment serves all blocks: put it under incident.default, alone"
-        raise scenario._error(message, "incident", name, at="key", code="wrong_kind")
+        raise scenario.error(message, "incident", name, at="key", code="wrong_kind")
     source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:
         message = (
             f"the data are not here: say where {shown(source.folder)} lies with --data or {DATA_VARIABLE}"
         )
-        raise scenario._error(message, *where, code="missing_data", folder=source.folder)
+        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
     try:
         folder = path_inside(root, source.folder)
     except OutsideFolderError as error:
-        raise scenario._error(error.message, *where, code="outside_folder") from None
+        raise scenario.error(error.message, *where, code="outside_folder") from None
     if not folder.is_dir():
         message = (
             f"no folder {shown(source.folder)} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
         )
-        raise scenario._error(message, *where, code="missing_data", folder=source.folder)
+        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
     experiment = load_experiment(folder)
     if experiment.trajectories is None:
         message = "this experiment has impacts only, no frames to start from"
-        raise scenario._error(message, *where, code="wrong_kind")
+        raise scenario.error(message, *where, code="wrong_kind")
     most = int(experiment.trajectories.groupby("block")["release"].nunique().max())
     if "releases" not in scenario.model_fields_set:
         scenario.releases = most
     elif scenario.releases > most:
         message = f"the experiment has {most} releases of a block at most"
-        raise scenario._error(message, "releases")
+        raise scenario.error(message, "releases")
     if "gravity_m_s2" not in scenario.model_fields_set:
         scenario.gravity_m_s2 = experiment.gravity_m_s2
     if scenario.blocks is not None:
         for name in sorted(set(experiment.trajectories["block"]) - set(scenario.blocks)):
             message = f"block {shown(name)} of the experiment is missing"
-            raise scenario._error(message, "blocks", at="key", code="missing_key", key=name)
+            raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
 
 
@@ -229,12 +230,12 @@ def _check_names(scenario: Scenario) -> None:
             if name not in among:
                 choices = ", ".join(sorted(among - {"default"}))
                 message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
-                raise scenario._error(message, *path, name, at="key", code="unknown_name", name=name)
+                raise scenario.error(message, *path, name, at="key", code="unknown_name", name=name)
 
     if "default" in scenario.make_cross_section().zone_names:
-        raise scenario._error("a zone must not be called default", "cross_section", "zones")
+        raise scenario.error("a zone must not be called default", "cross_section", "zones")
     if "default" in scenario.make_blocks():
-        raise scenario._error("a block must not be called default", "blocks", "default", at="key")
+        raise scenario.error("a block must not be called default", "blocks", "default", at="key")
     if laws.deterministic is not None:
         known(laws.deterministic.named(), zones, "zone", "model", "deterministic")
     if laws.probabilistic is not None:
@@ -245,7 +246,7 @@ def _check_names(scenario: Scenario) -> None:
     for name in sorted(blocks - {"default"} - set(scenario.incident)):
         if "default" not in scenario.incident:
             message = f"block {shown(name)} has no incident state, neither its own nor a default"
-            raise scenario._error(message, "incident", at="key", code="missing_key", key=name)
+            raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
 
 
 def _check_parameters(scenario: Scenario) -> None:
@@ -259,12 +260,8 @@ def _check_parameters(scenario: Scenario) -> None:
 
 def _check_incident(scenario: Scenario) -> None:
     """Refuse a fixed start below the ground or beside the cross-section."""
-    import shapely
-
-    points = scenario.make_cross_section().points_m
-    extent = float((points.max(axis=0) - points.min(axis=0)).max())
-    floor = float(points[:, 1].min()) - extent
-    ground = shapely.Polygon([*points, (points[-1, 0], floor), (points[0, 0], floor)])
+    ground = scenario.make_cross_section()
+    points = ground.points_m
     left, right = points[:, 0].min(), points[:, 0].max()
     for name, item in scenario.incident.items():
         if item.fixed is None:
@@ -272,9 +269,9 @@ def _check_incident(scenario: Scenario) -> None:
         path = ("incident", name, "fixed")
         if not left <= item.fixed.x_m <= right:
             message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
-            raise scenario._error(message, *path, "x_m", code="bad_state", key="x_m")
-        if ground.is_valid and ground.covers(shapely.Point(item.fixed.x_m, item.fixed.y_m)):
-            raise scenario._error("below the ground", *path, "y_m", code="bad_state", key="y_m")
+            raise scenario.error(message, *path, "x_m", code="bad_state", key="x_m")
+        if ground.covers(np.array([[item.fixed.x_m, item.fixed.y_m]])).any():
+            raise scenario.error("below the ground", *path, "y_m", code="bad_state", key="y_m")
 
 
 def scenario_json_schema() -> dict[str, Any]:

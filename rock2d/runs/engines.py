@@ -130,7 +130,15 @@ _ALL = (
     Engine(
         "pymunk", "deterministic", _contact_parameters, _pymunk_track, many_processes=True, audits_energy=True
     ),
-    Engine("batch", "deterministic", _contact_parameters, _batch_track, _batch_ensemble, keeps_samples=True),
+    Engine(
+        "batch",
+        "deterministic",
+        _contact_parameters,
+        _batch_track,
+        _batch_ensemble,
+        audits_energy=True,
+        keeps_samples=True,
+    ),
     Engine("point_mass", "probabilistic", _rebound_parameters, _point_mass_track, _point_mass_ensemble),
 )
 ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 DRAW_GROUP = 1000  # releases that are drawn together
+CHECKED_TOGETHER = 100 * DRAW_GROUP
 STATE_STREAM, SEED_STREAM, NOISE_STREAM = range(
     3
 )  # what a random stream is for: first number of its spawn key
@@ -54,6 +55,28 @@ def incident_states(scenario: Scenario, seed: int, releases: int | None = None) 
         seeds = drawn_seeds(seed, b, 0, count)
         out += [IncidentState(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
     return out
+
+
+def check_starts(scenario: Scenario, seed: int, count: int) -> None:
+    """Refuse a scenario that lets one of `count` releases of a block begin below the ground.
+
+    Raises InputError, code bad_state, with the place of the incident states in the file.
+    """
+    if scenario.experiment is not None:
+        return  # where a film begins is measured
+    ground = scenario.make_cross_section()
+    for b, name in enumerate(scenario.make_blocks()):
+        for first in range(0, count, CHECKED_TOGETHER):
+            stop = min(first + CHECKED_TOGETHER, count)
+            states = drawn_states(scenario.incident_of(name), seed, b, first, stop)
+            below = np.flatnonzero(ground.covers(states[:, :2]))
+            if len(below):
+                x, y = states[below[0], :2]
+                raise scenario.error(
+                    f"release {first + below[0]} of block {name} would start below the ground, at x = {x:.4g} m, "
+                    f"y = {y:.4g} m; {len(below)} of {stop - first} releases do",
+                    "incident", code="bad_state", key="incident",
+                )  # fmt: skip
 
 
 def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: int) -> Array:

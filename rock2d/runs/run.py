@@ -18,7 +18,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.processes import as_finished
 from rock2d.records.track import Track
 from rock2d.runs.engines import ENGINES, ReleaseInputs, engine_named
-from rock2d.runs.incident_states import IncidentState, incident_states
+from rock2d.runs.incident_states import IncidentState, check_starts, incident_states
 from rock2d.runs.recording import Recording
 from rock2d.runs.results import RunResult
 from rock2d.scene.blocks import Block
@@ -91,6 +91,7 @@ def run(
     blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
     parameters = {name: chosen.parameters(scenario, name) for name in blocks}
     job = _Job(chosen.name, cross_section, blocks, parameters, scenario.gravity_m_s2)
+    check_starts(scenario, seed, releases or scenario.releases)
     states = incident_states(scenario, seed, releases)
     limits = _time_limits(scenario, states)
     title = f"{scenario.name} ({chosen.name})"

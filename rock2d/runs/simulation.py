@@ -65,7 +65,7 @@ class Simulation:
         table : {"trajectories", "impacts", "crossings", "passing", "percentiles", "stops", "energy"} or the name of
             another indicator.
             "trajectories" samples the tracks as a camera does, "impacts" and "crossings" are exact. "passing" and
-            "percentiles" sum up the crossings of the measure lines. "energy" is the energy audit of engine pymunk.
+            "percentiles" sum up the crossings of the measure lines. "energy" is the energy audit.
 
         Returns
         -------

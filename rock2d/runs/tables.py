@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
     """Passing frequencies, stops, residuals and the energy audit of one run."""
+    from rock2d.engines.energy_balance import AUDIT_TOLERANCE
+
     print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
     passing = tables["passing"]
     if len(passing):
@@ -23,8 +25,12 @@ def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
         print(residual_text(tables["residual_summary"]))
     if "energy" in tables:
         energy = tables["energy"]
-        worst = (energy["residual_J"].abs() / energy["initial_J"]).max()
-        print(f"energy audit: closes to {worst:.1e} of the initial energy at worst")
+        left = energy["residual_J"].abs() / energy["initial_J"]
+        print(f"energy audit: closes to {left.max():.1e} of the initial energy at worst")
+        open_audits = energy["release"][left > AUDIT_TOLERANCE]
+        if len(open_audits):
+            some = ", ".join(map(str, open_audits[:5])) + (", ..." if len(open_audits) > 5 else "")
+            print(f"energy audit: DOES NOT CLOSE for {len(open_audits)} of {len(left)} releases: {some}")
     for sentence in result.scenario.assumed:
         print(f"  assumed: {sentence}")
 

@@ -153,6 +153,20 @@ class CrossSection:
             height = np.where(inside, np.maximum(height, y), height)
         return np.where(np.isfinite(height), height, np.nan)
 
+    def covers(self, points_m: Array) -> Array:
+        """(n,) bool, which of the points (n, 2) lie below the surface; points beside the cross-section do not."""
+        import shapely
+
+        outline = self.points_m
+        floor = min(float(outline[:, 1].min()), float(np.min(points_m[:, 1]))) - float(
+            np.ptp(outline, axis=0).max()
+        )
+        ground = shapely.make_valid(
+            shapely.Polygon([*outline, (outline[-1, 0], floor), (outline[0, 0], floor)])
+        )
+        shapely.prepare(ground)
+        return np.asarray(shapely.covers(ground, shapely.points(points_m)))
+
     def subdivided(self, pieces: int) -> CrossSection:
         """The same surface with each facet divided into `pieces` equal parts."""
         step = np.arange(pieces) / pieces

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -47,8 +48,6 @@ class Case:
 
     def scenario(self, name: str, what: str) -> str:
         """The text of a scenario file that repeats the release; `what` happens becomes its first line."""
-        import yaml
-
         site, block = self.site, self.site.block
         ground = site.cross_section
         soils = {zone: vars(law) for zone, law in site.soils.items()}
@@ -78,7 +77,7 @@ class Case:
                 }
             },
         }  # fmt: skip
-        return f"# {what}\n{yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=10000)}"
+        return f"# {what}\n{json.dumps(data, indent=1)}\n"  # JSON is YAML
 
 
 def random_site(rng: np.random.Generator, shape: str | None = None) -> Site:

@@ -19,6 +19,7 @@ from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
+from rock2d.runs.incident_states import check_starts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -165,6 +166,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
     cross_section, blocks = scenario.make_cross_section(), scenario.make_blocks()
     _refuse_what_is_no_campaign(scenario, engine, keep, cross_section)
     seed = scenario.seed if options.seed is None else options.seed
+    check_starts(scenario, seed, options.releases or scenario.releases)
     fps = scenario.outputs.fps
     determined_by = {
         "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),

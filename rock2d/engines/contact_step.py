@@ -386,12 +386,10 @@ def step(q, h, near, world, contacts, audit, floating):
             loaded.rates[a, TAKEN_ROTATION] = loaded.rows[a, L_ROTATION]
         scratch.displacement[loaded.which[a]] = loaded.rates[a, TAKEN_DISPLACEMENT]
         scratch.rotation[loaded.which[a]] = loaded.rates[a, TAKEN_ROTATION]
+    if active > 0 and not effects:  # of effects, the work is known no better than the motion
+        keep_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, scratch.displacement, scratch.rotation)
     _commit(q, world, memory, found, (scratch.displacement, scratch.rotation, scratch.shares), audit)
-    if active > 0:
-        factor = keep_energy(q, error, scale, block, audit)
-        for j in range(memory.reals.shape[0]):
-            memory.reals[j, RATE] *= factor
     return h

@@ -243,9 +243,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             why = STEP_TOO_LONG
             break
         force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
-        factor = keep_energy(q1, error, scale, block, audit)
-        for a in range(active):
-            trial[a, RATE_0] *= factor
+        if not effects:  # of effects, the work is known no better than the motion
+            keep_energy(q, q1, first, error, scale, body, audit)
         if effects:
             audit[EFFECTS] += work_e
             audit[RECOIL] += pushed

@@ -1,7 +1,7 @@
 """The energy that a contact step makes or loses by truncation, and its correction, compiled.
 
 A Runge-Kutta step keeps the balance of energy only to its order. The balance is known exactly, so the error is too: it
-says when a step is too long, and what is left is taken out of the velocities. Projection onto an invariant keeps the
+says when a step is too long, and what is left is taken out of the impulse. Projection onto an invariant keeps the
 order of a scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4).
 """
 
@@ -16,7 +16,7 @@ from rock2d.laws.contact import K_L, K_UL, normal_force, plastic_work
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, VX, VY, Y
 
 LARGEST_STEP_ERROR = 0.005  # of the energy of a step: beyond it the step is too long
-LARGEST_CORRECTION = 0.01  # of the kinetic energy: what is more waits for the next step
+LARGEST_CORRECTION = 0.01  # of the impulse of a step: what is more waits for the next one
 
 
 @kernel(inline="always")
@@ -44,21 +44,27 @@ def step_error(q, q1, works, body, active, loaded):
 
 
 @kernel(inline="always")
-def keep_energy(q, error, scale, block, audit):
-    """Scale the velocities of q so that the step's error leaves its energy; returns the factor.
+def keep_energy(q, q1, h, error, scale, body, audit):
+    """Take the error of a step of h (s) from q to q1 out of the impulse that the contacts gave: what they leave alone,
+    as the momentum along a smooth plane, stays as it is.
 
-    An error beyond LARGEST_STEP_ERROR is left in the balance, where it shows. audit[CORRECTED] sums what was corrected,
-    without sign.
+    An error beyond LARGEST_STEP_ERROR is left in the balance, where it shows; what LARGEST_CORRECTION does not allow
+    waits in audit[PENDING]. audit[CORRECTED] sums what was corrected, without sign.
     """
     if abs(error) <= LARGEST_STEP_ERROR * scale:
         audit[PENDING] += error
-    kinetic = kinetic_energy(q, block)
-    most = LARGEST_CORRECTION * kinetic
+    block = body.block
+    dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
+    gain = (
+        block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
+    )  # per share of the impulse
+    curvature = 0.5 * (block.mass * (dx * dx + dy * dy) + block.inertia * turn * turn)
+    most = abs(gain) * min(LARGEST_CORRECTION, 0.1 * abs(gain) / max(curvature, 1e-300))
     paid = min(max(audit[PENDING], -most), most)
     if paid == 0.0:
-        return 1.0
-    factor = np.sqrt(1.0 - paid / kinetic)
-    q[VX], q[VY], q[OMEGA] = factor * q[VX], factor * q[VY], factor * q[OMEGA]
+        return
+    root = np.sqrt(gain * gain - 4.0 * curvature * paid)
+    share = -2.0 * paid / (gain + np.copysign(root, gain))
+    q1[VX], q1[VY], q1[OMEGA] = q1[VX] + share * dx, q1[VY] + share * dy, q1[OMEGA] + share * turn
     audit[CORRECTED] += abs(paid)
     audit[PENDING] -= paid
-    return factor

@@ -28,11 +28,11 @@ FAULTS = {
     "lost": "a state is not finite",
     "tunnel": "the centroid was inside the ground, and the release did not end as buried there",
     "inside": "a release ends with its centroid inside the ground and is not buried",
-    "restless": "a block at rest moves: more kinetic energy than it needs to rise by a twentieth of its radius",
+    "restless": "a block at rest moves: more kinetic energy than it needs to rise by a quarter of its radius",
     "moved": "the same release, run once more on its own, ends elsewhere",
 }
 GAIN = 1e-6  # of an impact's kinetic energy
-RESTLESS = 0.05  # of m g r
+RESTLESS = 0.25  # of m g r
 SITE_RELEASES = 10  # on each random site
 SITES = 60  # of one call of the engine
 SAMPLES = 150  # instants at which the centroid is looked at

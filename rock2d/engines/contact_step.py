@@ -70,7 +70,7 @@ from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
 MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
-LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
+LANDED = 0.9  # of a step: an event that comes later is the one that it has landed on
 MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
@@ -368,7 +368,7 @@ def step(q, h, near, world, contacts, audit, floating):
     error, scale = 0.0, 0.0
     for _ in range(MOST_HALVINGS):
         error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        if abs(error) <= LARGEST_STEP_ERROR * scale:
+        if effects or abs(error) <= LARGEST_STEP_ERROR * scale:
             break
         h *= 0.5
     find_features(q1, reach, near, world, memory, found)

@@ -36,6 +36,8 @@ from rock2d.engines.geometry import (
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
+LEAST_EVENT = 1e-3  # of a step: an event that comes sooner has been landed on, but for rounding
+
 
 @kernel
 def hermite_root(g0, r0, g1, r1, h):
@@ -210,7 +212,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
                 held = hold_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-                t = held if 1e-3 * whole < held < t else t
+                t = held if LEAST_EVENT * whole < held < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]
@@ -222,6 +224,6 @@ def first_event(h, whole, q0, q1, world, memory, found):
                 if (g0 > 0.0) != (g1 > 0.0):
                     # however soon: the old feature must not act where another is nearest
                     first = min(first, hermite_root(g0, s0, g1, s1, h) + 1e-5 * whole)
-        if 1e-3 * whole < t < first:
+        if LEAST_EVENT * whole < t < first:
             first = t
     return first

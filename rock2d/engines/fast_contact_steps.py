@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import updated_contact
-from rock2d.engines.event_detection import hold_event, law_event
+from rock2d.engines.event_detection import LEAST_EVENT, hold_event, law_event
 from rock2d.engines.geometry import (
     CORNER_FACET,
     F_NORMAL,
@@ -239,7 +239,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         if why > 0:
             break
         error, scale = step_error(q, q1, work_t + work_r + work_e, body, active, loaded)
-        if abs(error) > LARGEST_STEP_ERROR * scale:
+        if not effects and abs(error) > LARGEST_STEP_ERROR * scale:
             why = STEP_TOO_LONG
             break
         force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
@@ -293,8 +293,8 @@ def _first_event(h, active, rows, trial, effects):
             k_l, k_ul = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
             force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
             held = hold_event(rows[a], L_EFFECTS, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-            t = held if 1e-3 * h < held < t else t
-        if 1e-3 * h < t < first:
+            t = held if LEAST_EVENT * h < held < t else t
+        if LEAST_EVENT * h < t < first:
             first = t
     return first
 

@@ -67,6 +67,22 @@ def test_the_nearest_point_of_an_ellipse_is_the_nearest(angle, scale, b):
     assert np.hypot(x - px, y - py) <= best + 1e-12
 
 
+@given(st.floats(0.01, 0.5), st.floats(0.05, 0.7))
+@settings(deadline=None, max_examples=100)
+def test_a_half_of_an_ellipse_is_followed_beyond_its_longer_axis(along, b):
+    """The depth of a point that crosses the axis deep inside goes on smoothly on its half; the other half is nearer."""
+    px, step = along * (1.0 - b * b), 1e-3 * b
+    depths = []
+    for py in (step, 0.0, -step):
+        x, y = nearest_on_ellipse(px, py, 1.0, b, 0)
+        assert y > 0.0
+        depths.append(np.hypot(x - px, y - py))
+    assert depths[0] < depths[1] < depths[2]
+    assert depths[2] - depths[1] == pytest.approx(depths[1] - depths[0], rel=0.05)
+    assert half_of_ellipse(px, -step, 1.0, b) == 1
+    assert np.hypot(*np.subtract(nearest_on_ellipse(px, -step, 1.0, b, 1), (px, -step))) < depths[2]
+
+
 @pytest.mark.parametrize(
     "kind, index, part, block, pose",
     [

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from rock2d.laws import closed_forms
 from rock2d.laws.contact import (
     ContactParameters,
+    change_feature,
     cross_zone,
     elastic_energy,
     normal_force,
@@ -170,6 +171,26 @@ def test_sliding_into_another_zone_never_raises_the_stored_energy(old, new, forc
     assert after <= before * (1 + 1e-9)
     assert b[0] * peak <= force_n * (1 + 1e-12)
     assert peak <= depth * (1 + 1e-12)  # no soil is pressed in deeper than the contact point lies
+
+
+@given(
+    zone, st.floats(1e-5, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(-1, 1), st.floats(-1, 1)
+)
+@MANY
+def test_another_feature_never_raises_the_stored_energy(law, peak, pressed, offset, share, jump):
+    """Deeper ground leaves the penetration as it is, less deep ground unloads it."""
+    p = law.row()
+    delta = pressed * peak
+    force_n = normal_force(delta, peak, p[0], p[1])
+    force_t = share * min(p[3], 1.0) * force_n if p[2] > 0 else 0.0
+    depth = delta + offset + jump
+    new_offset, new_n, new_t, lost = change_feature(p, depth, jump, (offset, peak), (force_n, force_t))
+    before, after = elastic_energy(force_n, force_t, p), elastic_energy(new_n, new_t, p)
+    assert after <= before * (1 + 1e-9)
+    assert lost == pytest.approx(before - after, abs=1e-12 * max(before, 1.0))
+    assert new_offset >= 0.0
+    if offset + jump >= 0.0:
+        assert depth - new_offset == pytest.approx(delta, abs=1e-12)
 
 
 @pytest.mark.parametrize(

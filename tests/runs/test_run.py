@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.incident_states import fit_first_flight, incident_states
@@ -156,3 +157,26 @@ def test_first_flight_errors_are_those_of_least_squares():
     expected = np.array([sigma[0], sigma[0], sigma[1]]) * spread
     assert np.allclose(fits[:, 3:].std(axis=0), expected, rtol=0.15)
     assert (np.abs(fits.mean(axis=0) - truth)[3:] < 4 * expected / 20).all()
+
+
+def test_a_start_that_is_drawn_below_the_ground_is_refused(tmp_path):
+    path = tmp_path / "low.yaml"
+    path.write_text(
+        (SCENARIOS / "flat_floor.yaml").read_text().replace("      y_m: 0.32\n", "      y_m: -0.32\n")
+    )
+    with pytest.raises(InputError, match="would start below the ground") as caught:
+        run(load_scenario(path), engine="batch", releases=2)
+    assert caught.value.code == "bad_state"
+    assert caught.value.line is not None
+
+
+@pytest.mark.filterwarnings("ignore::rock2d.errors.OldKeyWarning")
+def test_releases_that_once_made_energy_keep_their_balance(data_root):
+    """Corners under an ellipse, soft soil, narrow walls, soils side by side: see the first line of each file."""
+    paths = sorted((data_root / "cases").glob("*.yaml"))
+    if not paths:
+        pytest.skip("no folder cases beside the data")
+    for path in paths:
+        track = run(load_scenario(path), engine="batch").tracks[0]
+        assert abs(track.energy_J["residual"]) < 1e-6 * track.energy_J["initial"], path.name
+        assert (track.stop == "buried") == (path.name == "rest_in_wall.yaml")

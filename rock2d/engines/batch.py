@@ -16,7 +16,7 @@ import numpy as np
 from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_step
-from rock2d.engines.energy_balance import Masses, energy_balances
+from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
@@ -24,7 +24,6 @@ from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
     AT,
-    ENERGY_NAMES,
     I_ZONE,
     IMPACT_NAMES,
     KNOT_FLIGHT,
@@ -267,13 +266,9 @@ def run_batch_track(
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
     knots = recorder.knots[:used]
-    masses = Masses(
-        block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min())
-    )
-    balance = energy_balances(masses, knots[:1, AT], knots[-1:, AT], recorder.audit[None])[0]
     return Track(
         release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[stop], gravity_m_s2,
-        dict(zip(ENERGY_NAMES, map(float, balance), strict=True)),
+        energy_balance(block, cross_section, gravity_m_s2, knots[0, AT], knots[-1, AT], recorder.audit),
     )  # fmt: skip
 
 

@@ -23,6 +23,8 @@ from rock2d.records.columns import (
     VY,
     Y,
 )
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
@@ -53,6 +55,17 @@ def energy_balances(masses: Masses, starts: Array, ends: Array, audit: Array) ->
     out[:, E_CORRECTED] = audit[:, CORRECTED]
     out[:, E_RESIDUAL] = out[:, :E_INITIAL].sum(axis=1) - out[:, E_INITIAL]
     return out
+
+
+def energy_balance(
+    block: Block, cross_section: CrossSection, gravity_m_s2: float, start: Array, end: Array, audit: Array
+) -> dict[str, float]:
+    """The closing balance in J of one release, by ENERGY_NAMES; states (6,) and audit (N_AUDIT,)."""
+    masses = Masses(
+        block.mass_kg, block.inertia_kg_m2, float(gravity_m_s2), float(cross_section.points_m[:, 1].min())
+    )
+    balance = energy_balances(masses, start[None], end[None], audit[None])[0]
+    return dict(zip(ENERGY_NAMES, map(float, balance), strict=True))
 
 
 def mechanical_energy(masses: Masses, states: Array) -> tuple[Array, Array]:

@@ -238,16 +238,18 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
                 break
         if why > 0:
             break
-        error, scale = step_error(q, q1, work_t + work_r + work_e, body, active, loaded)
-        if not effects and abs(error) > LARGEST_STEP_ERROR * scale:
+        error, scale = 0.0, 0.0
+        if not effects:  # of effects, the work is known no better than the motion
+            error, scale = step_error(q, q1, work_t + work_r, body, active, loaded)
+        if abs(error) > LARGEST_STEP_ERROR * scale:
             why = STEP_TOO_LONG
             break
         force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
-        if not effects:  # of effects, the work is known no better than the motion
-            keep_energy(q, q1, first, error, scale, body, audit)
         if effects:
             audit[EFFECTS] += work_e
             audit[RECOIL] += pushed
+        else:
+            keep_energy(q, q1, first, error, scale, body, audit)
         for a in range(active):
             ints[which[a], INDEX] = _follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit

@@ -317,9 +317,8 @@ def nearest_on_ellipse(px, py, a, b, half):
         if change < 1e-15:
             break
     if change > 1e-9 and qy >= 0.0:
-        tx, ty = _bisected(
-            qx, qy, a, b
-        )  # near the centre of a thin ellipse the iteration can go round in a circle
+        # near the centre of a thin ellipse the iteration can go round in a circle
+        tx, ty = _bisected(qx, qy, a, b)
     along, across = np.copysign(a * tx, px), side * b * ty
     return (across, along) if upright else (along, across)
 

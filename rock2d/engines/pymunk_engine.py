@@ -19,7 +19,7 @@ import pymunk
 
 from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
-from rock2d.engines.energy_balance import Masses, energy_balances
+from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import Body, WorldArrays, block_arrays, facet_range, ground_arrays, point_depth
 from rock2d.engines.impact_log import Departure, ImpactLog, Knot
@@ -28,7 +28,6 @@ from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
-    ENERGY_NAMES,
     N_AUDIT,
     N_IMPACT,
     N_STATE,
@@ -267,14 +266,9 @@ class PymunkRelease:
         return self.cross_section.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
 
     def energy_balance(self) -> dict[str, float]:
-        """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balances`."""
+        """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balance`."""
         self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
-        masses = Masses(
-            self.block.mass_kg, self.block.inertia_kg_m2, self.gravity,
-            float(self.cross_section.points_m[:, 1].min()),
-        )  # fmt: skip
-        balance = energy_balances(masses, self._start[None], self.q[None], self.audit[None])[0]
-        return dict(zip(ENERGY_NAMES, map(float, balance), strict=True))
+        return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
 
 
 def run_pymunk(

@@ -11,15 +11,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
 from rock2d.files.text_files import read_json, read_text
-
-EXPERIMENT = """\
-name: drops
-gravity_m_s2: 9.7
-camera: {fps: 100, position_noise_m: 0, angle_noise_rad: 0}
-cross_section: {points_m: [[-1, 0], [1, 0]], zones: [floor]}
-blocks: {ball: {shape: circle, diameter_m: 0.1, mass_kg: 1}}
-trajectories: t.csv
-"""
+from tests.files.test_scenario import DROPS
 
 
 @pytest.mark.parametrize("read", [load_scenario, read_model, read_text])
@@ -33,7 +25,7 @@ def test_pipes_devices_and_folders_are_refused_without_reading(tmp_path, read):
 
 @pytest.mark.parametrize("name", ["experiment.yaml", "t.csv"])
 def test_a_pipe_in_an_experiment_folder_is_refused(tmp_path, name):
-    (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
+    (tmp_path / "experiment.yaml").write_text(DROPS)
     (tmp_path / name).unlink(missing_ok=True)
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match=rf"{name}: expected a file, found a pipe"):

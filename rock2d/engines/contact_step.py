@@ -40,12 +40,14 @@ from rock2d.engines.loaded_contacts import (
     DEPTH_0,
     DEPTH_1,
     L_ROTATION,
+    RATE_0,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
     LoadedContacts,
     effects_act,
     load_active,
     new_loaded,
+    note_pressed,
     placed,
 )
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
@@ -70,7 +72,7 @@ from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
 MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
-LANDED = 0.9  # of a step: an event that comes later is the one that it has landed on
+LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
@@ -364,9 +366,11 @@ def step(q, h, near, world, contacts, audit, floating):
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     for a in range(active):
-        loaded.trial[a, DEPTH_0] = memory.reals[loaded.which[a], DEPTH]
+        j = loaded.which[a]
+        loaded.trial[a, DEPTH_0], loaded.trial[a, RATE_0] = memory.reals[j, DEPTH], memory.reals[j, RATE]
     error, scale = 0.0, 0.0
     for _ in range(MOST_HALVINGS):
+        note_pressed(active, loaded, h)
         error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
         if effects or abs(error) <= LARGEST_STEP_ERROR * scale:
             break

@@ -33,10 +33,10 @@ from rock2d.engines.geometry import (
     contact_point,
     pose_of,
 )
+from rock2d.engines.loaded_contacts import LEAST_EVENT
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-LEAST_EVENT = 1e-3  # of a step: an event that comes sooner has been landed on, but for rounding
 
 
 @kernel
@@ -94,6 +94,16 @@ def hold_event(row, first, before, after, peak, bottom, h):
     if (whole0 > 0.0) == (whole1 > 0.0):
         return h
     return h * whole0 / (whole0 - whole1)
+
+
+@kernel
+def _depth_and_rate(j, q, world, memory):
+    """Depth in m of contact j at its own feature, and its rate in m/s."""
+    ints = memory.ints
+    depth, nx, ny, rx, ry = contact_point(
+        ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), world.block, world.ground
+    )
+    return depth, -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
 
 
 @kernel
@@ -190,9 +200,11 @@ def first_event(h, whole, q0, q1, world, memory, found):
     for j in range(ints.shape[0]):
         d1, r1 = found_r[j, DEPTH], found_r[j, RATE]
         d0, r0 = reals[j, DEPTH], reals[j, RATE]
-        if d0 == NOWHERE or d1 == NOWHERE:
-            if ints[j, ACTIVE] and world.block.rounding > 0.0:
+        if d1 == NOWHERE and ints[j, ACTIVE]:
+            if world.block.rounding > 0.0:
                 first = min(first, _corner_event(j, q0, q1, h, world, memory, found))
+            d1, r1 = _depth_and_rate(j, q1, world, memory)  # slid off its feature, which acts until then
+        if d0 == NOWHERE or d1 == NOWHERE:
             continue
         t = h
         if not ints[j, ACTIVE]:

@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import updated_contact
-from rock2d.engines.event_detection import LEAST_EVENT, hold_event, law_event
+from rock2d.engines.event_detection import hold_event, law_event
 from rock2d.engines.geometry import (
     CORNER_FACET,
     F_NORMAL,
@@ -46,6 +46,7 @@ from rock2d.engines.loaded_contacts import (
     L_OFFSET,
     L_PEAK,
     L_ROTATION,
+    LEAST_EVENT,
     RATE_0,
     RATE_1,
     SLIP,
@@ -53,6 +54,7 @@ from rock2d.engines.loaded_contacts import (
     TAKEN_ROTATION,
     effects_act,
     load_active,
+    note_pressed,
     placed,
 )
 from rock2d.engines.recording import note_pressure
@@ -149,6 +151,12 @@ def floats(depth, rate, step):
     return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
+@kernel(inline="always")
+def goes_deeper(depth, rate, step):
+    """Whether a contact in first loading does not turn back at once: then unloading, which is stiffer, sets the step."""
+    return rate * step > LEAST_EVENT * depth
+
+
 @kernel
 def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     """Advance q from time t by contact steps within the guard.
@@ -198,7 +206,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     zero: Any = np.int64(0)
     done, why = zero, zero
     while done < horizon.steps:
-        loading, unpressed = _branches(active, rows, trial, sizes.floating, effects)
+        loading, unpressed = _branches(active, rows, trial, sizes, effects)
         unpressed = unpressed and left
         h = sizes.loading if loading else sizes.other
         if unpressed:
@@ -207,6 +215,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         h = min(h, horizon.time_limit - t)
         if h <= 0.0 or (done > 0 and t + h >= horizon.pause):
             break
+        note_pressed(active, loaded, h)
         first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
         for attempt in range(2):
             pressing = np.int64(0) if unpressed else active
@@ -268,14 +277,14 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
 
 
 @kernel(inline="always")
-def _branches(active, rows, trial, floating_s, effects):
-    """(every contact goes deeper in first loading, none presses or will within a step of `floating_s`)."""
+def _branches(active, rows, trial, sizes, effects):
+    """(every contact goes deeper in first loading, none presses or will within a step of `sizes.floating`)."""
     loading, unpressed = True, True
     for a in range(active):
         d0, peak = trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK]
-        loading = loading and trial[a, RATE_0] > 0.0 and d0 >= peak
+        loading = loading and d0 >= peak and goes_deeper(d0, trial[a, RATE_0], sizes.loading)
         bottom = residual(peak, rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
-        unpressed = unpressed and floats(d0 - bottom, trial[a, RATE_0], floating_s)
+        unpressed = unpressed and floats(d0 - bottom, trial[a, RATE_0], sizes.floating)
         unpressed = unpressed and not (effects and rows[a, L_ACTS] != 0.0)
         unpressed = unpressed and rows[a, L_LAW + INDENTATION] == 0.0
     return loading, unpressed

@@ -38,17 +38,19 @@ from rock2d.laws.contact import (
 )
 
 # columns of a loaded contact: its feature (`geometry.load_feature`), the law's parameters, its memory, its kind,
-# whether effects act in it, and their columns
+# whether the ground presses on it in the step at hand, whether effects act in it, and their columns
 L_FEATURE = 0
 L_LAW = L_FEATURE + N_FEATURE
 L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
-L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_ACTS, L_EFFECTS = range(L_OFFSET + 1, L_OFFSET + 7)
+L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_PRESSED, L_ACTS, L_EFFECTS = range(L_OFFSET + 1, L_OFFSET + 8)
 N_LOADED = L_EFFECTS + N_COLUMNS - FIRST
 # columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
 # point after it
 DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP = range(6)
+LEAST_FORCE_N = 1e-300  # of a pressing contact: its springs hold up to the instant at which it lifts off
+LEAST_EVENT = 1e-3  # of a step: an event that comes sooner has been landed on, but for rounding
 
 
 class LoadedContacts(NamedTuple):
@@ -99,6 +101,20 @@ def load_active(world, memory, loaded):
     return active
 
 
+@kernel(inline="always")
+def note_pressed(active, loaded, h):
+    """Note on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
+
+    The side of the indentation's bottom is that of the whole step, which ends there if the contact changes sides: the
+    moment of the rolling spring, and friction of 90 degrees, jump to 0 at the bottom.
+    """
+    rows, trial = loaded.rows, loaded.trial
+    for a in range(active):
+        bottom = residual(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+        ahead = trial[a, DEPTH_0] - rows[a, L_OFFSET] + LEAST_EVENT * h * trial[a, RATE_0]
+        rows[a, L_PRESSED] = 1.0 if ahead > bottom else 0.0
+
+
 @kernel
 def effects_act(block, active, rows):
     """Whether effects of the catalogue act on the block, by the air or in a loaded contact."""
@@ -117,7 +133,7 @@ def placed(rows, a, pose):
 
 @kernel(inline="always")
 def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
-    """Force (x, y) and moment of one contact, its slip velocity, the spin that winds its rolling spring (none while
+    """Force (x, y) and moment of one contact, the slip velocity and the spin that wind its springs (none while
     unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x
     that recoiling ground adds.
 
@@ -131,24 +147,25 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     ux, uy = vx - omega * ry, vy + omega * rx
     slip = ux * ny - uy * nx
     force_n, mu = normal_force(depth, peak, k_l, k_ul), rows[a, L_LAW + MU]
-    bottom = residual(peak, k_l, k_ul)
-    indentation = rows[a, L_LAW + INDENTATION]
-    spin = omega if depth >= bottom or indentation > 0.0 else 0.0
+    pressed = rows[a, L_PRESSED] != 0.0
+    if pressed:
+        force_n = max(force_n, LEAST_FORCE_N)
     drag = taken = push = 0.0
     if effects and rows[a, L_ACTS] != 0.0:
-        rate, law_n = -(ux * nx + uy * ny), force_n
+        rate, law_n, bottom = -(ux * nx + uy * ny), force_n, residual(peak, k_l, k_ul)
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
         mu *= factor
         taken = (force_n - law_n) * rate + drag * slip
-        if force_n <= 0.0 < law_n and indentation == 0.0:
-            spin = 0.0
-    force_t = tangential_force(displacement, force_n, rows[a, L_LAW + K_T], mu)
+    grip = force_n if pressed else 0.0
+    indentation = rows[a, L_LAW + INDENTATION]
+    spin = omega if grip > 0.0 or indentation > 0.0 else 0.0
+    force_t = tangential_force(displacement, grip, rows[a, L_LAW + K_T], mu)
     arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0
-    rolling = rolling_moment(rotation, force_n, arm, rows[a, L_LAW + K_R], cap, indentation)
+    rolling = rolling_moment(rotation, grip, arm, rows[a, L_LAW + K_R], cap, indentation)
     along = force_t
     if effects:
         along += drag
     fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
     if effects and rows[a, L_ACTS] != 0.0:
         push = recoil(rows[a], L_EFFECTS) * fx
-    return fx, fy, rx * fy - ry * fx - rolling, slip, spin, force_t * slip, rolling * omega, taken, push
+    return fx, fy, rx * fy - ry * fx - rolling, slip if pressed else 0.0, spin, force_t * slip, rolling * omega, taken, push

@@ -32,6 +32,7 @@ from rock2d.engines.fast_contact_steps import (
     StepSizes,
     fast_contact_steps,
     floats,
+    goes_deeper,
 )
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import (
@@ -253,7 +254,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
         else:
             steps += 1
             near = True
-            loading, floating = _pressing(memory, law, FLOATING_STEPS * h)
+            loading, floating = _pressing(memory, law, sizes.loading * growth, FLOATING_STEPS * h)
             floating = floating and left and active > 0
             if active > 0:
                 h = FLOATING_STEPS * h if floating else (sizes.loading * growth if loading else h)
@@ -366,16 +367,16 @@ def _set_anchor(anchor, q, h, world, memory):
 
 
 @kernel
-def _pressing(memory, law, step):
+def _pressing(memory, law, loading_s, floating_s):
     """(every contact goes deeper in first loading, none touches the bottom of its indentation)."""
     ints, reals = memory.ints, memory.reals
     loading, floating = True, True
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             p, pressed, peak = law[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK]
-            loading = loading and reals[j, RATE] > 0.0 and pressed >= peak
+            loading = loading and pressed >= peak and goes_deeper(pressed, reals[j, RATE], loading_s)
             floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
-            floating = floating and floats(pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], step)
+            floating = floating and floats(pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s)
     return loading, floating
 
 

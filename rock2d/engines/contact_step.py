@@ -34,7 +34,7 @@ from rock2d.engines.contact_state import (
     hand_over,
 )
 from rock2d.engines.contact_update import updated_contact
-from rock2d.engines.event_detection import first_event
+from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, contact_point, pose_of
 from rock2d.engines.loaded_contacts import (
     DEPTH_0,
@@ -51,7 +51,7 @@ from rock2d.engines.loaded_contacts import (
     placed,
 )
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import LARGEST_STEP_ERROR, keep_energy, step_error
+from rock2d.engines.truncation import keep_energy, step_error
 from rock2d.laws.contact import (
     CAP,
     K_L,
@@ -71,8 +71,6 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
-MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
-LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
@@ -345,7 +343,7 @@ def _trial(q, direction, h, body, contacts, scratch, effects):
     active = contacts[0]
     for a in range(active):
         loaded.trial[a, DEPTH_1] = placed(loaded.rows, a, pose)[0]
-    return step_error(q, scratch.state, shares[0] + shares[1] + shares[2], body, active, loaded)
+    return step_error(q, scratch.state, h, shares[0] + shares[1] + shares[2], body, active, loaded)
 
 
 @kernel
@@ -371,8 +369,8 @@ def step(q, h, near, world, contacts, audit, floating):
     error, scale = 0.0, 0.0
     for _ in range(MOST_HALVINGS):
         note_pressed(active, loaded, h)
-        error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        if effects or abs(error) <= LARGEST_STEP_ERROR * scale:
+        error, scale, too_long = _trial(q, (c, s), h, body, pressing, scratch, effects)
+        if effects or not too_long:
             break
         h *= 0.5
     find_features(q1, reach, near, world, memory, found)
@@ -382,7 +380,7 @@ def step(q, h, near, world, contacts, audit, floating):
         if event_s >= h or (landings > 0 and event_s > LANDED * h):
             break
         h = event_s
-        error, scale = _trial(q, (c, s), h, body, pressing, scratch, effects)
+        error, scale, _ = _trial(q, (c, s), h, body, pressing, scratch, effects)
         find_features(q1, reach, near, world, memory, found)
     for a in range(active):
         if floating:

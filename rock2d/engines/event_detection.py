@@ -37,6 +37,8 @@ from rock2d.engines.loaded_contacts import LEAST_EVENT
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
+MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
+LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 
 
 @kernel

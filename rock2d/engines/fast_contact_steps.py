@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import updated_contact
-from rock2d.engines.event_detection import hold_event, law_event
+from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, hold_event, law_event
 from rock2d.engines.geometry import (
     CORNER_FACET,
     F_NORMAL,
@@ -59,7 +59,7 @@ from rock2d.engines.loaded_contacts import (
 )
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import LARGEST_STEP_ERROR, keep_energy, step_error
+from rock2d.engines.truncation import keep_energy, step_error
 from rock2d.laws.contact import (
     INDENTATION,
     K_L,
@@ -217,7 +217,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             break
         note_pressed(active, loaded, h)
         first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
-        for attempt in range(2):
+        for attempt in range(MOST_LANDINGS):
             pressing = np.int64(0) if unpressed else active
             work_t, work_r, work_e, pushed = advance(q, (c, s), first, body, (pressing, rows, rates), q1)
             if unpressed:
@@ -240,17 +240,18 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
                 trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
                 if depth <= 0.0:
                     why = CONTACT_ENDS
-            if why > 0 or attempt == 1:
+            if why > 0:
                 break
-            first = _first_event(h, active, rows, trial, effects)
-            if first == h:
+            event_s = _first_event(first, h, active, rows, trial, effects)
+            if event_s >= first or (attempt > 0 and event_s > LANDED * first):
                 break
+            first = event_s
         if why > 0:
             break
-        error, scale = 0.0, 0.0
+        error, scale, too_long = 0.0, 0.0, False
         if not effects:  # of effects, the work is known no better than the motion
-            error, scale = step_error(q, q1, work_t + work_r, body, active, loaded)
-        if abs(error) > LARGEST_STEP_ERROR * scale:
+            error, scale, too_long = step_error(q, q1, first, work_t + work_r, body, active, loaded)
+        if too_long:
             why = STEP_TOO_LONG
             break
         force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
@@ -291,8 +292,8 @@ def _branches(active, rows, trial, sizes, effects):
 
 
 @kernel(inline="always")
-def _first_event(h, active, rows, trial, effects):
-    """Time in (0, h] of the first event of the law in the trial step; h if there is none."""
+def _first_event(h, whole, active, rows, trial, effects):
+    """Time in (0, h] of the first event of the law in the trial step; h if there is none; `whole` as in `event_detection.first_event`."""
     first = h
     for a in range(active):
         d0, d1 = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]
@@ -304,8 +305,8 @@ def _first_event(h, active, rows, trial, effects):
             k_l, k_ul = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
             force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
             held = hold_event(rows[a], L_EFFECTS, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-            t = held if LEAST_EVENT * h < held < t else t
-        if LEAST_EVENT * h < t < first:
+            t = held if LEAST_EVENT * whole < held < t else t
+        if LEAST_EVENT * whole < t < first:
             first = t
     return first
 

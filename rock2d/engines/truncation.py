@@ -15,13 +15,15 @@ from rock2d.engines.loaded_contacts import DEPTH_0, DEPTH_1, L_LAW, L_OFFSET, L_
 from rock2d.laws.contact import K_L, K_UL, normal_force, plastic_work
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, VX, VY, Y
 
-LARGEST_STEP_ERROR = 0.005  # of the energy of a step: beyond it the step is too long
+LARGEST_STEP_ERROR = 0.0005  # of the energy of a step: beyond it the step is too long
 LARGEST_CORRECTION = 0.01  # of the impulse of a step: what is more waits for the next one
+LEAST_ERROR = 1e-7  # of the kinetic energy: less may always wait
 
 
 @kernel(inline="always")
-def step_error(q, q1, works, body, active, loaded):
-    """(energy in J that a step from q to q1 has made, energy in J that it should be small against).
+def step_error(q, q1, h, works, body, active, loaded):
+    """(energy in J that a step from q to q1 has made, energy in J that it should be small against, whether the step is
+    too long: the error is no small part of that energy, or more than a correction of the impulse can take).
 
     works : what tangential springs, rolling springs and effects took in the step, in J; the depths of the active
         contacts before and after it are in the rows of `loaded.trial`
@@ -40,7 +42,16 @@ def step_error(q, q1, works, body, active, loaded):
         new = normal_force(after, peak, k_l, k_ul)
         error += 0.5 * (new * new - old * old) / k_ul
         scale += 0.5 * max(new * new, old * old) / k_ul
-    return error, scale
+    allowed = min(LARGEST_STEP_ERROR * scale, LARGEST_CORRECTION * abs(_gain(q, q1, h, body)))
+    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic)
+
+
+@kernel(inline="always")
+def _gain(q, q1, h, body):
+    """Energy in J per share that is added to the impulse of a step of h (s) from q to q1, to first order."""
+    block = body.block
+    dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
+    return block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
 
 
 @kernel(inline="always")
@@ -55,9 +66,7 @@ def keep_energy(q, q1, h, error, scale, body, audit):
         audit[PENDING] += error
     block = body.block
     dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
-    gain = (
-        block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
-    )  # per share of the impulse
+    gain = _gain(q, q1, h, body)
     curvature = 0.5 * (block.mass * (dx * dx + dy * dy) + block.inertia * turn * turn)
     most = abs(gain) * min(LARGEST_CORRECTION, 0.1 * abs(gain) / max(curvature, 1e-300))
     paid = min(max(audit[PENDING], -most), most)

@@ -172,13 +172,13 @@ def _commit(q, world, memory, found, end, audit):
             if depth > 0.0:
                 after_r += rolling_energy(reals[j, ROTATION], p)
             zone = _zone(j, memory, ground)
-            if zone != ints[j, ZONE] and _differ(p, law[zone]):
+            if zone != ints[j, ZONE] and depth > 0.0 and _differ(p, law[zone]):  # clear, nothing is stored
                 audit[PLASTIC] += _enter_zone(j, depth, (force_n, force_t), p, law[zone], memory)
             ints[j, ZONE] = zone
-            if gone or depth <= 0.0:
-                if gone:  # what is still stored is lost
-                    _lose_stored(j, depth, law[zone], memory, audit)
+            if gone or depth <= 0.0:  # what is still stored is lost
+                _lose_stored(j, depth, law[zone], memory, audit)
                 _release(j, memory)
+                reals[j, DEPTH] = NOWHERE if gone else depth
         elif _touches(depth, found_r[j, RATE], block):
             ints[j, ACTIVE] = 1
             _follow(j, memory, found)
@@ -224,7 +224,7 @@ def _enter_zone(j, depth, forces, p, new, memory):
 
 @kernel
 def _lose_stored(j, depth, p, memory, audit):
-    """Take what the springs of contact j hold into the audit: its feature is gone."""
+    """Take what the springs of contact j, which ends, still hold into the audit."""
     reals = memory.reals
     force_n = normal_force(depth - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
     force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
@@ -366,22 +366,21 @@ def step(q, h, near, world, contacts, audit, floating):
     for a in range(active):
         j = loaded.which[a]
         loaded.trial[a, DEPTH_0], loaded.trial[a, RATE_0] = memory.reals[j, DEPTH], memory.reals[j, RATE]
-    error, scale = 0.0, 0.0
-    for _ in range(MOST_HALVINGS):
-        note_pressed(active, loaded, h)
+    error, scale, halvings, landings, whole = 0.0, 0.0, 0, 0, h
+    while True:
+        note_pressed(active, loaded, whole)
         error, scale, too_long = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        if effects or not too_long:
-            break
-        h *= 0.5
-    find_features(q1, reach, near, world, memory, found)
-    whole = h
-    for landings in range(MOST_LANDINGS):
+        if too_long and not effects and halvings < MOST_HALVINGS:
+            h *= 0.5
+            halvings += 1
+            whole = h if landings == 0 else whole
+            continue
+        find_features(q1, reach, near, world, memory, found)
         event_s = first_event(h, whole, q, q1, world, memory, found)
-        if event_s >= h or (landings > 0 and event_s > LANDED * h):
+        if event_s >= h or landings == MOST_LANDINGS or (landings > 0 and event_s > LANDED * h):
             break
         h = event_s
-        error, scale, _ = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        find_features(q1, reach, near, world, memory, found)
+        landings += 1
     for a in range(active):
         if floating:
             loaded.rates[a, TAKEN_DISPLACEMENT] = 0.0

@@ -47,7 +47,7 @@ class TableData(ImpactTable):
             true = true + shift
         blocks = list(world.blocks.values())
         size = np.array([b.radius_m for b in blocks])[self.impact_block]
-        ground = ground_arrays(world.cross_section, 10 * size.max())
+        ground = ground_arrays(world.cross_section)
         starts = true.copy()
         for b, block in enumerate(blocks):
             own = self.impact_block == b

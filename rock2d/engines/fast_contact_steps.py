@@ -153,7 +153,7 @@ def floats(depth, rate, step):
 
 @kernel(inline="always")
 def goes_deeper(depth, rate, step):
-    """Whether a contact in first loading does not turn back at once: then unloading, which is stiffer, sets the step."""
+    """Whether a contact in first loading does not turn back at once: then the stiffer unloading sets the step."""
     return rate * step > LEAST_EVENT * depth
 
 
@@ -293,7 +293,8 @@ def _branches(active, rows, trial, sizes, effects):
 
 @kernel(inline="always")
 def _first_event(h, whole, active, rows, trial, effects):
-    """Time in (0, h] of the first event of the law in the trial step; h if there is none; `whole` as in `event_detection.first_event`."""
+    """Time in (0, h] of the first event of the law in the trial step; h if there is none. `whole`: see
+    `event_detection.first_event`."""
     first = h
     for a in range(active):
         d0, d1 = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]

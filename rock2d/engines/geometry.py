@@ -78,12 +78,14 @@ class BlockArrays(NamedTuple):
     centre_y: float
 
 
-def ground_arrays(ground: CrossSection, prolong_m: float) -> GroundArrays:
-    """Arrays of a cross-section whose two end facets are prolonged by `prolong_m`.
+def ground_arrays(ground: CrossSection) -> GroundArrays:
+    """Arrays of a cross-section whose two end facets are prolonged by ten times its width, far beyond any block.
 
     Facets joined by turns below SMOOTH_TURN_RAD share a patch; by turns below RUN_TURN_RAD, and of one zone, a run.
     """
     points = ground.points_m.copy()
+    x_low, x_high = float(points[0, 0]), float(points[-1, 0])
+    prolong_m = 10.0 * (x_high - x_low)
     points[0] -= ground.tangents[0] * prolong_m
     points[-1] += ground.tangents[-1] * prolong_m
     n = len(points) - 1
@@ -101,8 +103,8 @@ def ground_arrays(ground: CrossSection, prolong_m: float) -> GroundArrays:
     facets[:n, RUN_FIRST], facets[:n, RUN_LAST] = begins[run], np.append(begins[1:], n)[run] - 1
     low = np.minimum(points[:-1, 0], points[1:, 0])
     high = np.maximum(points[:-1, 0], points[1:, 0])
-    x_start, bins = float(low.min()), max(8, 2 * n)
-    bins_per_m = bins / (float(high.max()) - x_start)
+    x_start, bins = float(ground.points_m[:, 0].min()), max(8, 2 * n)
+    bins_per_m = bins / float(np.ptp(ground.points_m[:, 0]))
     first, last = np.full(bins, n), np.full(bins, -1)
     begin = np.clip(((low - x_start) * bins_per_m).astype(int) - 1, 0, bins - 1)
     end = np.clip(((high - x_start) * bins_per_m).astype(int) + 1, 0, bins - 1)
@@ -110,7 +112,6 @@ def ground_arrays(ground: CrossSection, prolong_m: float) -> GroundArrays:
     np.maximum.at(last, begin, np.arange(n))
     first = np.minimum.accumulate(first[::-1])[::-1]
     last = np.maximum.accumulate(last)
-    x_low, x_high = float(ground.points_m[0, 0]), float(ground.points_m[-1, 0])
     return GroundArrays(
         facets,
         first.astype(np.int64),

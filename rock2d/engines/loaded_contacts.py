@@ -168,4 +168,5 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     fx, fy = force_n * nx - along * ny, force_n * ny + along * nx
     if effects and rows[a, L_ACTS] != 0.0:
         push = recoil(rows[a], L_EFFECTS) * fx
-    return fx, fy, rx * fy - ry * fx - rolling, slip if pressed else 0.0, spin, force_t * slip, rolling * omega, taken, push
+    moment, winding = rx * fy - ry * fx - rolling, slip if pressed else 0.0
+    return fx, fy, moment, winding, spin, force_t * slip, rolling * omega, taken, push

@@ -83,7 +83,7 @@ class PymunkRelease:
             raise ValueError(f"state must be six finite numbers {STATE_NAMES}, got {state!r}")
         self.time = 0.0
         self.audit = np.zeros(N_AUDIT)
-        self._block, self._ground = block_arrays(block), ground_arrays(cross_section, 10 * block.radius_m)
+        self._block, self._ground = block_arrays(block), ground_arrays(cross_section)
         self._world = WorldArrays(self._block, self._ground, self.table, self.gravity)
         count = contact_state.contact_count(block)
         self._memory, self._found = contact_state.new_contacts(count), contact_state.new_contacts(count)

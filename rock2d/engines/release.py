@@ -376,7 +376,9 @@ def _pressing(memory, law, loading_s, floating_s):
             p, pressed, peak = law[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK]
             loading = loading and pressed >= peak and goes_deeper(pressed, reals[j, RATE], loading_s)
             floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
-            floating = floating and floats(pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s)
+            floating = floating and floats(
+                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
+            )
     return loading, floating
 
 

@@ -153,7 +153,7 @@ def segment_film(world: World, film: Film) -> Segmentation:
     """
     blocks = list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
-    ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(world.cross_section)
     g = max(world.gravity_m_s2, 1e-3)
     kinds = np.zeros(len(film.t_s), np.int64)
     found: list[tuple[int, int, int, int, int]] = []

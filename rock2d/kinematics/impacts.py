@@ -62,7 +62,7 @@ def start_instants(world: World, segmentation: Segmentation, basis: Basis, state
     """
     film, flights = segmentation.film, segmentation.flights
     blocks = list(world.blocks.values())
-    ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(world.cross_section)
     start = np.full(len(flights), np.nan)
     for i in range(len(flights)):
         block = blocks[flights.block[i]]

@@ -50,7 +50,7 @@ def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
     ground; and the number of frames after that one."""
     step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
     blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]
-    ground = ground_arrays(world.cross_section, 10 * max(radius for _, radius in blocks))
+    ground = ground_arrays(world.cross_section)
     starts = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
     lowest = []
     for b, (first, last) in zip(film.release_block, itertools.pairwise(starts), strict=True):

@@ -45,7 +45,7 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
     index of the block."""
     flights, film, blocks = data.segmentation.flights, data.film, list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
-    ground = ground_arrays(world.cross_section, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(world.cross_section)
     rows = []
     for before, after in zip(data.impacts.before, data.impacts.after, strict=True):
         first = flights.last[before] - CONTACT_MARGIN_FRAMES

@@ -158,9 +158,8 @@ class CrossSection:
         import shapely
 
         outline = self.points_m
-        floor = min(float(outline[:, 1].min()), float(np.min(points_m[:, 1]))) - float(
-            np.ptp(outline, axis=0).max()
-        )
+        lowest = np.min(points_m[:, 1], initial=outline[:, 1].min())
+        floor = float(lowest - np.ptp(outline, axis=0).max())
         ground = shapely.make_valid(
             shapely.Polygon([*outline, (outline[-1, 0], floor), (outline[0, 0], floor)])
         )

@@ -40,7 +40,7 @@ BODIES = {"round_cube": ROUND_CUBE, "round_slab": ROUND_SLAB, "off_sphere": OFF_
 
 def closest(block, cross_section, pose):
     """Features of all contacts at a pose: kind, depth, rate of depth per unit of motion in x, y, theta."""
-    compiled = WorldArrays(block_arrays(block), ground_arrays(cross_section, 1.0), np.zeros((1, 1)), 0.0)
+    compiled = WorldArrays(block_arrays(block), ground_arrays(cross_section), np.zeros((1, 1)), 0.0)
     n = contact_state.contact_count(block)
     rates = []
     for axis in range(3):

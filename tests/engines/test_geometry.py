@@ -40,17 +40,17 @@ def signed_depth(cross_section, x, y):
 @given(st.floats(-2, 3), st.floats(-0.5, 1.8))
 @settings(deadline=None, max_examples=200)
 def test_depth_of_a_point_is_its_distance_to_the_surface_also_under_an_overhang(x, y):
-    arrays = ground_arrays(GROUND, 0.0)
+    arrays = ground_arrays(GROUND)
     depth, _, _ = point_depth(x, y, arrays.facets, 0, 6)
     assert depth == pytest.approx(signed_depth(GROUND, x, y), abs=1e-12)
-    fine = ground_arrays(GROUND.subdivided(10), 0.0)
+    fine = ground_arrays(GROUND.subdivided(10))
     assert point_depth(x, y, fine.facets, 0, 60)[0] == pytest.approx(depth, abs=1e-12)
 
 
 @given(st.floats(-3, 4), st.floats(0, 1))
 @settings(deadline=None, max_examples=100)
 def test_the_facet_range_of_an_interval_holds_every_facet_that_overlaps_it(x, width):
-    f0, f1 = facet_range(ground_arrays(GROUND, 0.0), x, x + width)
+    f0, f1 = facet_range(ground_arrays(GROUND), x, x + width)
     ends = np.sort(np.stack([GROUND.points_m[:-1, 0], GROUND.points_m[1:, 0]]), axis=0)
     for f in np.flatnonzero((ends[0] <= x + width) & (ends[1] >= x)):
         assert f0 <= f < f1
@@ -97,7 +97,7 @@ def test_a_half_of_an_ellipse_is_followed_beyond_its_longer_axis(along, b):
 def test_the_force_acts_along_the_gradient_of_the_depth_so_that_a_spring_conserves_energy(
     kind, index, part, block, pose
 ):
-    cross_section, arrays = ground_arrays(GROUND, 1.0), block_arrays(block)
+    cross_section, arrays = ground_arrays(GROUND), block_arrays(block)
 
     def point(p):
         return contact_point(kind, index, part, pose_of(np.asarray(p)), arrays, cross_section)

@@ -24,7 +24,7 @@ def rough_slope(seed: int) -> CrossSection:
 
 
 def bound(block, cross_section, q):
-    arrays = ground_arrays(cross_section, 5.0)
+    arrays = ground_arrays(cross_section)
     tree = facet_tree(arrays.facets[:, :2])
     return time_to_ground(q, G, block_arrays(block), arrays.facets, tree, np.empty(64, np.int64))
 

@@ -105,7 +105,7 @@ def _depths(experiment: Experiment, data: FilmSegments) -> tuple[Array, Array]:
     """(n,) deepest seen penetration between the two flights of an impact, and height that the flight after reaches."""
     film, flights, impacts = data.film, data.segmentation.flights, data.impacts
     blocks = list(experiment.blocks.values())
-    ground = ground_arrays(experiment.cross_section, 10 * max(b.radius_m for b in blocks))
+    ground = ground_arrays(experiment.cross_section)
     arrays = [block_arrays(b) for b in blocks]
     deep, high = np.zeros(len(impacts)), np.zeros(len(impacts))
     for i in range(len(impacts)):

@@ -235,6 +235,30 @@ def _smooth_features(pose, reach, near, world, memory, found):
                     _set(found, j, own, found_r[k, DEPTH], found_i[k, KEY])
                     found_r[k, DEPTH] = NOWHERE
                     break
+            if found_r[j, DEPTH] == NOWHERE:
+                _keep_vertex(j, pose, world, memory, found)
+
+
+@kernel
+def _keep_vertex(j, pose, world, memory, found):
+    """Let active contact j, whose feature is none of the nearest any more, go on at its vertex, or at the end of its
+    facet, as long as that vertex lies inside the profile: far inside, the nearest features leave gaps."""
+    block, facets, ints = world.block, world.ground.facets, memory.ints
+    x, y, _, _ = pose
+    vertex, half = ints[j, INDEX], ints[j, PART]
+    if ints[j, KIND] == SMOOTH_FACET:
+        feature = load_feature(SMOOTH_FACET, vertex, 0, block, facets)
+        _, _, _, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
+        along = (x + rx - feature[0]) * facets[vertex, TANGENT_X] + (y + ry - feature[1]) * facets[
+            vertex, TANGENT_Y
+        ]
+        vertex += 1 if along > 0.0 else 0
+        half = _half_at(vertex, pose, block, facets)
+    if 0 < vertex < facets.shape[0] - 1:
+        feature = load_feature(SMOOTH_VERTEX, vertex, half, block, facets)
+        depth = place_feature(SMOOTH_VERTEX, feature, pose)[0]
+        if depth > 0.0:
+            _set(found, j, (SMOOTH_VERTEX, vertex, half), depth, ints[j, KEY])
 
 
 @kernel

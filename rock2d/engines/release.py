@@ -286,10 +286,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
-            if active > 0:
-                buried = _set_anchor(anchor, q, h, world, memory)
-            elif before > 0:
-                buried = _is_buried(q, world)
+            buried = _set_anchor(anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
         gone = until - t
         if near:
             cross((t, gone), old, q, flying, body, line_record)

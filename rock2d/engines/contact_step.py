@@ -37,6 +37,7 @@ from rock2d.engines.contact_update import updated_contact
 from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, contact_point, pose_of
 from rock2d.engines.loaded_contacts import (
+    ARM,
     DEPTH_0,
     DEPTH_1,
     L_ROTATION,
@@ -332,18 +333,27 @@ def look_again(q, near, world, memory, found):
 
 @kernel(inline="always")
 def _trial(q, direction, h, body, contacts, scratch, effects):
-    """A step of h into `scratch.state`; its works into `scratch.shares`. Returns `truncation.step_error`."""
+    """A step of h into `scratch.state`; its works into `scratch.shares`. Returns (energy that it made in J, energy that
+    this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act: of them,
+    the work is known no better than the motion."""
+    shares, loaded = scratch.shares, scratch.loaded
+    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    pressing, active = contacts
+    three = (pressing, rows, rates)
     if effects:
-        works = runge_kutta_with_effects(q, direction, h, body, contacts, scratch.state)
-    else:
-        works = runge_kutta(q, direction, h, body, contacts, scratch.state)
-    shares = scratch.shares
-    shares[0], shares[1], shares[2], shares[3] = works
-    loaded, pose = scratch.loaded, pose_of(scratch.state)
-    active = contacts[0]
+        shares[0], shares[1], shares[2], shares[3] = runge_kutta_with_effects(
+            q, direction, h, body, three, scratch.state
+        )
+        return 0.0, 0.0, False
+    shares[0], shares[1], shares[2], shares[3] = runge_kutta(q, direction, h, body, three, scratch.state)
+    pose = pose_of(scratch.state)
     for a in range(active):
-        loaded.trial[a, DEPTH_1] = placed(loaded.rows, a, pose)[0]
-    return step_error(q, scratch.state, h, shares[0] + shares[1] + shares[2], body, active, loaded)
+        trial[a, DEPTH_1], _, _, rx, ry = placed(rows, a, pose)
+        trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
+    error, scale, too_long, shares[0], shares[1] = step_error(
+        q, scratch.state, h, (shares[0], shares[1]), body, active, loaded
+    )
+    return error, scale, too_long
 
 
 @kernel
@@ -360,17 +370,20 @@ def step(q, h, near, world, contacts, audit, floating):
     reach = 4.0 * h * (speed + abs(q[OMEGA]) * block.radius) + 1e-6 * block.radius
     active = load_active(world, memory, loaded)
     body = Body(block, world.gravity)
-    pressing = (np.int64(0) if floating else active, loaded.rows, loaded.rates)
+    pressing = (np.int64(0) if floating else active, active)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     for a in range(active):
         j = loaded.which[a]
         loaded.trial[a, DEPTH_0], loaded.trial[a, RATE_0] = memory.reals[j, DEPTH], memory.reals[j, RATE]
+        if floating:
+            loaded.rates[a, TAKEN_DISPLACEMENT] = 0.0
+            loaded.rates[a, TAKEN_ROTATION] = loaded.rows[a, L_ROTATION]
     error, scale, halvings, landings, whole = 0.0, 0.0, 0, 0, h
     while True:
         note_pressed(active, loaded, whole)
         error, scale, too_long = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        if too_long and not effects and halvings < MOST_HALVINGS:
+        if too_long and halvings < MOST_HALVINGS:
             h *= 0.5
             halvings += 1
             whole = h if landings == 0 else whole
@@ -382,12 +395,9 @@ def step(q, h, near, world, contacts, audit, floating):
         h = event_s
         landings += 1
     for a in range(active):
-        if floating:
-            loaded.rates[a, TAKEN_DISPLACEMENT] = 0.0
-            loaded.rates[a, TAKEN_ROTATION] = loaded.rows[a, L_ROTATION]
         scratch.displacement[loaded.which[a]] = loaded.rates[a, TAKEN_DISPLACEMENT]
         scratch.rotation[loaded.which[a]] = loaded.rates[a, TAKEN_ROTATION]
-    if active > 0 and not effects:  # of effects, the work is known no better than the motion
+    if active > 0 and not effects:
         keep_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)
     if block.rounding > 0.0:

@@ -250,7 +250,9 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             break
         error, scale, too_long = 0.0, 0.0, False
         if not effects:  # of effects, the work is known no better than the motion
-            error, scale, too_long = step_error(q, q1, first, work_t + work_r, body, active, loaded)
+            error, scale, too_long, work_t, work_r = step_error(
+                q, q1, first, (work_t, work_r), body, active, loaded
+            )
         if too_long:
             why = STEP_TOO_LONG
             break

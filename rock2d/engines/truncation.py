@@ -11,8 +11,31 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.engines.contact_energy import kinetic_energy
-from rock2d.engines.loaded_contacts import DEPTH_0, DEPTH_1, L_LAW, L_OFFSET, L_PEAK
-from rock2d.laws.contact import K_L, K_UL, normal_force, plastic_work
+from rock2d.engines.loaded_contacts import (
+    ARM,
+    DEPTH_0,
+    DEPTH_1,
+    L_DISPLACEMENT,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    L_ROTATION,
+    TAKEN_DISPLACEMENT,
+    TAKEN_ROTATION,
+)
+from rock2d.laws.contact import (
+    CAP,
+    INDENTATION,
+    K_L,
+    K_R,
+    K_T,
+    K_UL,
+    MU,
+    normal_force,
+    plastic_work,
+    rolling_moment,
+    tangential_force,
+)
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, VX, VY, Y
 
 LARGEST_STEP_ERROR = 0.0005  # of the energy of a step: beyond it the step is too long
@@ -22,16 +45,21 @@ LEAST_ERROR = 1e-7  # of the kinetic energy: less may always wait
 
 @kernel(inline="always")
 def step_error(q, q1, h, works, body, active, loaded):
-    """(energy in J that a step from q to q1 has made, energy in J that it should be small against, whether the step is
-    too long: the error is no small part of that energy, or more than a correction of the impulse can take).
+    """(energy in J that a step of h (s) from q to q1 has made, energy in J that it should be small against, whether the
+    step is too long, work in J that tangential springs took, and rolling springs).
 
-    works : what tangential springs, rolling springs and effects took in the step, in J; the depths of the active
-        contacts before and after it are in the rows of `loaded.trial`
+    works : what these springs took by the quadrature of the step. Springs that do not slip took what they store, to the
+        last bit, and those that slip no less: friction gives nothing back.
+
+    The step is too long if its error is no small part of the energy, or more than a correction of the impulse can take.
+    Depths and arms after the step, and the depths before it, are in the rows of `loaded.trial`.
     """
-    block, rows, trial = body.block, loaded.rows, loaded.trial
+    block, rows, trial, rates = body.block, loaded.rows, loaded.trial, loaded.rates
+    work_t, work_r = works
     kinetic = kinetic_energy(q1, block)
-    error = kinetic - kinetic_energy(q, block) + block.mass * body.gravity * (q1[Y] - q[Y]) + works
-    scale = kinetic + abs(works)
+    error = kinetic - kinetic_energy(q, block) + block.mass * body.gravity * (q1[Y] - q[Y])
+    scale = kinetic + abs(work_t + work_r)
+    stored_t, stored_r, slips, turns = 0.0, 0.0, False, False
     for a in range(active):
         k_l, k_ul, peak = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_PEAK]
         before, after = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]
@@ -42,8 +70,25 @@ def step_error(q, q1, h, works, body, active, loaded):
         new = normal_force(after, peak, k_l, k_ul)
         error += 0.5 * (new * new - old * old) / k_ul
         scale += 0.5 * max(new * new, old * old) / k_ul
+        k_t, mu, k_r = rows[a, L_LAW + K_T], rows[a, L_LAW + MU], rows[a, L_LAW + K_R]
+        if k_t > 0.0:
+            old_t = tangential_force(rows[a, L_DISPLACEMENT], old, k_t, mu)
+            new_t = tangential_force(rates[a, TAKEN_DISPLACEMENT], new, k_t, mu)
+            slips = slips or new_t != k_t * rates[a, TAKEN_DISPLACEMENT]
+            stored_t += 0.5 * (new_t * new_t - old_t * old_t) / k_t
+        if k_r > 0.0:
+            free, cap = k_r * rates[a, TAKEN_ROTATION], rows[a, L_LAW + CAP]
+            moment = free
+            if cap > 0.0:
+                turned, indentation = rates[a, TAKEN_ROTATION], rows[a, L_LAW + INDENTATION]
+                moment = rolling_moment(turned, new, trial[a, ARM], k_r, cap, indentation)
+            turns = turns or moment != free
+            stored_r += 0.5 * (moment * moment / k_r - k_r * rows[a, L_ROTATION] * rows[a, L_ROTATION])
+    work_t = max(work_t, stored_t) if slips else stored_t
+    work_r = max(work_r, stored_r) if turns else stored_r
+    error += work_t + work_r
     allowed = min(LARGEST_STEP_ERROR * scale, LARGEST_CORRECTION * abs(_gain(q, q1, h, body)))
-    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic)
+    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic), work_t, work_r
 
 
 @kernel(inline="always")

@@ -11,6 +11,7 @@ import argparse
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -29,6 +30,8 @@ FAULTS = {
     "tunnel": "the centroid was inside the ground, and the release did not end as buried there",
     "inside": "a release ends with its centroid inside the ground and is not buried",
     "restless": "a block at rest moves: more kinetic energy than it needs to rise by a quarter of its radius",
+    "moved": "the same release, run without its companions, ends elsewhere, if only in the last bit",
+    "apart": "the engines differ after the first impact by over 1 % of the incident speed, for no reason found",
 }
 GAIN = 1e-6  # of an impact's kinetic energy
 RESTLESS = 0.25  # of m g r
@@ -36,6 +39,8 @@ SITE_RELEASES = 10  # on each random site
 SITES = 60  # of one call of the engine
 SAMPLES = 150  # instants at which the centroid is looked at
 IMPACTS = 60  # recorded of each release
+ALONE = 10  # of how many sites one is run again without its companions
+PYMUNK = 100  # of how many releases one is run in the pymunk engine too
 
 
 class Finding(NamedTuple):
@@ -63,9 +68,17 @@ def run_cases(sites: list[Site], states: list[Array]):
     )  # fmt: skip
 
 
-def check(sites: list[Site], states: list[Array]) -> Iterator[Finding]:
-    """What breaks among these releases."""
-    result = run_cases(sites, states)
+class Compared(NamedTuple):
+    """A release that both engines ran: how far apart they are after its first impact, and why."""
+
+    size: float
+    reason: str
+    case: Case
+
+
+def check(sites: list[Site], states: list[Array], result=None) -> Iterator[Finding]:
+    """What breaks among these releases; `result`: what the engine made of them, if it has run."""
+    result = result or run_cases(sites, states)
     first = 0
     for site, starts in zip(sites, states, strict=True):
         rows = slice(first, first + len(starts))
@@ -73,6 +86,26 @@ def check(sites: list[Site], states: list[Array]) -> Iterator[Finding]:
         for fault, sizes in faults(site, result, rows).items():
             for i in np.flatnonzero(sizes > 0.0):
                 yield Finding(fault, float(sizes[i]), Case(site, starts[i]), _stop(result, rows.start + i))
+
+
+def moved(sites: list[Site], states: list[Array], result) -> Iterator[Finding]:
+    """Releases that end elsewhere when one in ALONE sites is run without its companions."""
+    for k in range(0, len(sites), ALONE):
+        own = run_cases([sites[k]], [states[k]])
+        first = sum(len(s) for s in states[:k])
+        ends = result.ends[first : first + len(states[k])]
+        for i in np.flatnonzero(~((own.ends == ends) | (np.isnan(own.ends) & np.isnan(ends))).all(axis=1)):
+            size = float(np.abs(own.ends[i] - ends[i]).max())
+            yield Finding("moved", size, Case(sites[k], states[k][i]), _stop(own, i))
+
+
+def compared(sites: list[Site], states: list[Array]) -> list[Compared]:
+    """The engines on one in PYMUNK releases."""
+    from tests.hunt.engines import compare
+
+    every = [Case(site, state) for site, starts in zip(sites, states, strict=True) for state in starts]
+    pairs = [(case, compare(case)) for case in every[:: PYMUNK + 1]]  # + 1: not one shape only
+    return [Compared(apart.size, apart.reason, case) for case, apart in pairs if apart is not None]
 
 
 def _stop(result, i: int) -> str:
@@ -138,39 +171,70 @@ def depth_in_ground(site: Site, x: Array, y: Array) -> Array:
     return np.where(out > 1e-6, out, 0.0)
 
 
-def hunt_chunk(job: tuple[int, int, str | None]) -> tuple[int, list[Finding], float]:
-    """Releases, findings and seconds of one chunk of sites; `job`: (seed, chunk, shape or None for all)."""
-    seed, chunk, shape = job
-    start = time.perf_counter()
+def random_releases(
+    seed: int, chunk: int, shape: str | None, count: int = SITES
+) -> tuple[list[Site], list[Array]]:
+    """`count` random sites of one shape, or of all in turn, and SITE_RELEASES releases (k, 6) on each."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(chunk,)))
-    sites = [random_site(rng, shape or SHAPES[k % len(SHAPES)]) for k in range(SITES)]
-    states = [random_states(rng, site, SITE_RELEASES) for site in sites]
-    found = list(check(sites, states))
-    return SITES * SITE_RELEASES, found, time.perf_counter() - start
+    sites = [random_site(rng, shape or SHAPES[k % len(SHAPES)]) for k in range(count)]
+    return sites, [random_states(rng, site, SITE_RELEASES) for site in sites]
 
 
-def hunt(releases: int, seed: int, shape: str | None, workers: int) -> tuple[int, list[Finding], float]:
-    """Run the hunt in worker processes; returns (releases, findings, seconds of the slowest chunk)."""
+class Chunk(NamedTuple):
+    """What the hunt found in one chunk of sites."""
+
+    releases: int
+    findings: list[Finding]
+    compared: list[Compared]
+    seconds: float
+
+
+def hunt_chunk(job: tuple[int, int, str | None]) -> Chunk:
+    """The hunt in one chunk of sites; `job`: (seed, chunk, shape or None for all)."""
+    start = time.perf_counter()
+    sites, states = random_releases(*job)
+    result = run_cases(sites, states)
+    both = compared(sites, states)
+    found = [*check(sites, states, result), *moved(sites, states, result)]
+    found += [Finding("apart", c.size, c.case, "impacts") for c in both if c.reason == "unexplained"]
+    return Chunk(SITES * SITE_RELEASES, found, both, time.perf_counter() - start)
+
+
+def hunt(releases: int, seed: int, shape: str | None, workers: int, first: int = 0) -> list[Chunk]:
+    """Run the hunt in worker processes, from chunk `first` on."""
     from tqdm import tqdm
 
-    jobs = [(seed, k, shape) for k in range(-(-releases // (SITES * SITE_RELEASES)))]
-    done, found, slowest = 0, [], 0.0
-    with ProcessPoolExecutor(workers) as pool, tqdm(total=len(jobs), unit="chunk", disable=None) as bar:
-        for count, findings, seconds in pool.map(hunt_chunk, jobs):
-            done, slowest = done + count, max(slowest, seconds)
-            found += findings
-            bar.update()
-    return done, found, slowest
+    jobs = [(seed, first + k, shape) for k in range(-(-releases // (SITES * SITE_RELEASES)))]
+    with ProcessPoolExecutor(workers, initializer=_one_thread) as pool:
+        return list(tqdm(pool.map(hunt_chunk, jobs), total=len(jobs), unit="chunk", disable=None))
 
 
-def print_table(done: int, found: list[Finding]) -> None:
-    """What broke, by fault and shape."""
-    print(f"{done} releases")
+def _one_thread() -> None:
+    """Let a worker compute on one thread: the workers share the cores."""
+    import numba
+
+    numba.set_num_threads(1)
+
+
+def print_table(chunks: list[Chunk]) -> None:
+    """What broke, by fault and shape, and how the engines compare."""
+    found = [f for chunk in chunks for f in chunk.findings]
+    both = [c for chunk in chunks for c in chunk.compared]
+    print(f"{sum(chunk.releases for chunk in chunks)} releases")
     for fault, meaning in FAULTS.items():
         mine = [f for f in found if f.fault == fault]
         by_shape = {s: sum(f.case.site.block.shape == s for f in mine) for s in SHAPES}
         worst = max((f.size for f in mine), default=0.0)
         print(f"{fault:9s} {len(mine):6d}  worst {worst:9.2e}  {by_shape}  ({meaning})")
+    if both:
+        sizes = np.array([c.size for c in both])
+        print(
+            f"engines on {len(both)} first impacts: median {np.median(sizes):.1e}, "
+            f"95 % within {np.quantile(sizes, 0.95):.1e} of the incident speed"
+        )
+        for reason, count in Counter(c.reason for c in both if c.reason).most_common():
+            print(f"  {count} apart: {reason}")
+    print(f"slowest chunk of {chunks[0].releases} releases: {max(c.seconds for c in chunks):.1f} s")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -179,14 +243,17 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--releases", type=int, default=6000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--first", type=int, default=0, help="number of the first chunk, to go on with a hunt"
+    )
     parser.add_argument("--shape", choices=SHAPES)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--save", type=Path, help="folder for scenario files of the worst of each kind")
     parser.add_argument("--worst", type=int, default=3, help="how many of each kind are saved")
     given = parser.parse_args(arguments)
-    done, found, slowest = hunt(given.releases, given.seed, given.shape, given.workers)
-    print_table(done, found)
-    print(f"slowest chunk of {SITES * SITE_RELEASES} releases: {slowest:.1f} s")
+    chunks = hunt(given.releases, given.seed, given.shape, given.workers, given.first)
+    print_table(chunks)
+    found = [f for chunk in chunks for f in chunk.findings]
     if given.save:
         from tests.hunt.shrink import shrunk
 
@@ -194,7 +261,7 @@ def main(arguments: list[str] | None = None) -> int:
         for fault in FAULTS:
             mine = sorted((f for f in found if f.fault == fault), key=lambda f: -f.size)
             for k, worst in enumerate(mine[: given.worst]):
-                small = shrunk(worst)
+                small = worst if fault in ("moved", "apart") else shrunk(worst)
                 path = given.save / f"{fault}_{k}.yaml"
                 path.write_text(small.case.scenario(path.stem, f"{FAULTS[fault]}: {small.size:.3g}"))
                 print(f"{path}: {small.size:.3g} [{small.stop}]")

@@ -101,7 +101,7 @@ def run_campaign(
     from tqdm import tqdm
 
     from rock2d.files.folders import write_whole
-    from rock2d.runs.campaigns.chunks import is_done
+    from rock2d.runs.campaigns.chunks import is_done, unclosed_audits
     from rock2d.runs.campaigns.streaming import campaign_tables, files_read
 
     job, about = _prepare(scenario, folder, options)
@@ -122,6 +122,8 @@ def run_campaign(
             tables = campaign_tables(job, chunks, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        if unclosed := sum(unclosed_audits(job, chunk) for chunk in chunks):
+            report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_how_far(job, chunks)) from None
     except OSError as error:

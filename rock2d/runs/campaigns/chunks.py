@@ -34,6 +34,7 @@ SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_campaign"  # key of the campaign's fingerprint in a file's metadata
+UNCLOSED = b"rock2d_unclosed_audits"  # key of the number of releases whose energy audit does not close
 
 
 def chunk_path(folder: Path, output: str, number: int) -> Path:
@@ -43,17 +44,25 @@ def chunk_path(folder: Path, output: str, number: int) -> Path:
 
 def is_done(job: Job, chunk: Chunk) -> bool:
     """Whether all files of a chunk are there, whole and of this campaign."""
+    return all(
+        _metadata(job, output, chunk).get(FINGERPRINT) == job.fingerprint.encode() for output in job.keep
+    )
+
+
+def unclosed_audits(job: Job, chunk: Chunk) -> int:
+    """How many releases of a chunk that is done have an energy audit that does not close."""
+    return int(_metadata(job, job.keep[0], chunk)[UNCLOSED])
+
+
+def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
+    """What the file of one output of a chunk says of itself; {} if it is not there, or cut short."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    for output in job.keep:
-        try:
-            metadata = pq.read_metadata(chunk_path(job.folder, output, chunk.number)).metadata
-        except (OSError, pa.ArrowInvalid):  # not there, or cut short
-            return False
-        if (metadata or {}).get(FINGERPRINT) != job.fingerprint.encode():
-            return False
-    return True
+    try:
+        return pq.read_metadata(chunk_path(job.folder, output, chunk.number)).metadata or {}
+    except (OSError, pa.ArrowInvalid):
+        return {}
 
 
 def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda count: None) -> int:
@@ -69,11 +78,13 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
     writers: dict[str, pq.ParquetWriter] = {}
-    end = chunk.first + chunk.count
+    end, unclosed = chunk.first + chunk.count, 0
     try:
         for first in range(chunk.first, end, DRAW_GROUP):
             stop = min(first + DRAW_GROUP, end)
-            for output, columns in _simulate(job, chunk, first, stop).items():
+            outputs, count = _simulate(job, chunk, first, stop)
+            unclosed += count
+            for output, columns in outputs.items():
                 table = pa.table(columns)
                 if output not in writers:
                     schema = table.schema.with_metadata({FINGERPRINT: job.fingerprint})
@@ -83,6 +94,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
                 writers[output].write_table(table)
             on_progress(stop - first)
         for output, writer in writers.items():
+            writer.add_key_value_metadata({UNCLOSED: str(unclosed)})
             writer.close()
             os.replace(partial[output], paths[output])
     finally:
@@ -98,8 +110,8 @@ def warm_up(job: Job) -> None:
     _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1)
 
 
-def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> dict[str, dict[str, pa.Array]]:
-    """Output -> columns of releases first .. stop - 1 of the chunk's block."""
+def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], int]:
+    """(output -> columns of releases first .. stop - 1 of the chunk's block, number of audits that do not close)."""
     states = drawn_states(job.incidents[chunk.block], job.seed, chunk.block, first, stop)
     ensemble = ENGINES[job.engine].ensemble
     assert ensemble is not None, f"engine {job.engine} is for single releases"
@@ -134,7 +146,7 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> dict[str, dict[s
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
-    return out
+    return out, found.unclosed
 
 
 def _ends(cross_section: CrossSection, states: Array, found: Outcome) -> dict[str, Any]:

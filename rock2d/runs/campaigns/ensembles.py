@@ -34,6 +34,7 @@ class Outcome:
     """What an engine found out about n releases; shapes as in `engines.batch.BatchResult`.
 
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
+    unclosed : number of releases whose energy audit does not close
     """
 
     stop: list[str]
@@ -41,11 +42,13 @@ class Outcome:
     crossings: Array
     impacts: tuple[Array, Array, Array] | None = None
     samples: Array | None = None
+    unclosed: int = 0
 
 
 def batch_outcome(job: Job, group: Group) -> Outcome:
     """A group of releases with the batch engine."""
     from rock2d.engines.batch import Ensemble, run_batch
+    from rock2d.engines.energy_balance import unclosed
     from rock2d.laws.contact import parameter_table
 
     table = parameter_table(job.parameters[group.block], job.cross_section.zone_names)
@@ -63,6 +66,7 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
         return rows[:, I_ZONE].astype(int), rows[:, I_TIME:]
 
     outcome, result = _outcome(job, run, impacts)
+    outcome.unclosed = int(unclosed(result.energy_J).sum())
     if times is not None:
         outcome.samples = result.samples
     return outcome

@@ -64,6 +64,16 @@ def hermite_root(g0, r0, g1, r1, h):
 
 
 @kernel
+def turning_time(g0, r0, g1, r1, h):
+    """Time in (0, h) at which the cubic through (g0, rate r0) and (g1, rate r1 of the other sign) turns back."""
+    a1, a2, a3 = h * r0, 3.0 * (g1 - g0) - h * (2.0 * r0 + r1), 2.0 * (g0 - g1) + h * (r0 + r1)
+    # its rate a1 + 2 a2 s + 3 a3 s² has one zero in (0, 1); r0 > 0 says which, in the form without cancellation
+    root = np.sqrt(max(a2 * a2 - 3.0 * a1 * a3, 0.0))
+    s = a1 / (root - a2) if a2 < 0.0 else (-a2 - root) / (3.0 * a3)
+    return h * s if 0.0 < s < 1.0 else h * r0 / (r0 - r1)
+
+
+@kernel
 def law_event(d0, r0, d1, r1, peak, bottom, h):
     """Time in (0, h] at which a contact reaches its deepest point, its former peak, or the bottom of its
     indentation; h if it does not. Without pressure also the top of a hop, so that the way back is not missed.
@@ -72,7 +82,7 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
     at which the unloading force vanishes
     """
     if d0 >= peak and r0 > 0.0 and r1 < 0.0:
-        return h * r0 / (r0 - r1)
+        return turning_time(d0, r0, d1, r1, h)
     if (d0 > bottom) != (d1 > bottom):
         return hermite_root(d0 - bottom, r0, d1 - bottom, r1, h)
     if d0 < peak < d1:

@@ -39,6 +39,7 @@ from rock2d.engines.loaded_contacts import (
     DEPTH_0,
     DEPTH_1,
     L_ACTS,
+    L_BOTTOM,
     L_DISPLACEMENT,
     L_EFFECTS,
     L_KIND,
@@ -286,8 +287,7 @@ def _branches(active, rows, trial, sizes, effects):
     for a in range(active):
         d0, peak = trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK]
         loading = loading and d0 >= peak and goes_deeper(d0, trial[a, RATE_0], sizes.loading)
-        bottom = residual(peak, rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
-        unpressed = unpressed and floats(d0 - bottom, trial[a, RATE_0], sizes.floating)
+        unpressed = unpressed and floats(d0 - rows[a, L_BOTTOM], trial[a, RATE_0], sizes.floating)
         unpressed = unpressed and not (effects and rows[a, L_ACTS] != 0.0)
         unpressed = unpressed and rows[a, L_LAW + INDENTATION] == 0.0
     return loading, unpressed
@@ -301,8 +301,7 @@ def _first_event(h, whole, active, rows, trial, effects):
     for a in range(active):
         d0, d1 = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]
         r0, r1 = trial[a, RATE_0], trial[a, RATE_1]
-        peak = rows[a, L_PEAK]
-        bottom = residual(peak, rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+        peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
         t = law_event(d0, r0, d1, r1, peak, bottom, h)
         if effects and rows[a, L_ACTS] != 0.0:
             k_l, k_ul = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
@@ -336,6 +335,8 @@ def _commit(active, loaded, works, audit, effects):
         if k_t > 0.0:
             stored_t += 0.5 * (force_t * force_t - old_t * old_t) / k_t
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
+        if peak != rows[a, L_PEAK]:
+            rows[a, L_BOTTOM] = residual(peak, rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
         rows[a, L_PEAK], rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = peak, displacement, turned
         trial[a, DEPTH_0], trial[a, RATE_0] = trial[a, DEPTH_1], trial[a, RATE_1]
         total += acting

@@ -31,18 +31,21 @@ from rock2d.laws.contact import (
     K_T,
     K_UL,
     MU,
-    normal_force,
+    force_at,
     residual,
     rolling_moment,
     tangential_force,
 )
 
-# columns of a loaded contact: its feature (`geometry.load_feature`), the law's parameters, its memory, its kind,
-# whether the ground presses on it in the step at hand, whether effects act in it, and their columns
+# columns of a loaded contact: its feature (`geometry.load_feature`), the law's parameters, its memory, its kind, the
+# depth of its indentation's bottom, whether the ground presses on it in the step at hand, whether effects act in it,
+# and their columns
 L_FEATURE = 0
 L_LAW = L_FEATURE + N_FEATURE
 L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
-L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_PRESSED, L_ACTS, L_EFFECTS = range(L_OFFSET + 1, L_OFFSET + 8)
+L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFECTS = range(
+    L_OFFSET + 1, L_OFFSET + 9
+)
 N_LOADED = L_EFFECTS + N_COLUMNS - FIRST
 # columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
@@ -91,6 +94,7 @@ def load_active(world, memory, loaded):
                 for i in range(N_COLUMNS - FIRST):
                     rows[active, L_EFFECTS + i] = law[zone, FIRST + i]
             rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
+            rows[active, L_BOTTOM] = residual(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
             rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
                 reals[j, DISPLACEMENT],
                 reals[j, ROTATION],
@@ -110,9 +114,8 @@ def note_pressed(active, loaded, h):
     """
     rows, trial = loaded.rows, loaded.trial
     for a in range(active):
-        bottom = residual(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
         ahead = trial[a, DEPTH_0] - rows[a, L_OFFSET] + LEAST_EVENT * h * trial[a, RATE_0]
-        rows[a, L_PRESSED] = 1.0 if ahead > bottom else 0.0
+        rows[a, L_PRESSED] = 1.0 if ahead > rows[a, L_BOTTOM] else 0.0
 
 
 @kernel
@@ -143,16 +146,16 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     vx, vy, omega = velocity
     k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + CAP]
     depth -= rows[a, L_OFFSET]
-    peak = rows[a, L_PEAK]
+    peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
     ux, uy = vx - omega * ry, vy + omega * rx
     slip = ux * ny - uy * nx
-    force_n, mu = normal_force(depth, peak, k_l, k_ul), rows[a, L_LAW + MU]
+    force_n, mu = force_at(depth, peak, bottom, k_l, k_ul), rows[a, L_LAW + MU]
     pressed = rows[a, L_PRESSED] != 0.0
     if pressed:
         force_n = max(force_n, LEAST_FORCE_N)
     drag = taken = push = 0.0
     if effects and rows[a, L_ACTS] != 0.0:
-        rate, law_n, bottom = -(ux * nx + uy * ny), force_n, residual(peak, k_l, k_ul)
+        rate, law_n = -(ux * nx + uy * ny), force_n
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, (depth, rate, slip, peak, bottom), law_n)
         mu *= factor
         taken = (force_n - law_n) * rate + drag * slip

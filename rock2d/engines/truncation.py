@@ -7,14 +7,13 @@ order of a scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4
 
 from __future__ import annotations
 
-import numpy as np
-
 from rock2d.compiled import kernel
 from rock2d.engines.contact_energy import kinetic_energy
 from rock2d.engines.loaded_contacts import (
     ARM,
     DEPTH_0,
     DEPTH_1,
+    L_BOTTOM,
     L_DISPLACEMENT,
     L_LAW,
     L_OFFSET,
@@ -31,7 +30,7 @@ from rock2d.laws.contact import (
     K_T,
     K_UL,
     MU,
-    normal_force,
+    force_at,
     plastic_work,
     rolling_moment,
     tangential_force,
@@ -63,11 +62,11 @@ def step_error(q, q1, h, works, body, active, loaded):
     for a in range(active):
         k_l, k_ul, peak = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_PEAK]
         before, after = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]
-        old = normal_force(before, peak, k_l, k_ul)
+        bottom = rows[a, L_BOTTOM]
+        old = force_at(before, peak, bottom, k_l, k_ul)
+        new = force_at(after, peak, bottom, k_l, k_ul)
         if after > peak:
             error += plastic_work(after, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
-            peak = after
-        new = normal_force(after, peak, k_l, k_ul)
         error += 0.5 * (new * new - old * old) / k_ul
         scale += 0.5 * max(new * new, old * old) / k_ul
         k_t, mu, k_r = rows[a, L_LAW + K_T], rows[a, L_LAW + MU], rows[a, L_LAW + K_R]
@@ -117,8 +116,9 @@ def keep_energy(q, q1, h, error, scale, body, audit):
     paid = min(max(audit[PENDING], -most), most)
     if paid == 0.0:
         return
-    root = np.sqrt(gain * gain - 4.0 * curvature * paid)
-    share = -2.0 * paid / (gain + np.copysign(root, gain))
+    share = -paid / gain
+    share = -paid / (gain + curvature * share)
+    paid = -share * (gain + curvature * share)
     q1[VX], q1[VY], q1[OMEGA] = q1[VX] + share * dx, q1[VY] + share * dy, q1[OMEGA] + share * turn
     audit[CORRECTED] += abs(paid)
     audit[PENDING] -= paid

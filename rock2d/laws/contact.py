@@ -84,11 +84,17 @@ def parameter_table(
 @kernel(inline="always")
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
+    return force_at(delta, delta_max, residual(delta_max, k_l, k_ul), k_l, k_ul)
+
+
+@kernel(inline="always")
+def force_at(delta, delta_max, bottom, k_l, k_ul):
+    """`normal_force` in N where δp = `bottom` is known already."""
     if delta <= 0.0:
         return 0.0
     if delta >= delta_max:
         return k_l * delta
-    return max(0.0, min(k_l * delta, k_ul * (delta - residual(delta_max, k_l, k_ul))))
+    return max(0.0, min(k_l * delta, k_ul * (delta - bottom)))
 
 
 @kernel(inline="always")

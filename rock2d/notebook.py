@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,8 +14,8 @@ def table_html(table: pd.DataFrame) -> str:
     return str(table.to_html(index=False, border=0, na_rep="", float_format=lambda value: f"{value:.3g}"))
 
 
-def embedded_figure(figure: Figure, dpi: int = 100) -> str:
+def embedded_figure(figure: Figure) -> str:
     """A picture that needs no file beside it."""
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=dpi)
-    return f'<img src="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}">'
+    from rock2d.graphics.pages import embedded
+
+    return f'<img src="{embedded(figure)}">'

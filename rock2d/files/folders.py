@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
+import glob
 import json
 import os
 import secrets
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from rock2d.errors import InputError
@@ -34,16 +35,20 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary sibling folder to write into; it becomes `path` only if the block ends without error.
 
     An older rock2d result at `path` (it holds `RESULT_MARKER`) or an empty folder is replaced; anything else
-    is refused with `InputError` at once. After an error or an interrupt `path` is as it was. Raises OSError, which
-    names `path`, if the machine fails.
+    is refused with `InputError` at once. After an error or an interrupt `path` is as it was. What a process that was
+    killed has left there is removed. Raises OSError, which names `path`, if the machine fails.
     """
     target = check_folder(path)
     token = secrets.token_hex(4)
     partial = target.with_name(f".{target.name}.partial-{token}")
+    unlocked = target.with_name(f".{target.name}.new-{token}")
     process = os.getpid()
     try:
-        with _errors_of(path, partial):
-            partial.mkdir(parents=True)
+        with _errors_of(path, partial), _errors_of(path, unlocked), ExitStack() as held:
+            _remove_abandoned(target)
+            unlocked.mkdir(parents=True)
+            held.enter_context(_lock(unlocked))
+            unlocked.rename(partial)  # not before: without its lock it would be taken for abandoned
             yield partial
             if os.getpid() != process:
                 return  # a copy of this process, which another one made in the block
@@ -61,6 +66,35 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     finally:
         if os.getpid() == process:
             shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def _lock(folder: Path) -> Iterator[bool]:
+    """Hold the lock of a folder; gives False where another process holds it, or where folders have no locks. It ends
+    with the process, however that ends."""
+    try:
+        import fcntl
+    except ImportError:  # no POSIX system
+        yield False
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            yield False
+        else:
+            yield True
+    finally:
+        os.close(handle)
+
+
+def _remove_abandoned(target: Path) -> None:
+    """Remove the temporary folders of processes that were killed while they wrote a result at `target`."""
+    for partial in target.parent.glob(f".{glob.escape(target.name)}.partial-*"):
+        with suppress(OSError), _lock(partial) as free:
+            if free:
+                shutil.rmtree(partial, ignore_errors=True)
 
 
 def check_folder(path: str | Path) -> Path:

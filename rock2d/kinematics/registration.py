@@ -19,7 +19,6 @@ from rock2d.effects import catalogue
 from rock2d.effects.changes import image
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
-from rock2d.records.columns import X, Y
 from rock2d.scene.world import View, World
 
 Array = np.ndarray
@@ -34,15 +33,9 @@ LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points 
 
 def below_ground(world: World, film: Film) -> float:
     """Share of frames with the centroid inside the ground."""
-    import shapely
-
-    points = world.cross_section.points_m
-    low = float(points[:, Y].min()) - 10 * float(np.ptp(points, axis=0).max())
-    ground = shapely.Polygon([*points, (points[-1, X], low), (points[0, X], low)])
-    shapely.prepare(ground)
     step = max(1, len(film.t_s) // 20000)
     pose = world.view.true(film.pose[::step])
-    return float(shapely.contains_xy(ground, pose[:, X], pose[:, Y]).mean())
+    return float(world.cross_section.covers(pose[:, :2]).mean())
 
 
 def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:

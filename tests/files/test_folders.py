@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -78,3 +80,33 @@ def test_a_process_that_is_forked_in_mid_write_touches_nothing(tmp_path, fails):
             os._exit(0)
     assert (tmp_path / "out" / RESULT_MARKER).is_file()
     assert (tmp_path / "table.csv").read_text() == "whole"
+
+
+WRITES = """
+import sys, time
+from rock2d.files.folders import atomic_folder
+with atomic_folder(sys.argv[1]) as folder:
+    (folder / "half").write_text("x")
+    print(flush=True)
+    time.sleep(60)
+"""
+
+
+def test_the_next_result_removes_what_a_killed_process_left_but_not_what_another_one_writes(tmp_path):
+    out = tmp_path / "out"
+    killed, alive = (
+        subprocess.Popen([sys.executable, "-c", WRITES, str(out)], stdout=subprocess.PIPE) for _ in range(2)
+    )
+    try:
+        for process in (killed, alive):
+            assert process.stdout is not None and process.stdout.readline()
+        killed.kill()
+        killed.wait()
+        assert len(list(tmp_path.glob(".out.partial-*"))) == 2
+        with atomic_folder(out) as folder:
+            (folder / "whole").write_text("x")
+        assert (out / "whole").is_file()
+        assert len(list(tmp_path.glob(".out.*"))) == 1
+    finally:
+        alive.kill()
+        alive.wait()

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rock2d.graphics.canvas import fitted_view, motion_limits
-from rock2d.graphics.figure_style import blank_figure
+from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.trajectories import draw_cross_section
 from rock2d.scene.blocks import Block
@@ -30,7 +30,6 @@ MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
 MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
 OTHER_MARKER = "p"  # of all other shapes
-_TEXT_PT, _SMALL_PT = 9.0, 8.0
 
 
 @dataclass
@@ -97,7 +96,7 @@ def section_figure(
     _section_legend(figure, blocks)
     axis.set_xlabel("x (cm)" if limits[1] - limits[0] < 2.0 else "x (m)")
     axis.set_ylabel("y (cm)" if limits[1] - limits[0] < 2.0 else "y (m)")
-    _trim(figure)
+    finish(figure)
     return figure
 
 
@@ -105,13 +104,13 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
     bounds = [c[0] for c in MISS_CLASSES[1:]]
     words = [f"residual < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
     sizes = [
-        _handle(
+        handle(
             word, marker="o", ls="none", ms=np.sqrt(area), mfc=fill, mec=mixed(fill, "#000000", 0.45), mew=0.5
         )
         for word, (_, fill, area) in zip(words, MISS_CLASSES, strict=True)
     ]
     shapes = [
-        _handle(
+        handle(
             name.replace("_", " "),
             marker=MARKERS.get(b.shape, OTHER_MARKER),
             ls="none",
@@ -122,14 +121,14 @@ def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
         for name, b in blocks.items()
         if len(blocks) > 1
     ]
-    blank = _handle("", ls="none")
+    blank = handle("", ls="none")
     columns = [
         handle or blank for pair in zip_longest(sizes, shapes) for handle in pair
     ]  # filled column by column
     if not shapes:
         columns = sizes
     wide = max(len(sizes), len(shapes))
-    figure.legend(handles=columns, loc="outside lower center", ncols=wide, frameon=False, fontsize=_SMALL_PT)
+    figure.legend(handles=columns, loc="outside lower center", ncols=wide, frameon=False, fontsize=SMALL_PT)
 
 
 @dataclass
@@ -182,13 +181,13 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     middle, half = 0.5 * (low + high), 0.5 * max(high[0] - low[0], (high[1] - low[1]) * 1.25)
     way.set(aspect="equal", xlim=(middle[0] - half) * factor + np.array([0, 2 * half * factor]),
             ylim=(middle[1] - half / 1.25) * factor + np.array([0, 1.6 * half * factor]))  # fmt: skip
-    way.set_title(segment.title, fontsize=_TEXT_PT, loc="left")
+    way.set_title(segment.title, fontsize=TEXT_PT, loc="left")
     way.set_xlabel(f"x ({unit})", labelpad=1)
     way.set_ylabel(f"y ({unit})")
     angle.set_xlabel(f"time ({tick})", labelpad=1)
     angle.set_ylabel("angle (°)")
     angle.grid(color="#e4e4e4", lw=0.6)
-    _trim(figure)
+    finish(figure)
     return figure
 
 
@@ -202,18 +201,3 @@ def _outline(
     axis.plot(*np.vstack([edge, edge[:1]]).T, color=colour, ls=line, lw=1.1, zorder=2)
     # a spoke, so that a round block shows its angle
     axis.plot([pose[0] * factor, edge[0, 0]], [pose[1] * factor, edge[0, 1]], color=colour, lw=0.8, zorder=2)
-
-
-def _trim(figure: Figure) -> None:
-    for axis in figure.axes:
-        axis.tick_params(labelsize=_SMALL_PT, length=3)
-        axis.xaxis.label.set_fontsize(_TEXT_PT)
-        axis.yaxis.label.set_fontsize(_TEXT_PT)
-        for side in ("top", "right"):
-            axis.spines[side].set_visible(False)
-
-
-def _handle(label: str, **style: Any) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label=label, **style)

@@ -16,11 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from rock2d.laws.contact import ContactParameters, normal_force, residual, rolling_moment, tangential_force
 from tests.hunt.cases import GRAVITY_M_S2, Site
-from tests.hunt.own_geometry import Feature, Scene
+from tests.hunt.own_geometry import Feature, LeftOutError, Scene, first_touch
 
 Array = np.ndarray
 
@@ -30,10 +29,6 @@ LONGEST_STEP = 0.25  # rad of the stiffest oscillation: events come one by one
 BEHIND = 1e-12  # how far behind an event a segment ends, in radii and incident speeds
 JUMP = 1e-6  # radii: contacts whose depth jumps by more are left out
 MOST_SEGMENTS = 600
-
-
-class LeftOutError(Exception):
-    """An impact that is not compared, and why."""
 
 
 @dataclass
@@ -88,10 +83,10 @@ class Outcome:
 class Impact:
     """The first impact of a release (state (6,) in flight) on a site."""
 
-    def __init__(self, site: Site, state: Array) -> None:
+    def __init__(self, site: Site, state: Array, gravity_m_s2: float = GRAVITY_M_S2) -> None:
         self.site, self.block, self.r = site, site.block, site.block.reach_m
-        self.scene = Scene(site.block, site.cross_section, np.zeros(2))
-        touch_s, before = self._flight(np.array(state, float))
+        self.gravity = gravity_m_s2
+        touch_s, before = first_touch(site.block, site.cross_section, state, self.gravity, site.time_limit_s)
         self.origin = before[:2].copy()
         self.scene = Scene(site.block, site.cross_section, self.origin)
         self.y = before - np.array([*self.origin, 0, 0, 0, 0])
@@ -119,31 +114,6 @@ class Impact:
         out.after_s, out.after = out.touch_s + self._left[0], self._left[1][:6].copy()
         out.after[:2] += self.origin
         return out
-
-    def _flight(self, q: Array) -> tuple[float, Array]:
-        """Instant and state of the first touch."""
-
-        def at(t: float) -> Array:
-            return np.array([q[0] + q[3] * t, q[1] + q[4] * t - GRAVITY_M_S2 * t * t / 2, q[2] + q[5] * t,
-                             q[3], q[4] - GRAVITY_M_S2 * t, q[5]])  # fmt: skip
-
-        t, limit = 0.0, self.site.time_limit_s
-        while t < limit:
-            now = at(t)
-            if not self.site.cross_section.points_m[0, 0] <= now[0] <= self.site.cross_section.points_m[-1, 0]:
-                raise LeftOutError("leaves the cross-section")
-            pace = np.hypot(now[3], now[4]) + abs(now[5]) * self.r + np.sqrt(GRAVITY_M_S2 * self.r)
-            gap = -self.scene.centre_depth(now[0], now[1]) - 1.01 * self.r
-            ahead = t + max(0.01 * self.r, 0.3 * min(gap, 2 * self.r)) / pace
-            if self._deepest(at(ahead)) > 0.0:
-                t = brentq(lambda s: self._deepest(at(s)), t, ahead, xtol=1e-16, rtol=1e-15)
-                return t, at(t)
-            t = ahead
-        raise LeftOutError("touches nothing in time")
-
-    def _deepest(self, q: Array) -> float:
-        found = self.scene.search(*q[:3])
-        return max((depth for _, depth in found.values()), default=-self.r)
 
     # the law ------------------------------------------------------------------------------------------------
 
@@ -192,7 +162,7 @@ class Impact:
             out[k + 1] = y[5] if self._winds(c) and not c.capped else 0.0
         out[:3] = y[3:6]
         out[3:6] = (
-            fx / self.block.mass_kg, fy / self.block.mass_kg - GRAVITY_M_S2, moment / self.block.inertia_kg_m2,
+            fx / self.block.mass_kg, fy / self.block.mass_kg - self.gravity, moment / self.block.inertia_kg_m2,
         )  # fmt: skip
         return out
 
@@ -250,7 +220,9 @@ class Impact:
     def _follow(self, y: Array) -> tuple[dict[object, tuple[Feature, float]], bool]:
         """Features that no contact has, by key, and whether every contact has the feature found for it."""
         fresh, features = self._found(y)
-        return fresh, all(f is not None and f[1] == c.feature for f, c in zip(features, self.contacts, strict=True))
+        return fresh, all(
+            f is not None and f[1] == c.feature for f, c in zip(features, self.contacts, strict=True)
+        )
 
     def _found(self, y: Array) -> tuple[dict, list[tuple[object, Feature] | None]]:
         pose = y[:3].tolist()

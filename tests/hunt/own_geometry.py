@@ -20,6 +20,10 @@ Feature = tuple
 PROLONGED = 10.0  # widths of the cross-section by which its end facets go on
 
 
+class LeftOutError(Exception):
+    """An impact that is not compared, and why."""
+
+
 class Place(NamedTuple):
     """Depth in m of a contact point, direction (2,) of the force on the block, arm (2,) in m from its centre."""
 
@@ -189,6 +193,35 @@ class Scene:
     def centre_depth(self, x: float, y: float) -> float:
         """Depth in m of the block's centre below the nearest segment."""
         return self._nearest_segment(0, np.array([x, y]))[1]
+
+
+def first_touch(
+    block: Block, ground: CrossSection, state: Array, gravity_m_s2: float, limit_s: float
+) -> tuple[float, Array]:
+    """Instant in s and state (6,) at which a flying block first touches the ground."""
+    scene, r, (low, high) = Scene(block, ground, np.zeros(2)), block.reach_m, ground.points_m[[0, -1], 0]
+    x, y, theta, vx, vy, omega = map(float, state)
+
+    def at(t: float) -> Array:
+        fallen = gravity_m_s2 * t
+        return np.array([x + vx * t, y + (vy - fallen / 2) * t, theta + omega * t, vx, vy - fallen, omega])
+
+    def deepest(t: float) -> float:
+        return max((depth for _, depth in scene.search(*at(t)[:3].tolist()).values()), default=-r)
+
+    t = 0.0
+    while t < limit_s:
+        now = at(t)
+        if not low <= now[0] <= high:
+            raise LeftOutError("leaves the cross-section")
+        pace = np.hypot(now[3], now[4]) + abs(omega) * r + np.sqrt(gravity_m_s2 * r)
+        gap = -scene.centre_depth(now[0], now[1]) - 1.01 * r
+        ahead = t + max(0.01 * r, 0.3 * min(gap, 2 * r)) / pace
+        if deepest(ahead) > 0.0:
+            t = brentq(deepest, t, ahead, xtol=1e-16, rtol=1e-15)
+            return t, at(t)
+        t = ahead
+    raise LeftOutError("touches nothing in time")
 
 
 def nearest_on_ellipse(px: float, py: float, a: float, b: float) -> tuple[float, float]:

@@ -75,8 +75,9 @@ class Scene:
         c, s = cos(theta), sin(theta)
         turn = np.array([[c, s], [-s, c]])
         found: dict[object, tuple[Feature, float]] = {}
-        for i, p in enumerate(self.corners @ turn + (x, y)):
-            found["corner", i] = self._nearest_segment(i, p)
+        for i, nearest in enumerate(self._nearest_segments(self.corners @ turn + (x, y))):
+            f, depth = nearest
+            found["corner", i] = ("corner", i, f), depth
         vertices = np.flatnonzero(self.convex)
         inside = self.face_offsets - (self.points[vertices] - (x, y)) @ turn.T @ self.face_normals.T
         for v, depths in zip(vertices.tolist(), inside, strict=True):
@@ -84,17 +85,17 @@ class Scene:
             found["face", v] = ("face", v, face), float(depths[face])
         return found
 
-    def _nearest_segment(self, corner: int, p: Array) -> tuple[Feature, float]:
-        """The segment nearest to a corner at p, with its two ends, and the depth below it."""
-        d = p - self.points[:-1]
-        along = np.clip((d * self.tangents).sum(axis=1), 0.0, self.lengths)
-        square = ((d - along[:, None] * self.tangents) ** 2).sum(axis=1)
-        f = int(np.argmin(square))
-        # where two segments share the nearest vertex, rounding must not choose: it is the first's
-        if f > 0 and along[f] == 0.0:
-            f -= 1
-        feature = ("corner", corner, f)
-        return feature, self._below_segment(f, float(p[0]), float(p[1]))[0]
+    def _nearest_segments(self, points: Array) -> list[tuple[int, float]]:
+        """The segment nearest to each of the points (n, 2), its ends included, and the depth below it."""
+        d = points[:, None] - self.points[:-1]
+        along = np.clip((d * self.tangents).sum(axis=2), 0.0, self.lengths)
+        nearest = ((d - along[..., None] * self.tangents) ** 2).sum(axis=2).argmin(axis=1)
+        out = []
+        for i, f in enumerate(nearest.tolist()):
+            # where two segments share the nearest vertex, rounding must not choose: it is the first's
+            own = f - 1 if f > 0 and along[i, f] == 0.0 else f
+            out.append((own, self._below_segment(own, *points[i].tolist())[0]))
+        return out
 
     def _below_segment(self, f: int, px: float, py: float) -> tuple[float, float, float]:
         """(depth, nx, ny) of a point below segment f, beyond its ends below the vertex."""
@@ -192,7 +193,7 @@ class Scene:
 
     def centre_depth(self, x: float, y: float) -> float:
         """Depth in m of the block's centre below the nearest segment."""
-        return self._nearest_segment(0, np.array([x, y]))[1]
+        return self._nearest_segments(np.array([[x, y]]))[0][1]
 
 
 def first_touch(
@@ -214,9 +215,11 @@ def first_touch(
         now = at(t)
         if not low <= now[0] <= high:
             raise LeftOutError("leaves the cross-section")
-        pace = np.hypot(now[3], now[4]) + abs(omega) * r + np.sqrt(gravity_m_s2 * r)
-        gap = -scene.centre_depth(now[0], now[1]) - 1.01 * r
-        ahead = t + max(0.01 * r, 0.3 * min(gap, 2 * r)) / pace
+        # a step is shorter than the way that is surely clear; a polygon's depths are bounds of that
+        clear = -scene.centre_depth(now[0], now[1]) - 1.01 * r
+        clear = max(clear, 0.0 if block.smooth else -deepest(t))
+        pace = np.hypot(now[3], now[4]) + abs(omega) * r + np.sqrt(2.0 * gravity_m_s2 * clear)
+        ahead = t + max(0.01 * r, 0.7 * clear) / pace
         if deepest(ahead) > 0.0:
             t = brentq(deepest, t, ahead, xtol=1e-16, rtol=1e-15)
             return t, at(t)

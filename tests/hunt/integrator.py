@@ -28,7 +28,7 @@ RTOL, ATOL = 1e-11, 1e-13
 LONGEST_STEP = 0.25  # rad of the stiffest oscillation: events come one by one
 BEHIND = 1e-12  # how far behind an event a segment ends, in radii and incident speeds
 JUMP = 1e-6  # radii: contacts whose depth jumps by more are left out
-MOST_SEGMENTS = 600
+MOST_SEGMENTS, MOST_STEPS = 600, 10000
 
 
 @dataclass
@@ -90,7 +90,7 @@ class Impact:
         self.origin = before[:2].copy()
         self.scene = Scene(site.block, site.cross_section, self.origin)
         self.y = before - np.array([*self.origin, 0, 0, 0, 0])
-        self.t, self.outcome = 0.0, Outcome(touch_s, before)
+        self.t, self.steps, self.outcome = 0.0, 0, Outcome(touch_s, before)
         self.speed = float(np.hypot(*before[3:5]))
         self.contacts: list[Contact] = []
         free = 1 / self.block.mass_kg + self.r**2 / self.block.inertia_kg_m2
@@ -245,6 +245,9 @@ class Impact:
         """Integrate to the next change of regime."""
 
         def event(_: float, y: Array) -> float:
+            self.steps += 1
+            if self.steps > MOST_STEPS:
+                raise LeftOutError("too many steps")
             return min(m[0] for m in self._margins(y)) + BEHIND
 
         event.terminal, event.direction = True, -1  # type: ignore[attr-defined]

@@ -90,8 +90,8 @@ def test_workers_do_not_outlive_their_parent(how, tmp_path):
     assert parent.stdout is not None
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
     (parent.send_signal if how == signal.SIGKILL else lambda s: os.killpg(parent.pid, s))(how)
-    _, left = psutil.wait_procs(workers, timeout=5)
-    parent.wait(5)
+    _, left = psutil.wait_procs(workers, timeout=30)
+    parent.wait(30)
     for worker in left:
         worker.kill()
     assert not left

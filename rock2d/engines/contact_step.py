@@ -181,9 +181,9 @@ def _commit(q, world, memory, found, end, audit):
                 _release(j, memory)
                 reals[j, DEPTH] = NOWHERE if gone else depth
         elif _touches(depth, found_r[j, RATE], block):
-            ints[j, ACTIVE] = 1
             _follow(j, memory, found)
-            ints[j, ZONE] = _zone(j, memory, ground)
+            ints[j, ZONE] = _zone(j, memory, ground)  # while not active: not that of the contact before it
+            ints[j, ACTIVE] = 1
             reals[j, PEAK], reals[j, DISPLACEMENT], reals[j, ROTATION] = 0.0, 0.0, 0.0
             reals[j, ACTING] = 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
@@ -313,8 +313,8 @@ def begin(q, near, world, memory, found):
         ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
         if _touches(depth, found_r[j, RATE], world.block):
             _follow(j, memory, found)
-            ints[j, ACTIVE] = 1
             ints[j, ZONE] = _zone(j, memory, world.ground)
+            ints[j, ACTIVE] = 1
             reals[j, OFFSET] = depth
             active += 1
     return active

@@ -89,3 +89,21 @@ def test_no_ellipse_passes_through_a_spike():
     assert (result.stop[inside] == STOP_BURIED).all()
     assert (result.stop == STOP_REST).sum() + (result.stop == STOP_BURIED).sum() > 0
     assert not unclosed(result.energy_J).any()
+
+
+@pytest.mark.parametrize("names", [("soft", "hard"), ("hard", "soft")])
+def test_a_contact_that_begins_at_a_vertex_belongs_to_the_facet_before_it(names):
+    """Whatever the order in which the zones are named, and whatever zone an earlier contact had."""
+    zones = [names[1], names[0], names[1]]
+    ridge = CrossSection([[-2.0, -1.0], [-1.0, -0.5], [0.0, 0.0], [1.0, -0.5]], zones)
+    laws = {
+        "soft": ContactParameters(1e3, 1e5, 0.0, 0.0, 0.0),
+        "hard": ContactParameters(1e5, 1e5, 0.0, 0.0, 0.0),
+    }
+    # upright on the ridge: e = 1 on hard ground and 0.1 on soft ground
+    result = run_batch(
+        Ensemble([SLAB], [ridge], [parameter_table(laws, ridge.zone_names)]),
+        np.array([0.0, 0.0701, 0.0, 0.0, -1.0, 0.0]), gravity_m_s2=0.0, impact_limit=1, impact_room=1,
+    )  # fmt: skip
+    expected = 1.0 if names[0] == "hard" else 0.1
+    assert result.ends[0, 5] == pytest.approx(expected, rel=1e-3)

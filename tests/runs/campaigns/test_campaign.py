@@ -134,13 +134,13 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     text = (SCENARIOS / "paper_setup.yaml").read_text()
-    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.1"))
+    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.03"))
     command = [
         sys.executable, "-m", "rock2d.cli", "run", str(tmp_path / "short.yaml"), "--engine", "batch",
-        "--releases", "10001", "--quiet", "--out",
+        "--releases", "40001", "--quiet", "--out",
     ]  # fmt: skip
     whole = subprocess.run([*command, str(tmp_path / "whole")], capture_output=True, text=True, check=True)
-    assert "campaign: 30003 releases in 6 chunks" in whole.stdout and "passing frequency" in whole.stdout
+    assert "campaign: 120003 releases in 15 chunks" in whole.stdout and "passing frequency" in whole.stdout
     cut, done = tmp_path / "cut" / "paper_setup_batch", 0
     for how in (signal.SIGINT, signal.SIGKILL):
         process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
@@ -149,19 +149,19 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
         process.send_signal(how)
         _, errors = process.communicate(timeout=60)
         before, done = done, written(cut)
-        assert before < done < 6 and not (cut / "passing.csv").exists()
+        assert before < done < 15 and not (cut / "passing.csv").exists()
         if how == signal.SIGINT:
             assert process.returncode == 130
             # the interrupt may come between a chunk's file and its being counted
             shown = [
-                f"{n} of 6 chunks are done, the same command continues from there" in errors
+                f"{n} of 15 chunks are done, the same command continues from there" in errors
                 for n in (done - 1, done)
             ]
             assert any(shown)
             assert "Traceback" not in errors
             assert not list(cut.rglob(".*"))
     again = subprocess.run([*command, str(tmp_path / "cut")], capture_output=True, text=True, check=True)
-    assert f"{done} of 6 chunks are done already" in again.stdout
+    assert f"{done} of 15 chunks are done already" in again.stdout
     assert digest(cut) == digest(tmp_path / "whole" / "paper_setup_batch")
 
 

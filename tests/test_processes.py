@@ -79,13 +79,18 @@ def announce_and_sleep(k: int) -> None:
     time.sleep(600)
 
 
+def heed_interrupts() -> None:
+    """A shell lets what it starts in the background ignore Ctrl-C, and children inherit that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_workers_do_not_outlive_their_parent(how, tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
     paths = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
     parent = subprocess.Popen(
         [sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        start_new_session=True, env={**os.environ, "PYTHONPATH": paths},
+        start_new_session=True, env={**os.environ, "PYTHONPATH": paths}, preexec_fn=heed_interrupts,
     )  # fmt: skip
     assert parent.stdout is not None
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]

@@ -32,6 +32,7 @@ from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.runs.indicators.stops import stops_table
 from rock2d.runs.run import run
 from rock2d.statistics import percentile_estimate, percentile_ranks
+from tests.test_processes import heed_interrupts
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
@@ -143,7 +144,9 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     assert "campaign: 120003 releases in 15 chunks" in whole.stdout and "passing frequency" in whole.stdout
     cut, done = tmp_path / "cut" / "paper_setup_batch", 0
     for how in (signal.SIGINT, signal.SIGKILL):
-        process = subprocess.Popen([*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            [*command, str(tmp_path / "cut")], stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+        )
         while written(cut) == done and process.poll() is None:
             time.sleep(0.01)
         process.send_signal(how)

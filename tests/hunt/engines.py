@@ -6,7 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.engines.batch import BATCH_STEP_FRACTION
+from rock2d.records.columns import VELOCITIES_AFTER
 from tests.hunt.cases import GRAVITY_M_S2, Case
+from tests.hunt.impact_check import batch_impact, pymunk_impact
+from tests.hunt.own_geometry import LeftOutError
 
 Array = np.ndarray
 
@@ -53,46 +57,22 @@ def _scale(case: Case) -> Array:
     return speed / np.array([1.0, 1.0, site.block.reach_m])
 
 
-def _batch(case: Case, refinement: float, state: Array | None = None) -> Array | None:
+def _batch(case: Case, refinement: float) -> Array | None:
     """(3,) velocities after the first impact over `_scale`, by the batch engine; None if it did not end."""
-    from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
-    from rock2d.laws.contact import parameter_table
-    from rock2d.records.columns import STOP_IMPACTS, VELOCITIES_AFTER
-
-    site = case.site
-    table = parameter_table(site.soils, site.cross_section.zone_names)
-    result = run_batch(
-        Ensemble([site.block], [site.cross_section], [table]), case.state if state is None else state,
-        gravity_m_s2=GRAVITY_M_S2, time_limit_s=site.time_limit_s, impact_limit=1, impact_room=1,
-        step_fraction=refinement * BATCH_STEP_FRACTION,
-    )  # fmt: skip
-    if result.stop[0] != STOP_IMPACTS:
+    try:
+        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[VELOCITIES_AFTER] / _scale(case)
+    except LeftOutError:
         return None
-    return result.impacts[0, 0, VELOCITIES_AFTER] / _scale(case)
 
 
 def _pymunk(case: Case, refinement: float) -> Array | None:
     """`_batch` by the pymunk engine."""
-    from rock2d.effects.columns import engine_rows
-    from rock2d.engines.contact_step import contact_steps_s
-    from rock2d.engines.pymunk_engine import run_pymunk
-    from rock2d.laws.contact import parameter_table
-
-    site = case.site
-    table = parameter_table(site.soils, site.cross_section.zone_names)
-    track = run_pymunk(
-        site.block, site.cross_section, table, case.state, gravity_m_s2=GRAVITY_M_S2,
-        time_limit_s=site.time_limit_s, impact_limit=1,
-        contact_step_s=refinement * contact_steps_s(site.block, engine_rows(table))[1],
-    )  # fmt: skip
-    if track.stop != "impacts":
-        return None
-    after = [track.impacts[0][k] for k in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
-    return np.array(after) / _scale(case)
+    after = pymunk_impact(case, refinement)[VELOCITIES_AFTER] / _scale(case)
+    return None if np.isnan(after).any() else after
 
 
 def _depends_on_start(case: Case, batch: Array | None) -> bool:
     """Whether starts a millionth of the radius beside lead elsewhere."""
     shift = 1e-6 * case.site.block.radius_m * np.eye(6)[:2]
-    moved = [_batch(case, 1.0, case.state + sign * s) for s in shift for sign in (-1.0, 1.0)]
+    moved = [_batch(Case(case.site, case.state + sign * s), 1.0) for s in shift for sign in (-1.0, 1.0)]
     return any(_difference(batch, m) > APART for m in moved)

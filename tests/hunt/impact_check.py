@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.effects.columns import engine_rows
 from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.contact_step import contact_steps_s
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import AFTER, BEFORE, I_PENETRATION, IMPACT_NAMES, STOPS
@@ -44,12 +46,14 @@ def batch_impact(case: Case, fraction: float = BATCH_STEP_FRACTION) -> Array:
     return result.impacts[0, 0]
 
 
-def pymunk_impact(case: Case) -> Array:
-    """The same in the pymunk engine; NaN if it does not end."""
+def pymunk_impact(case: Case, refinement: float = 1.0) -> Array:
+    """The same in the pymunk engine, at `refinement` times its step; NaN if it does not end."""
     site = case.site
+    table = parameter_table(site.soils, site.cross_section.zone_names)
     track = run_pymunk(
-        site.block, site.cross_section, site.soils, case.state, gravity_m_s2=GRAVITY_M_S2,
+        site.block, site.cross_section, table, case.state, gravity_m_s2=GRAVITY_M_S2,
         time_limit_s=site.time_limit_s, impact_limit=1,
+        contact_step_s=refinement * contact_steps_s(site.block, engine_rows(table))[1],
     )  # fmt: skip
     if track.stop != "impacts":
         return np.full(len(IMPACT_NAMES), np.nan)

@@ -49,6 +49,7 @@ N_INTS, N_REALS = KEY + 1, ACTING + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
+SAME_FOOT = 1e-9  # share by which depths differ that are those of one foot of a vertex on an ellipse
 
 
 class Contacts(NamedTuple):
@@ -242,7 +243,8 @@ def _smooth_features(pose, reach, near, world, memory, found):
 @kernel
 def _keep_vertex(j, pose, world, memory, found):
     """Let active contact j, whose feature is none of the nearest any more, go on at its vertex, or at the end of its
-    facet, as long as that vertex lies inside the profile: far inside, the nearest features leave gaps."""
+    facet, as long as that vertex lies inside the profile and its own half of the profile is the nearer one: far inside,
+    the nearest features leave gaps. Beyond the longer axis of an ellipse the contact ends: soon its foot would."""
     block, facets, ints = world.block, world.ground.facets, memory.ints
     x, y, _, _ = pose
     vertex, half = ints[j, INDEX], ints[j, PART]
@@ -255,10 +257,18 @@ def _keep_vertex(j, pose, world, memory, found):
         vertex += 1 if along > 0.0 else 0
         half = _half_at(vertex, pose, block, facets)
     if 0 < vertex < facets.shape[0] - 1:
-        feature = load_feature(SMOOTH_VERTEX, vertex, half, block, facets)
-        depth = place_feature(SMOOTH_VERTEX, feature, pose)[0]
+        nearer = _half_at(vertex, pose, block, facets)
+        depth = _vertex_depth(vertex, nearer, pose, block, facets)
+        if half != nearer and _vertex_depth(vertex, half, pose, block, facets) > (1.0 + SAME_FOOT) * depth:
+            return
         if depth > 0.0:
-            _set(found, j, (SMOOTH_VERTEX, vertex, half), depth, ints[j, KEY])
+            _set(found, j, (SMOOTH_VERTEX, vertex, nearer), depth, ints[j, KEY])
+
+
+@kernel
+def _vertex_depth(v, half, pose, block, facets):
+    """Depth in m of vertex v in a smooth profile, seen from a half of it."""
+    return place_feature(SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose)[0]
 
 
 @kernel

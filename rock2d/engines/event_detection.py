@@ -202,6 +202,18 @@ def _beyond(corner, vertex, q, ground, block):
 
 
 @kernel
+def _appearance(j, q0, q1, h, world, found):
+    """Time in (0, h] up to which a step may go where a smooth profile's contact is found in the ground at its end and
+    at nothing before it: the foot of a profile can run along the ground faster than the block moves. The feature's own
+    depth tells when it touches; if that is of no help, half the step."""
+    if world.block.sides.shape[0] > 0:
+        return h
+    d0, r0 = _depth_and_rate(j, q0, world, found)
+    d1, r1 = _depth_and_rate(j, q1, world, found)
+    return hermite_root(d0, r0, d1, r1, h) if d0 < 0.0 < d1 else 0.5 * h
+
+
+@kernel
 def first_event(h, whole, q0, q1, world, memory, found):
     """Time in (0, h] of the first event of the law within a trial step of h; h if there is none.
 
@@ -216,11 +228,15 @@ def first_event(h, whole, q0, q1, world, memory, found):
             if world.block.rounding > 0.0:
                 first = min(first, _corner_event(j, q0, q1, h, world, memory, found))
             d1, r1 = _depth_and_rate(j, q1, world, memory)  # slid off its feature, which acts until then
+        if d1 > 0.0 and not ints[j, ACTIVE] and (d0 == NOWHERE or ints[j, KEY] != found_i[j, KEY]):
+            t = _appearance(j, q0, q1, h, world, found)
+            first = t if LEAST_EVENT * whole < t < first else first
+            continue
         if d0 == NOWHERE or d1 == NOWHERE:
             continue
         t = h
         if not ints[j, ACTIVE]:
-            if d0 < 0.0 < d1 and ints[j, KEY] == found_i[j, KEY]:
+            if d0 < 0.0 < d1:
                 # rounding can put a landing just above the ground: the touch must not wait for the end of the next step
                 t = max(hermite_root(d0, r0, d1, r1, h), 2e-3 * whole)
         else:

@@ -26,6 +26,7 @@ Array = np.ndarray
 LOADING, ELASTIC, FREE = "loading", "elastic", "free"
 RTOL, ATOL = 1e-11, 1e-13
 LONGEST_STEP = 0.25  # rad of the stiffest oscillation: events come one by one
+LONGEST_HOP = 0.01  # radii that a block which no contact presses moves in a step
 BEHIND = 1e-12  # how far behind an event a segment ends, in radii and incident speeds
 JUMP = 1e-6  # radii: contacts whose depth jumps by more are left out
 MOST_SEGMENTS, MOST_STEPS = 600, 10000
@@ -99,6 +100,8 @@ class Impact:
             for law in site.soils.values()
         )
         self.longest_step = LONGEST_STEP / np.sqrt(stiff)
+        winding = max(law.k_r_Nm_rad for law in site.soils.values()) / self.block.inertia_kg_m2
+        self.longest_hop = LONGEST_STEP / np.sqrt(winding) if winding > 0.0 else inf
         self._left: tuple[float, Array] | None = None
         self._touch()
 
@@ -251,16 +254,23 @@ class Impact:
             return min(m[0] for m in self._margins(y)) + BEHIND
 
         event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
-        r, v = self.r, self.speed
+        r, v, longest = self.r, self.speed, self.longest_step
+        if all(c.regime == FREE for c in self.contacts):
+            pace = float(np.hypot(*self.y[3:5])) + abs(self.y[5]) * r + np.sqrt(self.gravity * r)
+            longest = max(longest, min(self.longest_hop, LONGEST_HOP * r / pace))
         scale = np.array([r, r, 1.0, v, v, v / r] + [r, 1.0] * len(self.contacts))
         end = self.t + self.site.time_limit_s
         solved = solve_ivp(
             self._rates, (self.t, end), self.y, "DOP853", events=event, rtol=RTOL, atol=ATOL * scale,
-            max_step=self.longest_step, first_step=1e-3 * self.longest_step,
+            max_step=longest, first_step=1e-3 * self.longest_step,
         )  # fmt: skip
         if not solved.t_events[0].size:
             raise LeftOutError("does not end in time")
-        self.t, self.y = float(solved.t[-1]), solved.y[:, -1].copy()
+        self.t, self.y, behind = float(solved.t[-1]), solved.y[:, -1].copy(), 1e-12 * longest
+        while min(m[0] for m in self._margins(self.y)) >= -0.5 * BEHIND and behind < 1e-6 * longest:
+            # the root of a jump, as that of a feature, or of rounding, lies just before it
+            self.t, self.y = self.t + behind, self.y + behind * self._rates(self.t, self.y)
+            behind *= 2.0
         deepest = max(self.scene.place(c.feature, *self.y[:3]).depth for c in self.contacts)
         self.outcome.penetration_m = max(self.outcome.penetration_m, deepest)
         if self.scene.centre_depth(*self.y[:2]) > 0.0:

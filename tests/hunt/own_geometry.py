@@ -148,13 +148,16 @@ class Scene:
         return int(a != b and side < 0.0)
 
     def kept_vertex(self, feature: Feature, x: float, y: float, theta: float) -> Feature | None:
-        """The vertex at which a smooth contact goes on if no feature near is its own; None if none is inside."""
+        """The vertex at which a smooth contact goes on if no feature near is its own; None if none is inside, or if it
+        has passed into the other half."""
         v = feature[1]
         if feature[0] == "facet":
             place = self.place(feature, x, y, theta)
             foot = np.array([x + place.rx, y + place.ry]) - self.points[v]
             v += int(foot @ self.tangents[v] > 0.0)
         kept = ("vertex", v, self._half(v, x, y, theta))
+        if feature[0] == "vertex" and kept != feature:
+            return None
         inside = 0 < v < len(self.zones) and self.place(kept, x, y, theta).depth > 0.0
         return kept if inside else None
 

@@ -9,8 +9,8 @@ from rock2d.laws import closed_forms
 from rock2d.laws.contact import ContactParameters
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.hunt.cases import Site
-from tests.hunt.impact_check import FINE, LARGEST, compared_impacts
+from tests.hunt.cases import Case, Site
+from tests.hunt.impact_check import FINE, LARGEST, batch_impact, compared_impacts, difference
 from tests.hunt.integrator import Impact
 
 RADIUS_M, SPEED_M_S, MASS_KG = 0.02, 1.5, 0.05
@@ -66,3 +66,19 @@ def test_engine_against_integrator():
     for one in done:
         assert one.batch[0] < LARGEST, one
         assert one.batch[1] < LARGEST, one
+
+
+def test_contact_of_a_fast_spinning_ellipse_begins_at_the_surface():
+    """Its foot passes a vertex within the step that touches: found only at the end of the step, the contact began
+    0.03 radii deep."""
+    block = make_block("rock", "ellipse", 350.0, inertia=12.5, length_m=0.616, height_m=0.436)
+    ground = CrossSection(
+        [[0.0, -0.4], [1.53922, -0.87064], [2.39217, -1.16254], [3.58597, -1.14784], [6.26655, -1.5364]],
+        ["soil"] * 4,
+    )
+    law = ContactParameters(254e3, 377e3, 158e3, 32.3, 0.0)
+    before = np.array([3.5868471, -0.92983521, 15.74988555, 5.11246814, -5.02829369, 54.99262645])
+    for ago_s in np.linspace(0.0, 0.005, 6):  # the touch falls anywhere within a step
+        way = np.array([before[3], before[4] + 0.5 * 9.81 * ago_s, before[5], 0.0, -9.81, 0.0])
+        case = Case(Site(block, {}, ground, {"soil": law}), before - (0.05 + ago_s) * way)
+        assert difference(case, batch_impact(case), Impact(case.site, case.state).run())[0] < LARGEST

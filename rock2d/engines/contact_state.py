@@ -198,31 +198,24 @@ def _smooth_features(pose, reach, near, world, memory, found):
     for f in range(f0, f1):
         dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
         above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
-        if not 0.0 < above <= far:
-            continue  # of a facet that faces away, only the back is near
+        if abs(above) > far:
+            continue
         along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
         if along < -far or along > facets[f, LENGTH] + far:
             continue
-        feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
-        depth, nx, ny, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
-        along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
-        if 0.0 <= along <= facets[f, LENGTH]:
-            if depth > -reach:
+        if above > 0.0:
+            feature = load_feature(SMOOTH_FACET, f, 0, block, facets)
+            depth, _, _, rx, ry = place_feature(SMOOTH_FACET, feature, pose)
+            along = (x + rx - feature[0]) * tx + (y + ry - feature[1]) * ty
+            if 0.0 <= along <= facets[f, LENGTH] and depth > -reach:
                 _offer(memory, found, (SMOOTH_FACET, f, 0), depth, 2 * int(facets[f, PATCH]))
-        elif along > facets[f, LENGTH] and f + 2 < facets.shape[0]:
-            # between this facet's end and the next one's begin: the vertex, if the ground is convex there
-            v = f + 1
-            half = _half_at(v, pose, block, facets)
-            feature = load_feature(SMOOTH_VERTEX, v, half, block, facets)
-            depth, nx, ny, rx, ry = place_feature(SMOOTH_VERTEX, feature, pose)
-            turn_out = nx * tx + ny * ty
-            turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
-            up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X])
-            up += ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
-            if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
-                key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
-                _offer(memory, found, (SMOOTH_VERTEX, v, half), depth, key)
+            if along <= facets[f, LENGTH]:
+                continue
+        # of a facet that faces away, only the back is near; but at a vertex sharper than a right angle it may be that
+        # the block lies before the next facet
+        if f + 2 < facets.shape[0] and (above > 0.0 or _is_spike(f, x, y, facets)):
+            _offer_vertex(f, pose, reach, world, memory, found)
     for j in range(ints.shape[0]):
         # the neighbouring contact continues an active contact whose feature is gone
         if ints[j, ACTIVE] and found_r[j, DEPTH] == NOWHERE:
@@ -238,6 +231,34 @@ def _smooth_features(pose, reach, near, world, memory, found):
                     break
             if found_r[j, DEPTH] == NOWHERE:
                 _keep_vertex(j, pose, world, memory, found)
+
+
+@kernel(inline="always")
+def _is_spike(f, x, y, facets):
+    """Whether the ground turns by more than a right angle behind facet f, with (x, y) before the next facet."""
+    v = f + 1
+    if facets[f, TANGENT_X] * facets[v, TANGENT_X] + facets[f, TANGENT_Y] * facets[v, TANGENT_Y] >= 0.0:
+        return False
+    dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
+    return dx * facets[v, NORMAL_X] + dy * facets[v, NORMAL_Y] > 0.0
+
+
+@kernel
+def _offer_vertex(f, pose, reach, world, memory, found):
+    """Offer the vertex between facet f and the next to a smooth profile, if the ground is convex there and the foot
+    lies between the facet's end and the next one's begin."""
+    block, facets = world.block, world.ground.facets
+    v = f + 1
+    half = _half_at(v, pose, block, facets)
+    depth, nx, ny, _, _ = place_feature(
+        SMOOTH_VERTEX, load_feature(SMOOTH_VERTEX, v, half, block, facets), pose
+    )
+    turn_out = nx * facets[f, TANGENT_X] + ny * facets[f, TANGENT_Y]
+    turn_in = nx * facets[v, TANGENT_X] + ny * facets[v, TANGENT_Y]
+    up = nx * (facets[f, NORMAL_X] + facets[v, NORMAL_X]) + ny * (facets[f, NORMAL_Y] + facets[v, NORMAL_Y])
+    if depth > -reach and turn_out >= 0.0 >= turn_in and up > 0.0:
+        key = 2 * int(facets[f, PATCH]) + int(facets[v, CONVEX])
+        _offer(memory, found, (SMOOTH_VERTEX, v, half), depth, key)
 
 
 @kernel

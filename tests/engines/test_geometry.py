@@ -6,12 +6,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rock2d.engines.contact_state import DEPTH, SMOOTH_CONTACTS, find_features, new_contacts
 from rock2d.engines.geometry import (
     CORNER_FACET,
     CORNER_VERTEX,
     SMOOTH_FACET,
     SMOOTH_VERTEX,
     VERTEX_FACE,
+    WorldArrays,
     block_arrays,
     contact_point,
     facet_range,
@@ -109,3 +111,19 @@ def test_the_force_acts_along_the_gradient_of_the_depth_so_that_a_spring_conserv
         shift = 1e-6 * np.eye(3)[axis]
         gradient.append((point(np.add(pose, shift))[0] - point(np.subtract(pose, shift))[0]) / 2e-6)
     np.testing.assert_allclose(gradient, [-nx, -ny, -(rx * ny - ry * nx)], atol=1e-7)
+
+
+SPIKE = CrossSection([[-3, -2], [1, -2], [0, 0], [0.1, -0.05], [1.2, -2.2], [4, -2.2]], ["soil"] * 5)
+
+
+def test_a_ball_lies_as_deep_in_the_ground_as_its_centre_is_near_it_also_at_a_spike():
+    """The deepest feature of a ball whose centre is above the ground is the nearest point of the ground."""
+    radius_m = 0.3
+    ball = block_arrays(make_block("ball", "circle", 1.0, diameter_m=2 * radius_m))
+    world = WorldArrays(ball, ground_arrays(SPIKE), np.zeros((1, 1)), 9.81)
+    memory, found = new_contacts(SMOOTH_CONTACTS), new_contacts(SMOOTH_CONTACTS)
+    for x, y in np.random.default_rng(1).uniform([-0.4, -0.6], [0.6, 0.3], (400, 2)):
+        centre = signed_depth(SPIKE, x, y)
+        if -radius_m < centre < 0.0:
+            find_features(np.array([x, y, 0.0, 0.0, 0.0, 0.0]), radius_m, (0, 5), world, memory, found)
+            assert found.reals[:, DEPTH].max() == pytest.approx(radius_m + centre, abs=1e-12), (x, y)

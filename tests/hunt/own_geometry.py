@@ -129,7 +129,7 @@ class Scene:
         for f in np.flatnonzero(front & (depths > -0.5 * min(a, b))).tolist():
             if 0.0 <= foot[f] <= self.lengths[f]:
                 offer(2 * int(self.patch[f]), ("facet", f), float(depths[f]))
-        for f in np.flatnonzero(front[:-1] & (foot[:-1] > self.lengths[:-1])).tolist():
+        for f in np.flatnonzero(np.where(front[:-1], foot[:-1] > self.lengths[:-1], front[1:])).tolist():
             v = f + 1
             if hypot(*(self.points[v] - (x, y))) > 1.2 * max(a, b):
                 continue
@@ -213,6 +213,8 @@ def first_touch(
     def deepest(t: float) -> float:
         return max((depth for _, depth in scene.search(*at(t)[:3].tolist()).values()), default=-r)
 
+    if deepest(0.0) > 0.0:  # beside the cross-section, whose end facets go on
+        raise LeftOutError("starts in the ground")
     t = 0.0
     while t < limit_s:
         now = at(t)

@@ -137,11 +137,11 @@ def find_features(q, reach, near, world, memory, found):
 
 
 @kernel
-def hand_over(corners, memory, found, displacement, rotation):
+def hand_over(corners, memory, found, loaded, active):
     """Where a ground corner has passed between the circle of a rounded corner (a corner's contact) and the flat part
     of a face (a vertex's contact), let the other contact go on with the contact's memory.
 
-    displacement, rotation : (contacts,) new states of the springs
+    loaded : LoadedContacts, of which `active` are in use; a row goes with its memory
     """
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     for j in range(ints.shape[0]):
@@ -157,7 +157,8 @@ def hand_over(corners, memory, found, displacement, rotation):
             if near and not ints[k, ACTIVE] and found_r[k, DEPTH] > 0.0:
                 copy(ints[j], ints[k])
                 copy(reals[j], reals[k])
-                displacement[k], rotation[k] = displacement[j], rotation[j]
+                for a in range(active):
+                    loaded.which[a] = k if loaded.which[a] == j else loaded.which[a]
                 ints[j, ACTIVE], ints[j, KEY] = 0, -1
                 reals[j, DEPTH] = NOWHERE
                 break

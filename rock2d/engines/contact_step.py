@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.columns import damping_Ns_m
-from rock2d.effects.forces import ACTS, FIRST
+from rock2d.effects.forces import FIRST
 from rock2d.engines.contact_state import (
     ACTING,
     ACTIVE,
@@ -33,17 +33,27 @@ from rock2d.engines.contact_state import (
     find_features,
     hand_over,
 )
-from rock2d.engines.contact_update import updated_contact
+from rock2d.engines.contact_update import note_outcome
 from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, first_event
-from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, contact_point, pose_of
+from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
 from rock2d.engines.loaded_contacts import (
+    ACTING_1,
     ARM,
     DEPTH_0,
     DEPTH_1,
+    DISPLACEMENT_1,
     L_ROTATION,
+    NORMAL_1,
+    PEAK_1,
+    PLASTIC_WORK,
     RATE_0,
+    RATE_1,
+    ROTATION_1,
+    SLIP,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
     LoadedContacts,
     effects_act,
     load_active,
@@ -54,7 +64,6 @@ from rock2d.engines.loaded_contacts import (
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
 from rock2d.engines.truncation import keep_energy, step_error
 from rock2d.laws.contact import (
-    CAP,
     K_L,
     K_R,
     K_T,
@@ -80,8 +89,6 @@ class Scratch(NamedTuple):
     """Work arrays of contact steps."""
 
     state: np.ndarray  # (6,) at the end of a trial step
-    displacement: np.ndarray  # (contacts,) tangential displacements there
-    rotation: np.ndarray  # (contacts,) rotations of the rolling springs there
     shares: np.ndarray  # (4,) what `runge_kutta` returned
     loaded: LoadedContacts
 
@@ -89,7 +96,7 @@ class Scratch(NamedTuple):
 @njit
 def new_scratch(count):
     """Work arrays for `count` contacts."""
-    return Scratch(np.empty(N_STATE), np.empty(count), np.empty(count), np.empty(4), new_loaded(count))
+    return Scratch(np.empty(N_STATE), np.empty(4), new_loaded(count))
 
 
 def contact_steps_s(
@@ -116,84 +123,72 @@ def contact_steps_s(
 
 
 @kernel
-def _commit(q, world, memory, found, end, audit):
-    """Take a finished step into the memory and the audit.
-
-    end : (tangential displacements, rotations of the rolling springs, works) that the step led to, see `Scratch`
-    """
-    displacement, rotation, shares = end
+def _commit(world, contacts, active, audit):
+    """Take a finished step, whose outcome is in the rows of `active` loaded contacts, into the memory and the audit."""
+    memory, found, scratch = contacts
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
-    block, ground, law = world.block, world.ground, world.law
-    before_t, before_r, after_t, after_r = 0.0, 0.0, 0.0, 0.0
+    block, ground, shares = world.block, world.ground, scratch.shares
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
-        if depth == NOWHERE and not ints[j, ACTIVE]:
-            reals[j, DEPTH] = NOWHERE
-            ints[j, KEY] = -1
-            continue
-        gone = ints[j, ACTIVE] and depth == NOWHERE  # slid off its feature: the step still acted on it
-        if gone:
-            depth, _, _, _, _ = contact_point(
-                ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), block, ground
-            )
-        reals[j, DEPTH], was = depth, reals[j, DEPTH]
         if ints[j, ACTIVE]:
-            p = law[ints[j, ZONE]]
-            arm = _arm(j, q, world, memory) if p[CAP] > 0.0 else 0.0
-            before_r += rolling_energy(reals[j, ROTATION], p)
-            rate, slip, effects = 0.0, 0.0, -1
-            if p[ACTS] != 0.0:
-                rate, slip = _motion(j, q, world, memory)
-                effects = FIRST
-            jump = 0.0
-            if not gone and _changes(j, memory, found):  # the step acted on the old feature
-                old, _, _, _, _ = contact_point(
-                    ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), block, ground
-                )
-                jump, depth = depth - old, old
-            _follow(j, memory, found)
-            peak, reals[j, DISPLACEMENT], reals[j, ROTATION], force_n, acting, force_t, old_t, plastic = (
-                updated_contact(
-                    p, 0, effects, (was - reals[j, OFFSET], reals[j, PEAK], reals[j, DISPLACEMENT]),
-                    (depth - reals[j, OFFSET], displacement[j], rotation[j]), (rate, slip, arm),
-                )
-            )  # fmt: skip
-            audit[PLASTIC] += plastic
-            reals[j, PEAK] = peak
-            if effects >= 0:
-                reals[j, ACTING] = acting
-            before_t += elastic_energy(0.0, old_t, p)
-            after_t += elastic_energy(0.0, force_t, p)
-            if jump != 0.0:
-                depth += jump
-                reals[j, OFFSET], force_n, force_t, lost = change_feature(
-                    p, depth, jump, (reals[j, OFFSET], reals[j, PEAK]), (force_n, force_t)
-                )
-                audit[PLASTIC] += lost
-            if depth > 0.0:
-                after_r += rolling_energy(reals[j, ROTATION], p)
-            zone = _zone(j, memory, ground)
-            if zone != ints[j, ZONE] and depth > 0.0 and _differ(p, law[zone]):  # clear, nothing is stored
-                audit[PLASTIC] += _enter_zone(j, depth, (force_n, force_t), p, law[zone], memory)
-            ints[j, ZONE] = zone
-            if gone or depth <= 0.0:  # what is still stored is lost
-                _lose_stored(j, depth, law[zone], memory, audit)
-                _release(j, memory)
-                reals[j, DEPTH] = NOWHERE if gone else depth
-        elif _touches(depth, found_r[j, RATE], block):
+            continue
+        reals[j, DEPTH], ints[j, KEY] = depth, -1
+        if depth == NOWHERE:
+            continue
+        reals[j, RATE], ints[j, KEY] = found_r[j, RATE], found_i[j, KEY]
+        if _touches(depth, found_r[j, RATE], block):
             _follow(j, memory, found)
             ints[j, ZONE] = _zone(j, memory, ground)  # while not active: not that of the contact before it
             ints[j, ACTIVE] = 1
             reals[j, PEAK], reals[j, DISPLACEMENT], reals[j, ROTATION] = 0.0, 0.0, 0.0
             reals[j, ACTING] = 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
-        reals[j, RATE] = found_r[j, RATE]
-        if not ints[j, ACTIVE]:
-            ints[j, KEY] = found_i[j, KEY] if reals[j, DEPTH] != NOWHERE else -1
-    audit[FRICTION] += shares[0] - (after_t - before_t)
-    audit[ROLLING] += shares[1] - (after_r - before_r)
+    change_t, change_r = 0.0, 0.0  # of what the springs hold, in J
+    for a in range(active):
+        gained_t, gained_r = _commit_contact(a, world, contacts, audit)
+        change_t += gained_t
+        change_r += gained_r
+    audit[FRICTION] += shares[0] - change_t
+    audit[ROLLING] += shares[1] - change_r
     audit[EFFECTS] += shares[2]
     audit[RECOIL] += shares[3]
+
+
+@kernel
+def _commit_contact(a, world, contacts, audit):
+    """`_commit` of the a-th loaded contact; returns what its (tangential, rolling) spring gained in J by the step."""
+    memory, found, scratch = contacts
+    ints, reals, found_r, loaded = memory.ints, memory.reals, found.reals, scratch.loaded
+    trial, j, law = loaded.trial, loaded.which[a], world.law
+    p = law[ints[j, ZONE]]
+    gone = found_r[j, DEPTH] == NOWHERE  # slid off its feature: the step still acted on it
+    jump, depth = 0.0, trial[a, DEPTH_1]
+    if not gone and _changes(j, memory, found):
+        jump, depth = found_r[j, DEPTH] - depth, found_r[j, DEPTH]
+    _follow(j, memory, found)
+    reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
+    before_r = rolling_energy(reals[j, ROTATION], p)
+    reals[j, PEAK], reals[j, ACTING] = trial[a, PEAK_1], trial[a, ACTING_1]
+    reals[j, DISPLACEMENT], reals[j, ROTATION] = trial[a, DISPLACEMENT_1], trial[a, ROTATION_1]
+    audit[PLASTIC] += trial[a, PLASTIC_WORK]
+    force_n, force_t = trial[a, NORMAL_1], trial[a, TANGENTIAL_1]
+    gained_t = elastic_energy(0.0, force_t, p) - elastic_energy(0.0, trial[a, TANGENTIAL_0], p)
+    if jump != 0.0:
+        reals[j, OFFSET], force_n, force_t, lost = change_feature(
+            p, depth, jump, (reals[j, OFFSET], reals[j, PEAK]), (force_n, force_t)
+        )
+        audit[PLASTIC] += lost
+    after_r = rolling_energy(reals[j, ROTATION], p) if depth > 0.0 else 0.0
+    zone = _zone(j, memory, world.ground)
+    if zone != ints[j, ZONE] and depth > 0.0 and _differ(p, law[zone]):  # clear, nothing is stored
+        audit[PLASTIC] += _enter_zone(j, depth, (force_n, force_t), p, law[zone], memory)
+    ints[j, ZONE] = zone
+    if gone or depth <= 0.0:  # what is still stored is lost
+        _lose_stored(j, depth, law[zone], memory, audit)
+        _release(j, memory)
+        reals[j, DEPTH] = NOWHERE if gone else depth
+        ints[j, KEY] = -1 if gone else ints[j, KEY]
+    return gained_t, after_r - before_r
 
 
 @kernel
@@ -233,27 +228,6 @@ def _lose_stored(j, depth, p, memory, audit):
     if depth > 0.0:
         audit[ROLLING] += rolling_energy(reals[j, ROTATION], p)
     reals[j, DEPTH] = NOWHERE
-
-
-@kernel
-def _motion(j, q, world, memory):
-    """(rate of the penetration, slip velocity) in m/s of contact j."""
-    ints = memory.ints
-    _, nx, ny, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), world.block, world.ground
-    )
-    ux, uy = q[VX] - q[OMEGA] * ry, q[VY] + q[OMEGA] * rx
-    return -(ux * nx + uy * ny), ux * ny - uy * nx
-
-
-@kernel
-def _arm(j, q, world, memory):
-    """Distance in m of contact j from the centre of mass."""
-    ints = memory.ints
-    _, _, _, rx, ry = contact_point(
-        ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), world.block, world.ground
-    )
-    return np.sqrt(rx * rx + ry * ry)
 
 
 @kernel(inline="always")
@@ -336,23 +310,28 @@ def _trial(q, direction, h, body, contacts, scratch, effects):
     """A step of h into `scratch.state`; its works into `scratch.shares`. Returns (energy that it made in J, energy that
     this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act: of them,
     the work is known no better than the motion."""
-    shares, loaded = scratch.shares, scratch.loaded
-    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    q1, shares, loaded = scratch.state, scratch.shares, scratch.loaded
+    rows, trial = loaded.rows, loaded.trial
     pressing, active = contacts
-    three = (pressing, rows, rates)
+    three = (pressing, rows, loaded.rates)
     if effects:
         shares[0], shares[1], shares[2], shares[3] = runge_kutta_with_effects(
-            q, direction, h, body, three, scratch.state
+            q, direction, h, body, three, q1
         )
-        return 0.0, 0.0, False
-    shares[0], shares[1], shares[2], shares[3] = runge_kutta(q, direction, h, body, three, scratch.state)
-    pose = pose_of(scratch.state)
+    else:
+        shares[0], shares[1], shares[2], shares[3] = runge_kutta(q, direction, h, body, three, q1)
+    pose = pose_of(q1)
     for a in range(active):
-        trial[a, DEPTH_1], _, _, rx, ry = placed(rows, a, pose)
+        trial[a, DEPTH_1], nx, ny, rx, ry = placed(rows, a, pose)
+        ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
+        trial[a, RATE_1], trial[a, SLIP] = -(ux * nx + uy * ny), ux * ny - uy * nx
         trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
-    error, scale, too_long, shares[0], shares[1] = step_error(
-        q, scratch.state, h, (shares[0], shares[1]), body, active, loaded
-    )
+        note_outcome(a, loaded, effects)
+    error, scale, too_long = 0.0, 0.0, False
+    if not effects:
+        error, scale, too_long, shares[0], shares[1] = step_error(
+            q, q1, h, (shares[0], shares[1]), body, active, loaded
+        )
     return error, scale, too_long
 
 
@@ -394,13 +373,10 @@ def step(q, h, near, world, contacts, audit, floating):
             break
         h = event_s
         landings += 1
-    for a in range(active):
-        scratch.displacement[loaded.which[a]] = loaded.rates[a, TAKEN_DISPLACEMENT]
-        scratch.rotation[loaded.which[a]] = loaded.rates[a, TAKEN_ROTATION]
     if active > 0 and not effects:
         keep_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)
     if block.rounding > 0.0:
-        hand_over(block.sides.shape[0], memory, found, scratch.displacement, scratch.rotation)
-    _commit(q, world, memory, found, (scratch.displacement, scratch.rotation, scratch.shares), audit)
+        hand_over(block.sides.shape[0], memory, found, loaded, active)
+    _commit(world, contacts, active, audit)
     return h

@@ -5,6 +5,32 @@ from __future__ import annotations
 
 from rock2d.compiled import kernel
 from rock2d.effects.forces import ground_forces
+from rock2d.engines.loaded_contacts import (
+    ACTING_1,
+    ARM,
+    DEPTH_0,
+    DEPTH_1,
+    DISPLACEMENT_1,
+    L_ACTS,
+    L_BOTTOM,
+    L_DISPLACEMENT,
+    L_EFFECTS,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    MOMENT_1,
+    NORMAL_0,
+    NORMAL_1,
+    PEAK_1,
+    PLASTIC_WORK,
+    RATE_1,
+    ROTATION_1,
+    SLIP,
+    TAKEN_DISPLACEMENT,
+    TAKEN_ROTATION,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
+)
 from rock2d.laws.contact import (
     CAP,
     INDENTATION,
@@ -13,7 +39,7 @@ from rock2d.laws.contact import (
     K_T,
     K_UL,
     MU,
-    normal_force,
+    force_at,
     plastic_work,
     residual,
     rolling_moment,
@@ -22,38 +48,38 @@ from rock2d.laws.contact import (
 
 
 @kernel(inline="always")
-def updated_contact(row, law, effects, before, trial, motion):
-    """Memory and forces of a contact after a step.
+def note_outcome(a, loaded, effects):
+    """Note in the row of the trial step what that step leaves of the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
 
-    row : parameters; the contact law's begin in column `law`, those of effects in column `effects` (-1: none act)
-    before : (penetration in m, peak penetration in m, tangential displacement in m) before the step
-    trial : (penetration in m, tangential displacement in m, rotation in rad) that the step led to
-    motion : (rate of the penetration in m/s, slip velocity in m/s, arm in m) after the step
-
-    Returns (peak penetration, tangential displacement, rotation, normal force of the law in N, force that acts in N,
-    tangential force in N after and before the step, energy in J that plasticity took). Springs slip with their limits.
+    Springs slip with their limits. `effects`: whether effects of the catalogue may act; then the force that acts is
+    that of the law and theirs, and the row holds the contact's rates after the step too.
     """
-    was, peak, displacement = before
-    pressed, new_displacement, new_rotation = trial
-    rate, slip, arm = motion
-    k_l, k_ul, k_t = row[law + K_L], row[law + K_UL], row[law + K_T]
-    mu, k_r, cap = row[law + MU], row[law + K_R], row[law + CAP]
-    old_t = tangential_force(displacement, normal_force(was, peak, k_l, k_ul), k_t, mu)
-    if effects >= 0:
-        old_t = k_t * displacement  # within the friction of the step before
+    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    k_l, k_ul, k_t = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T]
+    mu, k_r, cap = rows[a, L_LAW + MU], rows[a, L_LAW + K_R], rows[a, L_LAW + CAP]
+    peak, bottom, offset = rows[a, L_PEAK], rows[a, L_BOTTOM], rows[a, L_OFFSET]
+    before, after = trial[a, DEPTH_0] - offset, trial[a, DEPTH_1] - offset
+    normal_0 = force_at(before, peak, bottom, k_l, k_ul)
+    normal_1 = force_at(after, peak, bottom, k_l, k_ul)
     plastic = 0.0
-    if pressed > peak:
-        plastic = plastic_work(pressed, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
-        peak = pressed
-    law_n = normal_force(pressed, peak, k_l, k_ul)
-    acting = force_n = law_n
-    if effects >= 0:
-        bottom = residual(peak, k_l, k_ul)
-        force_n, factor, drag = ground_forces(row, effects, (pressed, rate, slip, peak, bottom), law_n)
+    if after > peak:
+        plastic = plastic_work(after, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
+        peak = after
+    acting = force_n = normal_1
+    if effects and rows[a, L_ACTS] != 0.0:
+        trial[a, TANGENTIAL_0] = k_t * rows[a, L_DISPLACEMENT]  # within the friction of the step before
+        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual(peak, k_l, k_ul))
+        force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, motion, normal_1)
         mu, acting = mu * factor, abs(force_n) + abs(drag)
-    force_t = tangential_force(new_displacement, force_n, k_t, mu)
-    kept = force_t / k_t if k_t > 0.0 else 0.0
-    rotation = new_rotation
+    else:
+        trial[a, TANGENTIAL_0] = tangential_force(rows[a, L_DISPLACEMENT], normal_0, k_t, mu)
+    force_t = tangential_force(rates[a, TAKEN_DISPLACEMENT], force_n, k_t, mu)
+    rotation = rates[a, TAKEN_ROTATION]
+    moment = k_r * rotation
     if cap > 0.0 and k_r > 0.0:
-        rotation = rolling_moment(new_rotation, force_n, arm, k_r, cap, row[law + INDENTATION]) / k_r
-    return peak, kept, rotation, law_n, acting, force_t, old_t, plastic
+        moment = rolling_moment(rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + INDENTATION])
+        rotation = moment / k_r
+    trial[a, PEAK_1], trial[a, PLASTIC_WORK] = peak, plastic
+    trial[a, NORMAL_0], trial[a, NORMAL_1], trial[a, ACTING_1] = normal_0, normal_1, acting
+    trial[a, TANGENTIAL_1], trial[a, DISPLACEMENT_1] = force_t, force_t / k_t if k_t > 0.0 else 0.0
+    trial[a, MOMENT_1], trial[a, ROTATION_1] = moment, rotation

@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
-from rock2d.engines.contact_update import updated_contact
+from rock2d.engines.contact_update import note_outcome
 from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, hold_event, law_event
 from rock2d.engines.geometry import (
     CORNER_FACET,
@@ -35,9 +35,11 @@ from rock2d.engines.geometry import (
     is_ball,
 )
 from rock2d.engines.loaded_contacts import (
+    ACTING_1,
     ARM,
     DEPTH_0,
     DEPTH_1,
+    DISPLACEMENT_1,
     L_ACTS,
     L_BOTTOM,
     L_DISPLACEMENT,
@@ -48,11 +50,16 @@ from rock2d.engines.loaded_contacts import (
     L_PEAK,
     L_ROTATION,
     LEAST_EVENT,
+    PEAK_1,
+    PLASTIC_WORK,
     RATE_0,
     RATE_1,
+    ROTATION_1,
     SLIP,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
     effects_act,
     load_active,
     note_pressed,
@@ -249,6 +256,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             first = event_s
         if why > 0:
             break
+        for a in range(active):
+            note_outcome(a, loaded, effects)
         error, scale, too_long = 0.0, 0.0, False
         if not effects:  # of effects, the work is known no better than the motion
             error, scale, too_long, work_t, work_r = step_error(
@@ -257,7 +266,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         if too_long:
             why = STEP_TOO_LONG
             break
-        force, deepest = _commit(active, loaded, (work_t, work_r), audit, effects)
+        force, deepest = _commit(active, loaded, (work_t, work_r), audit)
         if effects:
             audit[EFFECTS] += work_e
             audit[RECOIL] += pushed
@@ -314,32 +323,26 @@ def _first_event(h, whole, active, rows, trial, effects):
 
 
 @kernel(inline="always")
-def _commit(active, loaded, works, audit, effects):
+def _commit(active, loaded, works, audit):
     """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth).
 
     works : of the tangential and of the rolling springs in J
     """
-    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    rows, trial = loaded.rows, loaded.trial
     stored_t = stored_r = total = deepest = 0.0
     for a in range(active):
-        k_t, k_r, offset = rows[a, L_LAW + K_T], rows[a, L_LAW + K_R], rows[a, L_OFFSET]
-        before = (trial[a, DEPTH_0] - offset, rows[a, L_PEAK], rows[a, L_DISPLACEMENT])
-        end = (trial[a, DEPTH_1] - offset, rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION])
-        motion = (trial[a, RATE_1], trial[a, SLIP], trial[a, ARM])
-        if effects and rows[a, L_ACTS] != 0.0:
-            found = updated_contact(rows[a], L_LAW, L_EFFECTS, before, end, motion)
-        else:
-            found = updated_contact(rows[a], L_LAW, -1, before, end, motion)
-        peak, displacement, turned, _, acting, force_t, old_t, plastic = found
-        audit[PLASTIC] += plastic
+        k_t, k_r = rows[a, L_LAW + K_T], rows[a, L_LAW + K_R]
+        old_t, new_t, turned = trial[a, TANGENTIAL_0], trial[a, TANGENTIAL_1], trial[a, ROTATION_1]
+        audit[PLASTIC] += trial[a, PLASTIC_WORK]
         if k_t > 0.0:
-            stored_t += 0.5 * (force_t * force_t - old_t * old_t) / k_t
+            stored_t += 0.5 * (new_t * new_t - old_t * old_t) / k_t
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
-        if peak != rows[a, L_PEAK]:
-            rows[a, L_BOTTOM] = residual(peak, rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
-        rows[a, L_PEAK], rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = peak, displacement, turned
+        if trial[a, PEAK_1] != rows[a, L_PEAK]:
+            rows[a, L_PEAK] = trial[a, PEAK_1]
+            rows[a, L_BOTTOM] = residual(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+        rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = trial[a, DISPLACEMENT_1], turned
         trial[a, DEPTH_0], trial[a, RATE_0] = trial[a, DEPTH_1], trial[a, RATE_1]
-        total += acting
+        total += trial[a, ACTING_1]
         deepest = max(deepest, trial[a, DEPTH_1])
     audit[FRICTION] += works[0] - stored_t
     audit[ROLLING] += works[1] - stored_r

@@ -50,8 +50,13 @@ N_LOADED = L_EFFECTS + N_COLUMNS - FIRST
 # columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
-# point after it
-DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP = range(6)
+# point after it, and what the step leaves (`contact_update.note_outcome`): peak penetration, states of the springs, the
+# law's normal force before and after, the force that acts, the tangential force before and after, the rolling moment,
+# and the work of plasticity
+(
+    DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP, PEAK_1, DISPLACEMENT_1, ROTATION_1, NORMAL_0, NORMAL_1, ACTING_1,
+    TANGENTIAL_0, TANGENTIAL_1, MOMENT_1, PLASTIC_WORK,
+) = range(16)  # fmt: skip
 LEAST_FORCE_N = 1e-300  # of a pressing contact: its springs hold up to the instant at which it lifts off
 LEAST_EVENT = 1e-3  # of a step: an event that comes sooner has been landed on, but for rounding
 
@@ -62,14 +67,17 @@ class LoadedContacts(NamedTuple):
     rows: np.ndarray  # (contacts, N_LOADED)
     which: np.ndarray  # (contacts,) the contact that a row belongs to
     rates: np.ndarray  # (contacts, 4) TAKEN_DISPLACEMENT ... SPIN_RATE
-    trial: np.ndarray  # (contacts, 6) DEPTH_0 ... SLIP
+    trial: np.ndarray  # (contacts, 16) DEPTH_0 ... PLASTIC_WORK
 
 
 @njit
 def new_loaded(count):
     """Rows for `count` contacts."""
     return LoadedContacts(
-        np.empty((count, N_LOADED)), np.empty(count, np.int64), np.empty((count, 4)), np.empty((count, 6))
+        np.empty((count, N_LOADED)),
+        np.empty(count, np.int64),
+        np.empty((count, 4)),
+        np.empty((count, PLASTIC_WORK + 1)),
     )
 
 

@@ -82,7 +82,8 @@ def _fall_time(gap, rate, pull):
 def _line_time(line, q, pose, pulls, block):
     """Lower bound of the time until a point of the block comes down to the line n · p = offset.
 
-    A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation and ½ `extra` t² by other forces.
+    A corner's height above it is a parabola, less at most ½ ω² |r| t² by rotation and ½ `extra` t² by other forces; the
+    profile of a ball does not turn.
 
     line : (n_x, n_y, offset); pulls : (gravity, extra) in m/s²
     """
@@ -93,8 +94,9 @@ def _line_time(line, q, pose, pulls, block):
     sides = block.sides
     n = sides.shape[0]
     if n == 0:
-        spin = 0.0 if is_ball(block) else abs(q[OMEGA]) * block.radius
-        return _fall_time(height - block.radius, rate - spin, gravity * ny + extra)
+        if is_ball(block):
+            return _fall_time(height - block.radius, rate, gravity * ny + extra)
+        return _profile_time((nx, ny), height, rate, q, pose, gravity * ny + extra, block)
     height -= block.rounding
     soonest, pull = NO_BOX, gravity * ny + q[OMEGA] * q[OMEGA] * block.radius + extra
     for i in range(n):
@@ -103,6 +105,23 @@ def _line_time(line, q, pose, pulls, block):
         turning = q[OMEGA] * (rx * ny - ry * nx)
         soonest = min(soonest, _fall_time(height + rx * nx + ry * ny, rate + turning, pull))
     return soonest
+
+
+@kernel
+def _profile_time(normal, height, rate, q, pose, pull, block):
+    """`_line_time` of a smooth profile that turns: its lowest point lies h = √(a² u² + b² w²) below its centre, where
+    (u, w) is the line's normal in the block's axes. h'' = a² b² / h³ - h with respect to the angle is (a² - b²) / b at
+    most, with a the longer semi-axis: so much ω² t² / 2 the lowest point can come down beside its present rate.
+    """
+    nx, ny = normal
+    _, _, c, s = pose
+    a, b, omega = block.semi_a, block.semi_b, q[OMEGA]
+    u, w = c * nx + s * ny, c * ny - s * nx
+    h = np.sqrt(a * a * u * u + b * b * w * w)
+    mx, my = c * block.centre_x - s * block.centre_y, s * block.centre_x + c * block.centre_y
+    turning = omega * (mx * ny - my * nx - (a * a - b * b) * u * w / h)
+    bend = np.sqrt(mx * mx + my * my) + abs(a * a - b * b) / min(a, b)
+    return _fall_time(height + mx * nx + my * ny - h, rate + turning, pull + omega * omega * bend)
 
 
 @kernel

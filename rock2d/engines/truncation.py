@@ -10,31 +10,18 @@ from __future__ import annotations
 from rock2d.compiled import kernel
 from rock2d.engines.contact_energy import kinetic_energy
 from rock2d.engines.loaded_contacts import (
-    ARM,
-    DEPTH_0,
-    DEPTH_1,
-    L_BOTTOM,
-    L_DISPLACEMENT,
     L_LAW,
-    L_OFFSET,
-    L_PEAK,
     L_ROTATION,
+    MOMENT_1,
+    NORMAL_0,
+    NORMAL_1,
+    PLASTIC_WORK,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
 )
-from rock2d.laws.contact import (
-    CAP,
-    INDENTATION,
-    K_L,
-    K_R,
-    K_T,
-    K_UL,
-    MU,
-    force_at,
-    plastic_work,
-    rolling_moment,
-    tangential_force,
-)
+from rock2d.laws.contact import K_R, K_T, K_UL
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, VX, VY, Y
 
 LARGEST_STEP_ERROR = 0.0005  # of the energy of a step: beyond it the step is too long
@@ -51,7 +38,7 @@ def step_error(q, q1, h, works, body, active, loaded):
         last bit, and those that slip no less: friction gives nothing back.
 
     The step is too long if its error is no small part of the energy, or more than a correction of the impulse can take.
-    Depths and arms after the step, and the depths before it, are in the rows of `loaded.trial`.
+    What the step leaves of each contact is in the rows of `loaded.trial`, see `contact_update.note_outcome`.
     """
     block, rows, trial, rates = body.block, loaded.rows, loaded.trial, loaded.rates
     work_t, work_r = works
@@ -60,29 +47,18 @@ def step_error(q, q1, h, works, body, active, loaded):
     scale = kinetic + abs(work_t + work_r)
     stored_t, stored_r, slips, turns = 0.0, 0.0, False, False
     for a in range(active):
-        k_l, k_ul, peak = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_PEAK]
-        before, after = trial[a, DEPTH_0] - rows[a, L_OFFSET], trial[a, DEPTH_1] - rows[a, L_OFFSET]
-        bottom = rows[a, L_BOTTOM]
-        old = force_at(before, peak, bottom, k_l, k_ul)
-        new = force_at(after, peak, bottom, k_l, k_ul)
-        if after > peak:
-            error += plastic_work(after, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
-        error += 0.5 * (new * new - old * old) / k_ul
+        k_ul, k_t, k_r = rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T], rows[a, L_LAW + K_R]
+        old, new = trial[a, NORMAL_0], trial[a, NORMAL_1]
+        error += trial[a, PLASTIC_WORK] + 0.5 * (new * new - old * old) / k_ul
         scale += 0.5 * max(new * new, old * old) / k_ul
-        k_t, mu, k_r = rows[a, L_LAW + K_T], rows[a, L_LAW + MU], rows[a, L_LAW + K_R]
         if k_t > 0.0:
-            old_t = tangential_force(rows[a, L_DISPLACEMENT], old, k_t, mu)
-            new_t = tangential_force(rates[a, TAKEN_DISPLACEMENT], new, k_t, mu)
-            slips = slips or new_t != k_t * rates[a, TAKEN_DISPLACEMENT]
-            stored_t += 0.5 * (new_t * new_t - old_t * old_t) / k_t
+            old, new = trial[a, TANGENTIAL_0], trial[a, TANGENTIAL_1]
+            slips = slips or new != k_t * rates[a, TAKEN_DISPLACEMENT]
+            stored_t += 0.5 * (new * new - old * old) / k_t
         if k_r > 0.0:
-            free, cap = k_r * rates[a, TAKEN_ROTATION], rows[a, L_LAW + CAP]
-            moment = free
-            if cap > 0.0:
-                turned, indentation = rates[a, TAKEN_ROTATION], rows[a, L_LAW + INDENTATION]
-                moment = rolling_moment(turned, new, trial[a, ARM], k_r, cap, indentation)
-            turns = turns or moment != free
-            stored_r += 0.5 * (moment * moment / k_r - k_r * rows[a, L_ROTATION] * rows[a, L_ROTATION])
+            moment, rotation = trial[a, MOMENT_1], rows[a, L_ROTATION]
+            turns = turns or moment != k_r * rates[a, TAKEN_ROTATION]
+            stored_r += 0.5 * (moment * moment / k_r - k_r * rotation * rotation)
     work_t = max(work_t, stored_t) if slips else stored_t
     work_r = max(work_r, stored_r) if turns else stored_r
     error += work_t + work_r

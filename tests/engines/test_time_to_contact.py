@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
+from scipy.optimize import brentq
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.engines.time_to_contact import facet_tree, time_to_ground
@@ -15,6 +18,7 @@ G = 9.81
 BALL = make_block("ball", shape="circle", diameter_m=0.5, mass_kg=100)
 SLAB = make_block("slab", shape="rectangle", length_m=0.8, height_m=0.3, mass_kg=100)
 OVAL = make_block("oval", shape="ellipse", length_m=0.8, height_m=0.3, mass_kg=100)
+EGG = replace(OVAL, name="egg", centre_of_mass_m=(0.1, 0.05))
 
 
 def rough_slope(seed: int) -> CrossSection:
@@ -32,12 +36,14 @@ def bound(block, cross_section, q):
 def outline(block, q, t):
     c, s = np.cos(q[2] + q[5] * t), np.sin(q[2] + q[5] * t)
     shape = shapely.Point(0, 0).buffer(block.radius_m, 256) if block.shape == "circle" else None
-    points = np.array(shape.exterior.coords) if shape is not None else block.outline()
+    points = (
+        np.array(shape.exterior.coords) if shape is not None else block.outline() - block.centre_of_mass_m
+    )
     centre = [q[0] + q[3] * t, q[1] + q[4] * t - 0.5 * G * t * t]
     return shapely.Polygon(points @ np.array([[c, s], [-s, c]]) + centre)
 
 
-@pytest.mark.parametrize("block", [BALL, SLAB, OVAL], ids=lambda b: b.name)
+@pytest.mark.parametrize("block", [BALL, SLAB, OVAL, EGG], ids=lambda b: b.name)
 def test_no_block_touches_before_the_bound(block):
     cross_section = rough_slope(3)
     line = shapely.LineString(cross_section.points_m)
@@ -104,3 +110,19 @@ def test_a_ball_that_has_just_left_the_ground_comes_back(gap):
     height = q[1] - 0.5
     expected = (2.0 + np.sqrt(4.0 + 2 * G * height)) / G if height > 0 else 0.0
     assert bound(ball, floor, q) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_turning_ellipse_near_the_ground_is_timed_closely():
+    """Its lowest point is known to first order, so that near the ground hardly anything is left to the bound."""
+    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
+    a, b = OVAL.semi_axes_m
+    for omega in (-9.0, 4.0, 9.0):
+        q = np.array([5.0, 0.0, 0.7, 2.0, -6.0, omega])
+
+        def gap(t, q=q):
+            angle = q[2] + q[5] * t
+            return q[1] + q[4] * t - 0.5 * G * t * t - np.hypot(a * np.sin(angle), b * np.cos(angle))
+
+        q[1] = 0.01 - gap(0.0)
+        exact = brentq(gap, 0.0, 0.02)
+        assert 0.95 * exact < bound(OVAL, floor, q) <= exact

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
+from rock2d.engines.ellipse import half_of_ellipse
 from rock2d.engines.geometry import (
     CONVEX,
     CORNER_FACET,
@@ -29,7 +30,6 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     VERTEX_FACE,
     beyond_corner,
-    half_of_ellipse,
     load_feature,
     near_depth,
     place_feature,

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import kernel
+from rock2d.engines.ellipse import nearest_on_ellipse
 from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
@@ -239,6 +240,29 @@ def polygon_depth(px, py, pose, sides):
 
 
 @kernel
+def crosses(f, pose, facets, sides):
+    """Whether facet f passes through a polygon."""
+    x, y, c, s = pose
+    dx, dy = facets[f, POINT_X] - x, facets[f, POINT_Y] - y
+    bx, by = c * dx + s * dy, -s * dx + c * dy
+    tx = c * facets[f, TANGENT_X] + s * facets[f, TANGENT_Y]
+    ty = -s * facets[f, TANGENT_X] + c * facets[f, TANGENT_Y]
+    begin, end = 0.0, facets[f, LENGTH]  # of the part of the facet below all faces so far
+    for k in range(sides.shape[0]):
+        depth = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
+        climb = sides[k, FACE_X] * tx + sides[k, FACE_Y] * ty
+        if climb > 0.0:
+            end = min(end, depth / climb)
+        elif climb < 0.0:
+            begin = max(begin, depth / climb)
+        elif depth <= 0.0:
+            return False
+        if begin >= end:
+            return False
+    return True
+
+
+@kernel
 def under_face(face, px, py, pose, sides):
     """Whether a point's foot on a face of the polygon lies between the circles of its corners."""
     x, y, c, s = pose
@@ -280,63 +304,6 @@ def repeats(sides, i):
             break
         other = 0
     return False
-
-
-@kernel
-def half_of_ellipse(px, py, a, b):
-    """Half of the ellipse x²/a² + y²/b² = 1 that holds its point nearest to (px, py): 0, or 1 on the negative side of
-    its longer axis."""
-    return np.int64((py if a >= b else px) < 0.0)
-
-
-@kernel
-def nearest_on_ellipse(px, py, a, b, half):
-    """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration (A. Kemper's method).
-
-    half : of the ellipse where the search begins, see `half_of_ellipse`. Deep inside, each half has a point of its own
-        that is nearest. Beyond the longer axis the one of the given half is followed on, so that the depth of a contact
-        is smooth; near the ends of that axis, and outside, both halves give the same point.
-    """
-    upright = a < b
-    if upright:
-        px, py, a, b = py, px, b, a
-    side = 1.0 - 2.0 * half
-    qx, qy = abs(px), side * py
-    tx, ty, change = np.sqrt(0.5), np.sqrt(0.5), 1.0
-    for _ in range(30):
-        ex, ey = (a * a - b * b) * tx**3 / a, (b * b - a * a) * ty**3 / b
-        rx, ry = a * tx - ex, b * ty - ey
-        dx, dy = qx - ex, qy - ey
-        r, d = np.sqrt(rx * rx + ry * ry), np.sqrt(dx * dx + dy * dy)
-        if d == 0.0:
-            break
-        nx, ny = max(0.0, (dx * r / d + ex) / a), (dy * r / d + ey) / b
-        norm = np.sqrt(nx * nx + ny * ny)
-        nx, ny = nx / norm, ny / norm
-        change = abs(nx - tx) + abs(ny - ty)
-        tx, ty = nx, ny
-        if change < 1e-15:
-            break
-    if change > 1e-9 and qy >= 0.0:
-        # near the centre of a thin ellipse the iteration can go round in a circle
-        tx, ty = _bisected(qx, qy, a, b)
-    along, across = np.copysign(a * tx, px), side * b * ty
-    return (across, along) if upright else (along, across)
-
-
-@kernel
-def _bisected(qx, qy, a, b):
-    """(cos φ, sin φ) of the point (a cos φ, b sin φ) of an ellipse that is nearest to (qx, qy) in the first quadrant:
-    the one root there of the distance's derivative with respect to φ."""
-    low, high = 0.0, 0.5 * np.pi
-    for _ in range(55):
-        phi = 0.5 * (low + high)
-        c, s = np.cos(phi), np.sin(phi)
-        if (b * b - a * a) * s * c + a * qx * s - b * qy * c > 0.0:
-            high = phi
-        else:
-            low = phi
-    return np.cos(phi), np.sin(phi)
 
 
 @kernel

@@ -36,11 +36,6 @@ from rock2d.engines.fast_contact_steps import (
 )
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import (
-    CONVEX,
-    CORNER_X,
-    CORNER_Y,
-    POINT_X,
-    POINT_Y,
     BlockArrays,
     Body,
     GroundArrays,
@@ -48,8 +43,6 @@ from rock2d.engines.geometry import (
     facet_range,
     near_depth,
     point_depth,
-    polygon_depth,
-    pose_of,
 )
 from rock2d.engines.guard import guard_distance
 from rock2d.engines.recording import (
@@ -63,7 +56,7 @@ from rock2d.engines.recording import (
     open_impact,
     sample,
 )
-from rock2d.engines.time_to_contact import safe_time, time_to_ground
+from rock2d.engines.time_to_contact import time_aloft
 from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
 from rock2d.records.columns import (
     EFFECTS,
@@ -197,7 +190,7 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
         flying = active == 0
         if flying:
             longest, extra = air_stride(q, gravity, block)
-            tau = _time_aloft(q, extra, world, tree, stack, h_contact)
+            tau = time_aloft(q, extra, world, tree, stack, h_contact)
             if tau >= (h_contact if corners > 0 else LEAST_STRIDE * h_contact):
                 tau = min(tau, longest, time_limit - t)
                 copy(q, old)
@@ -316,24 +309,6 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     return stop, t, count, used
 
 
-@kernel(inline="always")
-def _time_aloft(q, extra, world, tree, stack, h_contact):
-    """Time in s for which the flying block surely stays clear of the ground.
-
-    extra : bound of the acceleration in m/s² beside gravity's; h_contact : contact step in s
-    """
-    block, ground, gravity, radius = world.block, world.ground, world.gravity, world.block.radius
-    tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
-    if tau < h_contact and block.sides.shape[0] > 0:
-        near = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
-        gap = _gap(q, near, world)
-        if gap > 0.0:
-            # no farther than the facets that were looked at
-            speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
-            tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[OMEGA]) * radius, gravity + extra)
-    return tau
-
-
 @kernel
 def _reach(q, h, world, memory):
     """How far in m the centroid can come until the next look, if the springs give all the energy that they hold."""
@@ -385,24 +360,3 @@ def _is_buried(q, world):
     ground, radius = world.ground, world.block.radius
     f0, f1 = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
     return point_depth(q[X], q[Y], ground.facets, f0, f1)[0] > 0.0
-
-
-@kernel
-def _gap(q, near, world):
-    """Lower bound in m of the distance between a polygon near the ground and the ground."""
-    pose = pose_of(q)
-    x, y, c, s = pose
-    block, ground = world.block, world.ground
-    facets, sides = ground.facets, block.sides
-    f0, f1 = near
-    gap = np.inf
-    for i in range(sides.shape[0]):
-        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
-        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
-        depth, _, _ = near_depth(px, py, ground, f0, f1, min(gap, block.radius) + block.rounding)
-        gap = min(gap, -depth - block.rounding)
-    for v in range(max(f0, 1), f1):
-        if facets[v, CONVEX] > 0.0:
-            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], pose, sides)
-            gap = min(gap, -depth)
-    return gap

@@ -11,6 +11,7 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.engines.geometry import (
+    CONVEX,
     CORNER_X,
     CORNER_Y,
     LENGTH,
@@ -20,7 +21,11 @@ from rock2d.engines.geometry import (
     POINT_Y,
     TANGENT_X,
     TANGENT_Y,
+    crosses,
+    facet_range,
     is_ball,
+    near_depth,
+    polygon_depth,
     pose_of,
 )
 from rock2d.records.columns import OMEGA, VX, VY, X, Y
@@ -180,3 +185,46 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
             down = _line_time((nx, ny, px * nx + py * ny), q, pose, pulls, block)
             soonest = min(soonest, max(away, down))
     return soonest
+
+
+@kernel(inline="always")
+def time_aloft(q, extra, world, tree, stack, h_contact):
+    """Time in s for which the flying block surely stays clear of the ground.
+
+    extra : bound of the acceleration in m/s² beside gravity's; h_contact : contact step in s
+    """
+    block, ground, gravity, radius = world.block, world.ground, world.gravity, world.block.radius
+    tau = time_to_ground(q, gravity, block, ground.facets, tree, stack, extra)
+    if tau < h_contact and block.sides.shape[0] > 0:
+        near = facet_range(ground, q[X] - 2.0 * radius, q[X] + 2.0 * radius)
+        gap = gap_to_ground(q, near, world)
+        if gap > 0.0:
+            # no farther than the facets that were looked at
+            speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
+            tau = safe_time(min(gap, 0.5 * radius), speed + abs(q[OMEGA]) * radius, gravity + extra)
+    return tau
+
+
+@kernel
+def gap_to_ground(q, near, world):
+    """Lower bound in m of the distance between a polygon near the ground and the ground; 0 where a ridge so thin that
+    no corner lies in it passes through the polygon."""
+    pose = pose_of(q)
+    x, y, c, s = pose
+    block, ground = world.block, world.ground
+    facets, sides = ground.facets, block.sides
+    f0, f1 = near
+    gap = np.inf
+    for i in range(sides.shape[0]):
+        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        depth, _, _ = near_depth(px, py, ground, f0, f1, min(gap, block.radius) + block.rounding)
+        gap = min(gap, -depth - block.rounding)
+    for v in range(max(f0, 1), f1):
+        if facets[v, CONVEX] > 0.0:
+            depth, _ = polygon_depth(facets[v, POINT_X], facets[v, POINT_Y], pose, sides)
+            gap = min(gap, -depth)
+    for f in range(f0, f1):
+        if gap > 0.0 and crosses(f, pose, facets, sides):
+            gap = 0.0
+    return gap

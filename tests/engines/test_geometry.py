@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rock2d.engines.contact_state import DEPTH, SMOOTH_CONTACTS, find_features, new_contacts
+from rock2d.engines.ellipse import half_of_ellipse, nearest_on_ellipse
 from rock2d.engines.geometry import (
     CORNER_FACET,
     CORNER_VERTEX,
@@ -16,10 +17,9 @@ from rock2d.engines.geometry import (
     WorldArrays,
     block_arrays,
     contact_point,
+    crosses,
     facet_range,
     ground_arrays,
-    half_of_ellipse,
-    nearest_on_ellipse,
     point_depth,
     pose_of,
 )
@@ -127,3 +127,16 @@ def test_a_ball_lies_as_deep_in_the_ground_as_its_centre_is_near_it_also_at_a_sp
         if -radius_m < centre < 0.0:
             find_features(np.array([x, y, 0.0, 0.0, 0.0, 0.0]), radius_m, (0, 5), world, memory, found)
             assert found.reals[:, DEPTH].max() == pytest.approx(radius_m + centre, abs=1e-12), (x, y)
+
+
+@given(st.floats(-1, 3), st.floats(-0.5, 1.5), st.floats(0, 6.3))
+@settings(deadline=None, max_examples=200)
+def test_a_facet_crosses_a_polygon_where_shapely_says_so(x, y, theta):
+    arrays, slab = ground_arrays(GROUND), block_arrays(SLAB)
+    pose = pose_of(np.array([x, y, theta, 0.0, 0.0, 0.0]))
+    c, s = pose[2:]
+    outline = shapely.Polygon(SLAB.corners_m @ np.array([[c, s], [-s, c]]) + [x, y])
+    for f in range(1, 5):
+        inside = outline.intersection(shapely.LineString(GROUND.points_m[f : f + 2])).length
+        if not 0.0 < inside < 1e-9:
+            assert crosses(f, pose, arrays.facets, slab.sides) == (inside > 0.0)

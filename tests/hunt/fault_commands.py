@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from rock2d.blind.training import FEATURES
+from rock2d.diagnosis.classification import ANY, KNOWN, WHICH
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
@@ -22,6 +27,10 @@ def _copied_trial(inputs: Path, out: Path) -> None:
 
 def _copied_results(inputs: Path, out: Path) -> None:
     shutil.copytree(inputs / "diagnosed_trial", out / "trial")
+
+
+def _nearly_trained(inputs: Path, out: Path) -> None:
+    shutil.copytree(inputs / "training", out / "training")
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,8 @@ COMMANDS = (
             "--out {out}/predictions.csv"),
     Command("blind make", "blind make --quiet --cases 4 --seed 1 --workers 2 --out {out}/trial"),
     Command("blind run", "blind run {out}/trial --quiet --workers 2", _copied_trial),
+    Command("blind train", "blind train --seed 1 --quiet --workers 2 --work {out}/training --out {out}/weights.json",
+            _nearly_trained),
     Command("blind score", "blind score {out}/trial", _copied_results),
     Command("film", "film {here}/run --quiet --releases 2 --size 640 400 --out {out}/film.avi"),
     Command("track", "track {here}/film.avi --config {here}/film.yaml --quiet --out {out}/tracked"),
@@ -109,3 +120,25 @@ def make_inputs(here: Path) -> None:
         shutil.copytree(here / "trial", here / "copied_trial", dirs_exist_ok=True)
         rock2d("blind", "run", str(here / "copied_trial"), "--quiet")
         (here / "copied_trial").rename(here / "diagnosed_trial")
+    if not (here / "training").is_dir():
+        _write_training(here / "trial" / "cases" / "000", here / "training")
+
+
+def _write_training(case: Path, training: Path) -> None:
+    """A trial of which only the first case, a copy of `case`, is not diagnosed yet; the other results are made up."""
+    labels, results = {}, {}
+    for i, label in enumerate(("none", "air_drag", "adhesion", "unknown") * 3):
+        labels[f"{i:03d}"] = {"label": label, "signal_to_noise": 0.0 if label == "none" else 20.0}
+        stated = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.1 * i)
+        effects = {name: dict.fromkeys(FEATURES[WHICH], 0.1 * i) for name in ("air_drag", "adhesion")}
+        results[f"{i:03d}"] = {"statistics": {"case": stated, "effects": effects}, "without_best": None}
+    text = json.dumps(labels)
+    index = {"count": len(labels), "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
+    partial = training.with_name("training_partial")
+    shutil.copytree(case, partial / "cases" / "000")
+    (partial / "results").mkdir()
+    for name, result in list(results.items())[1:]:
+        (partial / "results" / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+    (partial / "labels.json").write_text(text, encoding="utf-8")
+    (partial / "cases.json").write_text(json.dumps(index), encoding="utf-8")
+    partial.rename(training)

@@ -325,6 +325,9 @@ def main() -> None:
         what = "terminated" if terminated else "interrupted"
         click.echo(f"{what}: {said or 'no half-written file is left'}", err=True)
         sys.exit(143 if terminated else 130)
+    finally:  # the exit code is decided, and a signal while Python ends would change it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

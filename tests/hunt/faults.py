@@ -44,12 +44,8 @@ ORPHANS_END_S = 3.0
 LONGEST_RUN_S = 900.0
 EXIT_BAD_INPUT, EXIT_MACHINE = 2, 3
 EXITS = {"kill": -signal.SIGKILL, "interrupt": 130, "terminate": 143, "kill a worker": 0}
-INEXACT = (
-    ".html",
-    ".json",
-    ".npz",
-    ".md",
-)  # may hold durations: must be readable; all others must have the same size
+# these may hold durations: must be readable; all others must have the same size
+INEXACT = (".html", ".json", ".npz", ".md")
 
 
 @dataclass
@@ -144,12 +140,13 @@ def started(
                     left.kill()
 
 
-def marked(mark: str) -> list[psutil.Process]:
-    """The living processes of a command."""
+def marked(mark: str, word: str = "") -> list[psutil.Process]:
+    """The living processes of a command with this word in their command line."""
     found = []
     for process in psutil.process_iter():
         with suppress(psutil.Error):
-            if process.environ().get(MARK) == mark and process.status() != psutil.STATUS_ZOMBIE:
+            alive = process.environ().get(MARK) == mark and process.status() != psutil.STATUS_ZOMBIE
+            if alive and word in " ".join(process.cmdline()):
                 found.append(process)
     return found
 
@@ -193,7 +190,7 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
         if left := orphans(running.mark):
             trial.faults.append(f"{left} processes left")
     if not hit:
-        trial.skipped = "no worker at that time" if fault == "kill a worker" else "ended before"
+        trial.skipped = "no worker from then on" if fault == "kill a worker" else "ended before"
         return trial
     code = running.process.returncode
     if code not in (0, EXITS[fault]):
@@ -218,9 +215,10 @@ def _hit(fault: str, running: Started) -> bool:
     elif fault in SIGNALS:
         process.send_signal(SIGNALS[fault])
     else:
-        workers = [p for p in marked(running.mark) if "spawn_main" in " ".join(p.cmdline())]
-        if not workers:
-            return False
+        while not (workers := marked(running.mark, "spawn_main")):
+            if process.poll() is not None:
+                return False
+            time.sleep(0.1)
         random.choice(workers).kill()
     return True
 

@@ -134,11 +134,11 @@ def make_inputs(here: Path) -> None:
         rock2d("blind", "run", str(here / "copied_trial"), "--quiet")
         (here / "copied_trial").rename(here / "diagnosed_trial")
     if not (here / "training").is_dir():
-        _write_training(here / "trial" / "cases" / "000", here / "training")
+        _write_training(here / "trial" / "cases", here / "training")
 
 
-def _write_training(case: Path, training: Path) -> None:
-    """A trial of which only the first case, a copy of `case`, is not diagnosed yet; the other results are made up."""
+def _write_training(cases: Path, training: Path) -> None:
+    """A trial of which only the first cases, copies of `cases`, are not diagnosed yet; other results are made up."""
     labels, results = {}, {}
     for i, label in enumerate(("none", "air_drag", "adhesion", "unknown") * 3):
         labels[f"{i:03d}"] = {"label": label, "signal_to_noise": 0.0 if label == "none" else 20.0}
@@ -148,10 +148,10 @@ def _write_training(case: Path, training: Path) -> None:
     text = json.dumps(labels)
     index = {"count": len(labels), "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
     partial = training.with_name("training_partial")
-    shutil.copytree(case, partial / "cases" / "000")
+    shutil.copytree(cases, partial / "cases")
     (partial / "results").mkdir()
-    for name, result in list(results.items())[1:]:
-        (partial / "results" / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+    for name in results.keys() - {case.name for case in cases.iterdir()}:
+        (partial / "results" / f"{name}.json").write_text(json.dumps(results[name]), encoding="utf-8")
     (partial / "labels.json").write_text(text, encoding="utf-8")
     (partial / "cases.json").write_text(json.dumps(index), encoding="utf-8")
     partial.rename(training)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import warnings
 from pathlib import Path
@@ -284,11 +285,26 @@ def _print_warnings_in_one_line() -> None:
     warnings.showwarning = print_warning
 
 
+def _answer_termination_as_ctrl_c() -> list[int]:
+    """Let a request to end (SIGTERM) do what Ctrl-C does at this moment; the list gets the signal."""
+    received: list[int] = []
+
+    def end(number: int, frame: object) -> None:
+        received.append(number)
+        interrupt = signal.getsignal(signal.SIGINT)
+        # not callable where Ctrl-C is ignored: started in the background by a shell
+        (interrupt if callable(interrupt) else signal.default_int_handler)(signal.SIGINT, None)
+
+    signal.signal(signal.SIGTERM, end)
+    return received
+
+
 def main() -> None:
-    """Entry point: bad input is one message and exit code 2, a failure of the machine 3, an interrupt 130."""
+    """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
     from rock2d.errors import InputError
 
     _print_warnings_in_one_line()
+    terminated = _answer_termination_as_ctrl_c()
     try:
         cli(standalone_mode=False)
     except InputError as error:
@@ -306,8 +322,12 @@ def main() -> None:
         sys.exit(error.exit_code)
     except (KeyboardInterrupt, click.Abort) as stop:
         said = str(stop) or str(stop.__cause__ or "")  # click hides an interrupt behind its own
-        click.echo(f"interrupted: {said or 'no half-written file is left'}", err=True)
-        sys.exit(130)
+        what = "terminated" if terminated else "interrupted"
+        click.echo(f"{what}: {said or 'no half-written file is left'}", err=True)
+        sys.exit(143 if terminated else 130)
+    finally:  # the exit code is decided, and a signal while Python ends would change it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

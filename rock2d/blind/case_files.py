@@ -102,7 +102,7 @@ def phases(case: Case) -> list[str]:
 
 
 def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, releases: Array) -> None:
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have begun
     rows = ["release,block,t_s,x_m,y_m,theta_rad"]
     for number, (i, film) in enumerate(zip(releases, recorded, strict=True)):
         block = case.world.blocks[case.releases.block_ids[i]].name

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.blind.case_files import CASES, read_index
-from rock2d.files.folders import make_folder, write_whole
+from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
 RESULTS = "results"
@@ -36,8 +36,8 @@ def run_trial(
     on_progress(count - len(waiting), count)
     jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
     with (
-        tempfile.TemporaryDirectory() as fits,
-        closing(as_finished(_diagnose, jobs, workers, (Path(fits),))) as diagnosed,
+        temporary_folder(out) as fits,
+        closing(as_finished(_diagnose, jobs, workers, (fits,))) as diagnosed,
     ):
         for k, _ in enumerate(diagnosed):
             on_progress(count - len(waiting) + k + 1, count)

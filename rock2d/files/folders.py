@@ -39,33 +39,51 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     killed has left there is removed. Raises OSError, which names `path`, if the machine fails.
     """
     target = check_folder(path)
-    token = secrets.token_hex(4)
-    partial = target.with_name(f".{target.name}.partial-{token}")
-    unlocked = target.with_name(f".{target.name}.new-{token}")
+    process = os.getpid()
+    with temporary_folder(path) as partial:
+        yield partial
+        if os.getpid() != process:
+            return  # a copy of this process, which another one made in the block
+        (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
+        replaced = _hidden(target, "replaced")
+        if target.exists():
+            target.rename(replaced)
+        try:
+            partial.rename(target)
+        except BaseException:
+            if replaced.exists():
+                replaced.rename(target)
+            raise
+        for older in target.parent.glob(f".{glob.escape(target.name)}.replaced-*"):
+            shutil.rmtree(older, ignore_errors=True)
+
+
+@contextmanager
+def temporary_folder(path: str | Path) -> Iterator[Path]:
+    """Give a hidden folder beside `path`, which is gone after the block. What killed processes left there is removed.
+
+    Folders that are missing are made. Raises as `atomic_file` does.
+    """
+    target = Path(os.path.abspath(path))
+    partial, unlocked = _hidden(target, "partial"), _hidden(target, "new")
     process = os.getpid()
     try:
         with _errors_of(path, partial), _errors_of(path, unlocked), ExitStack() as held:
             _remove_abandoned(target)
-            unlocked.mkdir(parents=True)
+            with _errors_of(path, Path(target.anchor)):
+                target.parent.mkdir(parents=True, exist_ok=True)
+            unlocked.mkdir()
             held.enter_context(_lock(unlocked))
             unlocked.rename(partial)  # not before: without its lock it would be taken for abandoned
             yield partial
-            if os.getpid() != process:
-                return  # a copy of this process, which another one made in the block
-            (partial / RESULT_MARKER).write_text(json.dumps({"made_by": "rock2d"}) + "\n", encoding="utf-8")
-            replaced = target.with_name(f".{target.name}.replaced-{token}")
-            if target.exists():
-                target.rename(replaced)
-            try:
-                partial.rename(target)
-            except BaseException:
-                if replaced.exists():
-                    replaced.rename(target)
-                raise
-            shutil.rmtree(replaced, ignore_errors=True)
     finally:
         if os.getpid() == process:
+            shutil.rmtree(unlocked, ignore_errors=True)
             shutil.rmtree(partial, ignore_errors=True)
+
+
+def _hidden(target: Path, what: str) -> Path:
+    return target.with_name(f".{target.name}.{what}-{secrets.token_hex(4)}")
 
 
 @contextmanager
@@ -141,18 +159,12 @@ def atomic_file(path: Path) -> Iterator[Path]:
     Folders that are missing are made. After an error or an interrupt `path` is as it was. Raises InputError where no
     file can be written, and OSError, which names `path`, if the machine fails.
     """
-    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     process = os.getpid()
-    try:
-        with _errors_of(path, partial):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            yield partial
-            if os.getpid() == process:  # not in a copy of this process, which another one made in the block
-                os.replace(partial, path)
-    finally:
-        if os.getpid() == process:
-            with suppress(OSError):
-                partial.unlink(missing_ok=True)
+    with temporary_folder(path) as folder:
+        partial = folder / path.name
+        yield partial
+        if os.getpid() == process:  # not in a copy of this process, which another one made in the block
+            os.replace(partial, path)
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -188,6 +188,16 @@ def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
     assert len(score_table(tmp_path / "t")) == 1
 
 
+def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):
+    case = draw_case((), np.random.SeedSequence(1), smallest=True)
+    label = case_files.write_case(case, tmp_path / "000")
+    whole = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    for path in whole:
+        path.write_bytes(b"half")
+    assert case_files.write_case(case, tmp_path / "000") == label
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == whole
+
+
 def test_weights_are_learned_from_a_trial(tmp_path, small):
     """Results in which the effect with the largest gain is the right one, and what is left tells the unknown."""
     from rock2d.blind.training import labelled_results, train

@@ -84,29 +84,42 @@ def test_a_process_that_is_forked_in_mid_write_touches_nothing(tmp_path, fails):
 
 WRITES = """
 import sys, time
-from rock2d.files.folders import atomic_folder
-with atomic_folder(sys.argv[1]) as folder:
-    (folder / "half").write_text("x")
+from pathlib import Path
+from rock2d.files import folders
+with getattr(folders, sys.argv[1])(Path(sys.argv[2])) as partial:
+    (partial / "half" if partial.is_dir() else partial).write_text("x")
     print(flush=True)
     time.sleep(60)
 """
 
 
-def test_the_next_result_removes_what_a_killed_process_left_but_not_what_another_one_writes(tmp_path):
-    out = tmp_path / "out"
+@pytest.mark.parametrize("write", [atomic_folder, atomic_file])
+def test_the_next_result_removes_what_a_killed_process_left_but_not_what_another_one_writes(tmp_path, write):
+    out = tmp_path / "out.csv"
     killed, alive = (
-        subprocess.Popen([sys.executable, "-c", WRITES, str(out)], stdout=subprocess.PIPE) for _ in range(2)
+        subprocess.Popen([sys.executable, "-c", WRITES, write.__name__, str(out)], stdout=subprocess.PIPE)
+        for _ in range(2)
     )
     try:
         for process in (killed, alive):
             assert process.stdout is not None and process.stdout.readline()
         killed.kill()
         killed.wait()
-        assert len(list(tmp_path.glob(".out.partial-*"))) == 2
-        with atomic_folder(out) as folder:
-            (folder / "whole").write_text("x")
-        assert (out / "whole").is_file()
-        assert len(list(tmp_path.glob(".out.*"))) == 1
+        assert len(list(tmp_path.iterdir())) == 2
+        with write(out) as partial:
+            (partial / "whole" if partial.is_dir() else partial).write_text("x")
+        assert (out / "whole").is_file() or out.read_text() == "x"
+        assert len(list(tmp_path.glob(".out.csv.*"))) == 1
     finally:
         alive.kill()
         alive.wait()
+
+
+def test_a_result_removes_older_ones_that_a_killed_process_moved_away(tmp_path):
+    (tmp_path / ".out.replaced-0123abcd").mkdir()
+    with pytest.raises(KeyboardInterrupt), atomic_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert (tmp_path / ".out.replaced-0123abcd").is_dir()  # it may be the only result
+    with atomic_folder(tmp_path / "out"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

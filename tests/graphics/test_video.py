@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -153,6 +156,28 @@ def test_interrupted_video_leaves_the_folder_as_it_was(tmp_path):
         render_video(old, FLOOR, BLOCKS, [clip("ball", (0.2, 0.8), 0.2)], SMALL, stop)
     assert [p.name for p in tmp_path.iterdir()] == ["a.webm"]
     assert old.read_bytes() == b"the film of yesterday"
+
+
+@contextmanager
+def short_files(most_bytes: int) -> Iterator[None]:
+    """As on a disk that is nearly full: no file grows beyond `most_bytes`."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("suffix", [".webm", ".mp4"])
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_video_that_finds_no_room_is_not_there(tmp_path, suffix, share):
+    cubes = [clip("cube", (0.2, 0.8), 0.2)]
+    whole = render_video(tmp_path / f"whole{suffix}", FLOOR, BLOCKS, cubes, SMALL)
+    with short_files(int(share * whole.stat().st_size)), pytest.raises(OSError, match=f"cut{suffix}"):
+        render_video(tmp_path / f"cut{suffix}", FLOOR, BLOCKS, cubes, SMALL)
+    assert [path.name for path in tmp_path.iterdir()] == [whole.name]
 
 
 def test_what_cannot_be_shown_is_named(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shutil
 import subprocess
 import sys
@@ -9,7 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from rock2d.blind.training import FEATURES
+from rock2d.diagnosis.classification import ANY, KNOWN, WHICH
+
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
+FEW_RELEASES = 12  # of each film that is diagnosed, so that this takes less than a minute
 
 
 def _nothing(inputs: Path, out: Path) -> None:
@@ -22,6 +28,10 @@ def _copied_trial(inputs: Path, out: Path) -> None:
 
 def _copied_results(inputs: Path, out: Path) -> None:
     shutil.copytree(inputs / "diagnosed_trial", out / "trial")
+
+
+def _nearly_trained(inputs: Path, out: Path) -> None:
+    shutil.copytree(inputs / "training", out / "training")
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class Command:
 _RUN = "run {here}/setup.yaml --quiet --out {out}/runs --engine"
 _CAMPAIGN = "run {here}/short.yaml --quiet --releases 20001 --out {out}/runs --engine"
 COMMANDS = (
-    Command("run pymunk, 2 workers", f"{_RUN} pymunk --releases 5 --workers 2"),
+    Command("run pymunk, 2 workers", f"{_RUN} pymunk --releases 3 --workers 2"),
     Command("run pymunk, 1 worker", f"{_RUN} pymunk --releases 3 --workers 1"),
     Command("run batch, video", f"{_RUN} batch --releases 1 --video"),
     Command("run point_mass", f"{_RUN} point_mass --releases 20"),
@@ -64,12 +74,14 @@ COMMANDS = (
             kept=(".fits",)),
     Command("predict", "predict {here}/trial/cases/000/heldout --diagnosis {here}/diagnosis/diagnosis.json "
             "--out {out}/predictions.csv"),
-    Command("blind make", "blind make --quiet --cases 4 --seed 1 --workers 2 --out {out}/trial"),
+    Command("blind make", "blind make --quiet --cases 2 --seed 1 --workers 2 --out {out}/trial"),
     Command("blind run", "blind run {out}/trial --quiet --workers 2", _copied_trial),
+    Command("blind train", "blind train --seed 1 --quiet --workers 2 --work {out}/training --out {out}/weights.json",
+            _nearly_trained),
     Command("blind score", "blind score {out}/trial", _copied_results),
     Command("film", "film {here}/run --quiet --releases 2 --size 640 400 --out {out}/film.avi"),
     Command("track", "track {here}/film.avi --config {here}/film.yaml --quiet --out {out}/tracked"),
-    Command("import", "import {here}/tracks_0.txt --kind tracker --config {here}/film.yaml --y up "
+    Command("import", "import {here}/tracks_0.txt --kind tracker --config {here}/metres.yaml --y up "
             "--block sphere --out {out}/imported"),
     Command("export", "export {here}/run --out {out}/tracks.txt"),
 )  # fmt: skip
@@ -100,8 +112,20 @@ def make_inputs(here: Path) -> None:
         rock2d("film", str(here / "run"), "--quiet", *size, "--out", str(here / "film.avi"))
     if not (here / "tracks_0.txt").is_file():
         rock2d("export", str(here / "run"), "--out", str(here / "tracks.txt"))
+    camera = {"scale": "{metres_per_pixel: 1.0}", "origin_px": "[0.0, 0.0]", "origin_m": "[0.0, 0.0]"}
+    lines = (here / "film.yaml").read_text(encoding="utf-8").splitlines()
+    keys = [line.strip().split(":")[0] for line in lines]
+    metres = [
+        f"  {key}: {camera[key]}" if key in camera else line for key, line in zip(keys, lines, strict=True)
+    ]
+    (here / "metres.yaml").write_text("\n".join(metres), encoding="utf-8")  # the tracks are in metres
     if not (here / "trial").is_dir():
-        rock2d("blind", "make", "--cases", "2", "--seed", "1", "--quiet", "--out", str(here / "trial"))
+        rock2d("blind", "make", "--cases", "2", "--seed", "1", "--quiet", "--out", str(here / "long_trial"))
+        for film in (here / "long_trial" / "cases").glob("*/*/trajectories.csv"):
+            head, *rows = film.read_text(encoding="utf-8").splitlines()
+            few = [row for row in rows if int(row.split(",")[0]) < FEW_RELEASES]
+            film.write_text("\n".join([head, *few, ""]), encoding="utf-8")
+        (here / "long_trial").rename(here / "trial")
     if not (here / "diagnosis" / "diagnosis.json").is_file():
         fit = str(here / "trial" / "cases" / "000" / "fit")
         rock2d("diagnose", fit, "--quiet", "--out", str(here / "diagnosis"))
@@ -109,3 +133,25 @@ def make_inputs(here: Path) -> None:
         shutil.copytree(here / "trial", here / "copied_trial", dirs_exist_ok=True)
         rock2d("blind", "run", str(here / "copied_trial"), "--quiet")
         (here / "copied_trial").rename(here / "diagnosed_trial")
+    if not (here / "training").is_dir():
+        _write_training(here / "trial" / "cases", here / "training")
+
+
+def _write_training(cases: Path, training: Path) -> None:
+    """A trial of which only the first cases, copies of `cases`, are not diagnosed yet; other results are made up."""
+    labels, results = {}, {}
+    for i, label in enumerate(("none", "air_drag", "adhesion", "unknown") * 3):
+        labels[f"{i:03d}"] = {"label": label, "signal_to_noise": 0.0 if label == "none" else 20.0}
+        stated = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.1 * i)
+        effects = {name: dict.fromkeys(FEATURES[WHICH], 0.1 * i) for name in ("air_drag", "adhesion")}
+        results[f"{i:03d}"] = {"statistics": {"case": stated, "effects": effects}, "without_best": None}
+    text = json.dumps(labels)
+    index = {"count": len(labels), "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
+    partial = training.with_name("training_partial")
+    shutil.copytree(cases, partial / "cases")
+    (partial / "results").mkdir()
+    for name in results.keys() - {case.name for case in cases.iterdir()}:
+        (partial / "results" / f"{name}.json").write_text(json.dumps(results[name]), encoding="utf-8")
+    (partial / "labels.json").write_text(text, encoding="utf-8")
+    (partial / "cases.json").write_text(json.dumps(index), encoding="utf-8")
+    partial.rename(training)

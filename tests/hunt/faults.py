@@ -31,20 +31,21 @@ from typing import IO
 import psutil
 
 from tests.hunt.fault_commands import COMMANDS, Command, make_inputs
+from tests.test_processes import heed_interrupts
 
 MARK = "ROCK2D_HUNT"  # variable that marks the processes of a command
-FAULTS = ("kill", "kill a worker", "interrupt", "full disk", "file too large", "read-only")
-LONGEST_END_S = 5.0  # from Ctrl-C to the end
+SIGNALS = {"kill": signal.SIGKILL, "interrupt": signal.SIGINT, "terminate": signal.SIGTERM}
+FAULTS = (*SIGNALS, "kill a worker", "full disk", "file too large", "read-only")
+SHARES_TRIED = 4  # of the duration, each half of the one before, until a signal meets what it is for
+EARLIEST_S = 1.0  # a signal before that meets Python while it starts
+LONGEST_END_S = 5.0  # from a signal to the end
 LONGEST_REFUSAL_S = 8.0  # from the start to the refusal of a read-only folder
 ORPHANS_END_S = 3.0
 LONGEST_RUN_S = 900.0
-EXIT_BAD_INPUT, EXIT_MACHINE, EXIT_INTERRUPTED = 2, 3, 130
-INEXACT = (
-    ".html",
-    ".json",
-    ".npz",
-    ".md",
-)  # may hold durations: must be readable; all others must have the same size
+EXIT_BAD_INPUT, EXIT_MACHINE = 2, 3
+EXITS = {"kill": -signal.SIGKILL, "interrupt": 130, "terminate": 143, "kill a worker": 0}
+# these may hold durations: must be readable; all others must have the same size
+INEXACT = (".html", ".json", ".npz", ".md")
 
 
 @dataclass
@@ -118,12 +119,18 @@ class Started:
 def started(
     command: Command, inputs: Path, out: Path, before: Callable[[], None] | None = None
 ) -> Iterator[Started]:
-    """The command in a session of its own, and the mark in its environment; its processes end with the block."""
+    """The command in a process group of its own, with the mark in its environment; its processes end with the block."""
     mark = secrets.token_hex(8)
+
+    def prepare() -> None:
+        heed_interrupts()
+        if before is not None:
+            before()
+
     with tempfile.TemporaryFile("w+") as errors:  # a pipe would stay open until the last orphan ends
         process = subprocess.Popen(
             command.arguments(inputs, out), stdout=subprocess.DEVNULL, stderr=errors, text=True,
-            env={**os.environ, MARK: mark}, start_new_session=True, preexec_fn=before,
+            env={**os.environ, MARK: mark}, process_group=0, preexec_fn=prepare,
         )  # fmt: skip
         try:
             yield Started(process, errors, mark)
@@ -133,12 +140,13 @@ def started(
                     left.kill()
 
 
-def marked(mark: str) -> list[psutil.Process]:
-    """The living processes of a command."""
+def marked(mark: str, word: str = "") -> list[psutil.Process]:
+    """The living processes of a command with this word in their command line."""
     found = []
     for process in psutil.process_iter():
         with suppress(psutil.Error):
-            if process.environ().get(MARK) == mark and process.status() != psutil.STATUS_ZOMBIE:
+            alive = process.environ().get(MARK) == mark and process.status() != psutil.STATUS_ZOMBIE
+            if alive and word in " ".join(process.cmdline()):
                 found.append(process)
     return found
 
@@ -174,7 +182,7 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
     trial = Trial()
     command.prepare(inputs, out)
     with started(command, inputs, out) as running:
-        time.sleep(share * whole.seconds)
+        time.sleep(max(share * whole.seconds, EARLIEST_S))
         hit = _hit(fault, running)
         begin = time.monotonic()
         errors = running.end()
@@ -182,21 +190,15 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
         if left := orphans(running.mark):
             trial.faults.append(f"{left} processes left")
     if not hit:
-        trial.skipped = "no worker at that time" if fault == "kill a worker" else "ended before"
+        trial.skipped = "no worker from then on" if fault == "kill a worker" else "ended before"
         return trial
     code = running.process.returncode
-    if fault == "kill":
-        expected = {-signal.SIGKILL, 0}
-    elif fault == "interrupt":
-        expected = {EXIT_INTERRUPTED, 0}
-    else:
-        expected = {0}
-    if code not in expected:
+    if code not in (0, EXITS[fault]):
         trial.faults.append(f"exit code {code}")
     if code != 0 and fault != "kill":
         trial.faults += said_badly(errors)
         trial.faults += [f"left: {name}" for name in leftovers(out, command.kept)]
-    if fault == "interrupt" and trial.seconds > LONGEST_END_S:
+    if fault in SIGNALS and trial.seconds > LONGEST_END_S:
         trial.faults.append(f"{trial.seconds:.0f} s to the end")
     trial.faults += [f"cut: {name}" for name in cut_files(out, whole)]
     if code != 0:
@@ -208,14 +210,15 @@ def _hit(fault: str, running: Started) -> bool:
     process = running.process
     if process.poll() is not None:
         return False
-    if fault == "kill":
-        process.kill()
-    elif fault == "interrupt":
+    if fault == "interrupt":  # the terminal sends Ctrl-C to all
         os.killpg(process.pid, signal.SIGINT)
+    elif fault in SIGNALS:
+        process.send_signal(SIGNALS[fault])
     else:
-        workers = [p for p in marked(running.mark) if "spawn_main" in " ".join(p.cmdline())]
-        if not workers:
-            return False
+        while not (workers := marked(running.mark, "spawn_main")):
+            if process.poll() is not None:
+                return False
+            time.sleep(0.1)
         random.choice(workers).kill()
     return True
 
@@ -339,7 +342,14 @@ def disturbed(command: Command, fault: str, inputs: Path, work: Path, whole: Who
             return with_short_files(command, inputs, out, whole, share)
         if fault == "read-only":
             return into_read_only(command, inputs, out, whole)
-        return signalled(command, fault, inputs, out, whole, share)
+        for _ in range(SHARES_TRIED):
+            trial = signalled(command, fault, inputs, out, whole, share)
+            if not trial.skipped:
+                break
+            shutil.rmtree(out)
+            out.mkdir()
+            share /= 2
+        return trial
     finally:
         shutil.rmtree(out, ignore_errors=True)
 

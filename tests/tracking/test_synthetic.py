@@ -20,6 +20,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.graphics.test_video import short_files
 
 cv2.setNumThreads(1)
 
@@ -312,6 +313,16 @@ def test_a_film_is_whole_or_not_there(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="cannot write FFV1"):
         write_film(tmp_path / "film.avi", shots, SIZE, 25)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("quality", [None, 90])
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_film_that_finds_no_room_is_not_there(tmp_path, quality, share):
+    shots = list(film_frames(two_releases(), MAP, SIZE, FilmOptions(seed=1)))
+    whole = write_film(tmp_path / "whole.avi", shots, SIZE, 25, quality)
+    with short_files(int(share * whole.stat().st_size)), pytest.raises(OSError, match=r"cut\.(avi|csv)"):
+        write_film(tmp_path / "cut.avi", shots, SIZE, 25, quality, truth=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["whole.avi"]
 
 
 def test_what_cannot_be_filmed_is_refused():

@@ -38,6 +38,7 @@ from rock2d.laws.contact import K_L, K_UL, normal_force, residual
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
+LEAST_GAP = 1e-12  # of the block's radius: between two features, more than rounding
 LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 
 
@@ -262,8 +263,9 @@ def first_event(h, whole, q0, q1, world, memory, found):
                 g0, s0 = _gap_to_found(j, q0, world, memory, found)
                 g1, s1 = _gap_to_found(j, q1, world, memory, found)
                 if (g0 > 0.0) != (g1 > 0.0):
-                    # however soon: the old feature must not act where another is nearest
-                    first = min(first, hermite_root(g0, s0, g1, s1, h) + 1e-5 * whole)
+                    # however soon: the old feature must not act where another is nearest; but so far that it shows
+                    behind = max(1e-5 * whole, LEAST_GAP * world.block.radius / max(abs(s0), abs(s1), 1e-300))
+                    first = min(first, hermite_root(g0, s0, g1, s1, h) + behind)
         if LEAST_EVENT * whole < t < first:
             first = t
     return first

@@ -22,11 +22,12 @@ from rock2d.engines.loaded_contacts import (
     TANGENTIAL_1,
 )
 from rock2d.laws.contact import K_R, K_T, K_UL
-from rock2d.records.columns import CORRECTED, OMEGA, PENDING, VX, VY, Y
+from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
 
 LARGEST_STEP_ERROR = 0.0005  # of the energy of a step: beyond it the step is too long
 LARGEST_CORRECTION = 0.01  # of the impulse of a step: what is more waits for the next one
 LEAST_ERROR = 1e-7  # of the kinetic energy: less may always wait
+POSE_ROUNDING = 2e-15  # of positions and of arms times angles: several times the spacing of numbers
 
 
 @kernel(inline="always")
@@ -45,12 +46,13 @@ def step_error(q, q1, h, works, body, active, loaded):
     kinetic = kinetic_energy(q1, block)
     error = kinetic - kinetic_energy(q, block) + block.mass * body.gravity * (q1[Y] - q[Y])
     scale = kinetic + abs(work_t + work_r)
-    stored_t, stored_r, slips, turns = 0.0, 0.0, False, False
+    stored_t, stored_r, slips, turns, pressing = 0.0, 0.0, False, False, 0.0
     for a in range(active):
         k_ul, k_t, k_r = rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T], rows[a, L_LAW + K_R]
         old, new = trial[a, NORMAL_0], trial[a, NORMAL_1]
         error += trial[a, PLASTIC_WORK] + 0.5 * (new * new - old * old) / k_ul
         scale += 0.5 * max(new * new, old * old) / k_ul
+        pressing += new
         if k_t > 0.0:
             old, new = trial[a, TANGENTIAL_0], trial[a, TANGENTIAL_1]
             slips = slips or new != k_t * rates[a, TAKEN_DISPLACEMENT]
@@ -62,8 +64,11 @@ def step_error(q, q1, h, works, body, active, loaded):
     work_t = max(work_t, stored_t) if slips else stored_t
     work_r = max(work_r, stored_r) if turns else stored_r
     error += work_t + work_r
+    # what rounding of the pose makes of the work of the forces is no fault of the step
+    size = abs(q1[X]) + abs(q1[Y]) + block.radius * (1.0 + abs(q1[THETA]))
+    rounding = POSE_ROUNDING * size * (block.mass * body.gravity + pressing)
     allowed = min(LARGEST_STEP_ERROR * scale, LARGEST_CORRECTION * abs(_gain(q, q1, h, body)))
-    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic), work_t, work_r
+    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic, rounding), work_t, work_r
 
 
 @kernel(inline="always")

@@ -57,7 +57,8 @@ def kept(folder: Path, output: str) -> pd.DataFrame:
 
 
 def written(folder: Path) -> int:
-    return len(list((folder / "chunks" / "ends").glob("[0-9]*.parquet")))
+    """Number of chunks of which every file is there; a chunk's files are written one after the other."""
+    return min(len(list((folder / "chunks" / name).glob("[0-9]*.parquet"))) for name in ("ends", "crossings"))
 
 
 def same(table: pd.DataFrame, other: pd.DataFrame, **tolerance: float) -> None:

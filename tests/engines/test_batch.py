@@ -91,12 +91,14 @@ def test_a_captured_block_would_have_come_to_rest_there():
     """Stopping early changes no passing, and moves where blocks end by the creep that the law leaves them."""
     setup = CrossSection(SETUP.points_m, SETUP.zones, {"crest": [[0.1819, 0.083], [0.1819, 0.3]]})
     for block in (SPHERE, CUBE, BLOCKS["parallelepiped"]):
-        ensemble, start = Ensemble([block], [setup], [TABLE]), states(100, 8)
-        early, late = (run_batch(ensemble, start, stop_when_captured=c) for c in (True, False))
+        ensemble, start = Ensemble([block], [setup], [TABLE]), states(400, 8)
+        early, late = (  # short steps: long ones add to the creep
+            run_batch(ensemble, start, stop_when_captured=c, step_fraction=0.1) for c in (True, False)
+        )
         assert (early.stop == STOPS.index("rest")).all()
         assert (early.ends[:, 0] <= late.ends[:, 0]).all()
         drift = np.hypot(*(early.ends[:, 1:3] - late.ends[:, 1:3]).T)
-        assert np.median(drift) < block.radius_m / 3  # of the ball 0.20 to 0.25 with other starts
+        assert np.median(drift) < 0.25 * block.radius_m
         assert np.array_equal(np.isfinite(early.crossings[:, 0, 0]), np.isfinite(late.crossings[:, 0, 0]))
 
 

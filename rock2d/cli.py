@@ -285,16 +285,27 @@ def _print_warnings_in_one_line() -> None:
     warnings.showwarning = print_warning
 
 
-def _answer_termination_as_ctrl_c() -> list[int]:
-    """Let a request to end (SIGTERM) do what Ctrl-C does at this moment; the list gets the signal."""
+class _Interrupt(KeyboardInterrupt):
+    """Ctrl-C. If a plain KeyboardInterrupt leaves exec("..."), as imports call it, Python notes that and kills itself
+    at the end, whatever the exit code; it does not do so for a type of its own."""
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise _Interrupt
+
+
+def _answer_signals() -> list[int]:
+    """Answer Ctrl-C by _Interrupt, and a request to end (SIGTERM) by what Ctrl-C does; the list gets the request."""
     received: list[int] = []
 
     def end(number: int, frame: object) -> None:
         received.append(number)
         interrupt = signal.getsignal(signal.SIGINT)
         # not callable where Ctrl-C is ignored: started in the background by a shell
-        (interrupt if callable(interrupt) else signal.default_int_handler)(signal.SIGINT, None)
+        (interrupt if callable(interrupt) else _interrupt)(signal.SIGINT, None)
 
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, end)
     return received
 
@@ -304,7 +315,7 @@ def main() -> None:
     from rock2d.errors import InputError
 
     _print_warnings_in_one_line()
-    terminated = _answer_termination_as_ctrl_c()
+    terminated = _answer_signals()
     try:
         cli(standalone_mode=False)
     except InputError as error:

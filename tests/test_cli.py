@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -19,6 +20,10 @@ def wait():
     time.sleep(60)
 
 @cli.cli.command()
+def wait_in_exec():  # as imports do: a dataclass or a named tuple is made by exec
+    exec("print(flush=True); time.sleep(60)")
+
+@cli.cli.command()
 def end():
     atexit.register(os.kill, os.getpid(), signal.SIGINT)
     atexit.register(os.kill, os.getpid(), signal.SIGTERM)
@@ -27,9 +32,9 @@ cli.main()
 """
 
 
-def started(command: str, ctrl_c: signal.Handlers) -> subprocess.Popen[str]:
+def started(command: str, ctrl_c: signal.Handlers, how: tuple[str, str] = ("-c", COMMAND)) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, *how, command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=partial(signal.signal, signal.SIGINT, ctrl_c),
     )  # fmt: skip
 
@@ -41,6 +46,20 @@ def test_a_request_to_end_is_answered_with_one_line(ctrl_c):
         process.terminate()
         _, errors = process.communicate(timeout=30)
     assert (process.returncode, errors.strip()) == (143, "terminated: no half-written file is left")
+
+
+@pytest.mark.parametrize(
+    ("signal_number", "exit_code", "said"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+)
+def test_an_interrupt_in_generated_code_has_its_exit_code(signal_number, exit_code, said, tmp_path, monkeypatch):
+    (tmp_path / "commands.py").write_text(COMMAND)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    with started("wait-in-exec", signal.SIG_DFL, ("-m", "commands")) as process:
+        assert process.stdout is not None and process.stdout.readline()
+        process.send_signal(signal_number)
+        _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors.strip()) == (exit_code, f"{said}: no half-written file is left")
 
 
 def test_a_signal_while_python_ends_does_not_change_the_exit_code():

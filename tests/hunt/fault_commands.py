@@ -49,6 +49,11 @@ class Command:
     prepare: Callable[[Path, Path], None] = _nothing
     kept: tuple[str, ...] = ()
 
+    @property
+    def has_workers(self) -> bool:
+        """Whether it works in several processes, which a demo does unasked."""
+        return "--workers 2" in self.words or self.words.startswith("demo")
+
     def arguments(self, inputs: Path, out: Path) -> list[str]:
         """What to run, by the interpreter of this process."""
         words = [word.format(here=inputs, out=out) for word in self.words.split()]

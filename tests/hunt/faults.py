@@ -376,7 +376,7 @@ def main() -> None:
         whole = undisturbed(command, work / "inputs", undisturbed_out)
         shutil.rmtree(undisturbed_out)
         for fault in chosen.faults:
-            if fault == "kill a worker" and "--workers 2" not in command.words:
+            if fault == "kill a worker" and not command.has_workers:
                 continue
             for _ in range(1 if fault == "read-only" else chosen.times):
                 share = random.random()

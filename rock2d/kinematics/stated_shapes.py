@@ -21,7 +21,8 @@ HARMONICS = (1, 2, 3, 4)
 TELLING = (1, 3)  # of the harmonics: the second and the fourth
 FEWEST_IMPACTS = 20  # of a block
 MOST_FRAMES = 40  # of an impact; a longer contact is a roll or a slide
-LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.1, 6.0  # in block radii, in standard errors
+# in block radii (half of what a square shows that is stated as the circle around it), in standard errors
+LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
 LARGEST_CONDITION = 1.0e3
 LARGEST_DEVIATION = 6.0  # of a depth from the median, in median deviations
 

@@ -10,6 +10,7 @@ import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.effects import catalogue
+from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.sanity import check_film
@@ -118,6 +119,18 @@ def test_a_block_of_another_shape_is_remarked(many, name, stated):
     wrong, film = replace(many, blocks=blocks), load_film(many)
     (remark,) = shape_remarks(FilmSegments.of(film, setup_world(wrong)), setup_world(wrong))
     assert f"block {name}" in remark and stated["shape"] in remark
+
+
+@pytest.mark.parametrize("diameters", [1.0, 4.0 / np.pi, np.sqrt(2.0)])
+def test_real_squares_are_no_circles_of_their_size(data_root, diameters):
+    """Neither as wide as the side, nor with the square's perimeter, nor around it."""
+    squares = load_experiment(data_root / "data" / "squares")
+    ((name, block),) = squares.blocks.items()
+    circle = make_block(name, "circle", block.mass_kg, diameter_m=diameters * np.sqrt(2.0) * block.radius_m)
+    wrong, tracks = replace(squares, blocks={name: circle}), load_film(squares)
+    for experiment, remarks in ((squares, 0), (wrong, 1)):
+        world = setup_world(experiment)
+        assert len(shape_remarks(FilmSegments.of(tracks, world), world)) == remarks
 
 
 def test_the_right_shapes_are_not_remarked(many):

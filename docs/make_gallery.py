@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 from rock2d import load_scenario, run
-from rock2d.graphics import plots
+from rock2d.graphics.figure_style import save_figure
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -50,7 +50,7 @@ def scenario_pictures(path: Path) -> None:
             continue
         figure = run(scenario, engine=engine, releases=min(RELEASES, scenario.releases)).plot()
         with tempfile.TemporaryDirectory() as folder:
-            keep(plots.save_figure(figure, Path(folder) / "it.png"), PICTURES / f"{path.stem}_{engine}.png")
+            keep(save_figure(figure, Path(folder) / "it.png"), PICTURES / f"{path.stem}_{engine}.png")
 
 
 def run_tutorial(path: Path) -> None:

@@ -27,6 +27,7 @@ code                    meaning; fields beside file, line and column
 ``outside_folder``      a path that leads out of its folder
 ``not_writable``        a file or folder that cannot be written
 ``not_a_result``        an output folder that holds something other than a result of rock2d
+``results_exist``       an output folder that holds results which nobody said may be replaced
 ``missing_data``        measured data that are not there (``folder``)
 ``wrong_kind``          an experiment, engine or option that does not fit together with the others
 ``missing_package``     an optional package that is not installed (``package``)
@@ -43,7 +44,7 @@ from typing import Any
 CODES = (
     "bad_value", "unknown_key", "missing_key", "duplicate", "unknown_name", "bad_cross_section", "bad_block",
     "bad_parameter", "bad_state", "not_yaml", "not_json", "not_text", "empty", "bad_table", "missing_file",
-    "unreadable", "outside_folder", "not_writable", "not_a_result", "missing_data", "wrong_kind",
+    "unreadable", "outside_folder", "not_writable", "not_a_result", "results_exist", "missing_data", "wrong_kind",
     "missing_package", "no_cluster", "not_diagnosed",
 )  # fmt: skip
 

@@ -18,7 +18,8 @@ print(passing.round(3).to_string(index=False))
 # `line_3` stands at the edge of the crest: a block that crosses it clears the embankment. The interval is Wilson's. It
 # covers the error of sampling, and nothing else.
 #
-# First check how the releases ended. A release that ended with `time` was cut off in motion.
+# First check how the releases ended. A release that ended with `time` was cut off in motion. The column `unresolved`
+# counts such releases that had not crossed the line; the interval covers both of what they could have done.
 
 # %%
 print(result.to_pandas("stops").groupby(["block", "stop"]).size().to_string())

@@ -148,7 +148,10 @@ def prepared_run(
 ) -> Callable[[], None]:
     """A function that simulates `number` releases; the engine is compiled already."""
     block = scenario.make_blocks()[block_name]
-    shared: dict[str, Any] = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
+    shared: dict[str, Any] = {
+        "gravity_m_s2": scenario.gravity_m_s2,
+        "time_limit_s": scenario.longest_release_s(),
+    }
     table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
     law = scenario.rebound_parameters(block_name)
     ensemble = Ensemble([block], [cross_section], [table])

@@ -21,6 +21,7 @@ from rock2d.files.scenario_keys import Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
     from rock2d.laws.contact import ContactParameters
@@ -47,8 +48,11 @@ class Scenario(Checked):
     )
     releases: int = Field(default=50, ge=1, le=1_000_000, description="Releases of each block")
     seed: int = Field(default=1, ge=0, le=2**63 - 1, description="Seed of every random draw")
-    time_limit_s: float = Field(
-        default=10.0, gt=0, le=3600, description="A release ends after this time in s"
+    time_limit_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=3600,
+        description="A release ends after this time in s; default: 10 √(2 L / g), L the length of the surface",
     )
     cross_section: CrossSectionKeys | None = Field(
         default=None,
@@ -70,6 +74,15 @@ class Scenario(Checked):
     def experiment(self) -> Experiment | None:
         """The filmed experiment whose releases are restarted, or None."""
         return self._experiment
+
+    def longest_release_s(self) -> float:
+        """The time after which a release ends: the scenario's own, else what follows from the cross-section."""
+        if self.time_limit_s is not None:
+            return self.time_limit_s
+        if self.gravity_m_s2 == 0.0:
+            message = "without gravity nothing says how long a release lasts: missing key 'time_limit_s'"
+            raise self.error(message, "gravity_m_s2", code="missing_key", key="time_limit_s")
+        return site_time_limit_s(self.make_cross_section(), self.gravity_m_s2)
 
     def make_cross_section(self) -> CrossSection:
         """The cross-section: the scenario's own, else the experiment's."""
@@ -173,6 +186,7 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     _check_names(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
+    scenario.longest_release_s()
     return scenario
 
 

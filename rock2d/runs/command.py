@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.folders import check_folder
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
+from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
-from rock2d.runs.tables import print_campaign, print_tables
+from rock2d.runs.tables import print_campaign, print_tables, residual_text
+from rock2d.scene.site_scales import line_remarks
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def run_scenarios(
@@ -24,15 +29,18 @@ def run_scenarios(
     engines: Sequence[str] = (),
     data_root: Path | None = None,
     video: bool = False,
+    overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
-) -> None:
+) -> bool:
     """Run scenario files with every one of `engines` (default: the scenario's own), each into a folder of its own
-    under `out`.
+    under `out`; False if more than 1 % of the releases of a block are unresolved (see `runs.resolution`).
 
-    A run of more than 10,000 releases, or with a scheduler, is a campaign.
+    A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
+    earlier one.
 
-    Raises InputError for a mistake in a file, or for options that are not for such a run.
+    Raises InputError for a mistake in a file, for options that are not for such a run, or for a folder that cannot be
+    used.
     """
     loaded = [load_scenario(path, data_root) for path in scenarios]
     for scenario in loaded:  # before any work
@@ -44,8 +52,11 @@ def run_scenarios(
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
         for engine in () if large else engines or [scenario.engine]:
-            check_folder(out / f"{scenario.name}_{engine}")
+            _check_output(out / f"{scenario.name}_{engine}", overwrite)
+    resolved = True
     for scenario in loaded:
+        for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
+            report(f"warning: {remark}")
         large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         for engine in engines or [scenario.engine]:
             folder = out / f"{scenario.name}_{engine}"
@@ -54,15 +65,35 @@ def run_scenarios(
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
             else:
-                _run_in_memory(scenario, folder, chosen, workers, video, progress)
+                tables = _run_in_memory(scenario, folder, chosen, workers, video, progress)
+            if scenario.experiment is None:  # a restarted release ends with its film
+                remarks = unresolved_remarks(tables, scenario.longest_release_s())
+                resolved = resolved and not remarks
+                for remark in remarks:
+                    report(remark)
             report(f"written: {folder}")
+    return resolved
+
+
+def _check_output(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that cannot be written, or that holds results nobody said may go."""
+    if check_folder(folder).is_dir() and any(folder.iterdir()) and not overwrite:
+        message = (
+            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
+        )
+        raise InputError(message, folder, code="results_exist")
 
 
 def _run_in_memory(
     scenario: Scenario, folder: Path, options: CampaignOptions, workers: Workers, video: bool, progress: bool
-) -> None:
+) -> dict[str, pd.DataFrame]:
+    """Run, print the tables, then write the folder; the tables that it holds."""
     result = run(
         scenario, engine=options.engine, seed=options.seed, releases=options.releases,
         workers=workers.processes, progress=progress,
     )  # fmt: skip
-    print_tables(result, result.write(folder, video, progress=progress))
+    print_tables(result)
+    tables = result.write(folder, video, progress=progress)
+    if "residual_summary" in tables:
+        print(residual_text(tables["residual_summary"]))
+    return tables

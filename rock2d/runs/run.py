@@ -116,9 +116,10 @@ def _recording(scenario: Scenario, seed: int) -> Recording:
 def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]:
     """A restarted release runs as long as its film; any other as long as the scenario says."""
     if scenario.experiment is None or scenario.experiment.trajectories is None:
-        return [scenario.time_limit_s] * len(states)
+        return [scenario.longest_release_s()] * len(states)
     last = scenario.experiment.trajectories.groupby("release")["t_s"].max()
-    return [min(scenario.time_limit_s, float(last[s.release]) - s.t_s + FRAME_MARGIN_S) for s in states]
+    longest = scenario.longest_release_s()
+    return [min(longest, float(last[s.release]) - s.t_s + FRAME_MARGIN_S) for s in states]
 
 
 def _tracks(

@@ -17,6 +17,7 @@ from rock2d.runs.indicators import indicators
 from rock2d.runs.recording import Recording, trajectories_table
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,7 +127,7 @@ def simulate(
     *,
     engine: str = "pymunk",
     gravity_m_s2: float = 9.81,
-    time_limit_s: float = 10.0,
+    time_limit_s: float | None = None,
     seed: int = 0,
 ) -> Simulation:
     """Simulate releases of one block from given states, without a scenario file.
@@ -144,8 +145,9 @@ def simulate(
         x_m, y_m, theta_rad, vx_m_s, vy_m_s, omega_rad_s of the centre of mass at t = 0, one row for each release.
     engine : {"pymunk", "batch", "point_mass"}
     gravity_m_s2 : float
-    time_limit_s : float
-        A release ends at the latest after this time.
+    time_limit_s : float, optional
+        A release ends at the latest after this time. Default: what follows from the size of the cross-section, see
+        `rock2d.scene.site_scales.site_time_limit_s`.
     seed : int
         Of the random numbers of the rebound law.
 
@@ -160,7 +162,7 @@ def simulate(
         Code ``unknown_name`` for an engine that does not exist, ``wrong_kind`` for parameters of the other law,
         ``bad_value`` for states that are not rows of six finite numbers.
     ValueError
-        If a zone has no parameters.
+        If a zone has no parameters, or there is neither gravity nor a time limit.
 
     Examples
     --------
@@ -178,9 +180,10 @@ def simulate(
     if rows.ndim != 2 or rows.shape[1:] != (len(STATE_NAMES),) or not np.isfinite(rows).all():
         raise InputError(f"states must be rows of six finite numbers: {', '.join(STATE_NAMES)}")
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
+    limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
     tracks = [
         chosen.track(
-            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, time_limit_s, int(own))
+            ReleaseInputs(block, cross_section, by_zone, state, release, gravity_m_s2, limit, int(own))
         )
         for release, (state, own) in enumerate(zip(rows, seeds, strict=True))
     ]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rock2d.runs.resolution import stop_counts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -11,20 +13,17 @@ if TYPE_CHECKING:
     from rock2d.runs.results import RunResult
 
 
-def print_tables(result: RunResult, tables: dict[str, Any]) -> None:
-    """Passing frequencies, stops, residuals and the energy audit of one run."""
+def print_tables(result: RunResult) -> None:
+    """Passing frequencies, stops and the energy audit of one run."""
     from rock2d.engines.energy_balance import AUDIT_TOLERANCE
 
     print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
-    passing = tables["passing"]
+    passing = result.to_pandas("passing")
     if len(passing):
         print(passing_text(passing))
-    stops = tables["stops"].groupby(["block", "stop"]).size().unstack(fill_value=0)
-    print(stops.to_string())
-    if "residual_summary" in tables:
-        print(residual_text(tables["residual_summary"]))
-    if "energy" in tables:
-        energy = tables["energy"]
+    print(stop_counts(result.to_pandas("stops")).to_string())
+    if "energy" in result.table_names():
+        energy = result.to_pandas("energy")
         left = energy["residual_J"].abs() / energy["initial_J"]
         print(f"energy audit: closes to {left.max():.1e} of the initial energy at worst")
         open_audits = energy["release"][left > AUDIT_TOLERANCE]
@@ -41,16 +40,13 @@ def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFra
     if len(tables.get("passing", ())):
         print(passing_text(tables["passing"], digits=2))
     if "stops" in tables:
-        stops = tables["stops"].pivot_table(
-            index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
-        )
-        print(stops.to_string())
+        print(stop_counts(tables["stops"]).to_string())
     for sentence in scenario.assumed:
         print(f"  assumed: {sentence}")
 
 
 def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
-    """Passing frequency in % with its 95 % Wilson interval, one row a block."""
+    """Passing frequency in % with its 95 % interval, one row a block."""
     cells = passing.assign(
         cell=[
             f"{100 * f:.{digits}f} [{100 * lo:.{digits}f}, {100 * hi:.{digits}f}]"
@@ -58,7 +54,10 @@ def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
         ]
     )
     table = cells.pivot(index="block", columns="line", values="cell")
-    return "passing frequency in % [95 % Wilson interval]\n" + str(table.to_string())
+    head = "passing frequency in % [95 % interval]"
+    if passing["unresolved"].any():
+        head += "; the upper bound counts all releases as passed that were cut short or buried"
+    return f"{head}\n{table.to_string()}"
 
 
 def residual_text(summary: pd.DataFrame) -> str:

@@ -68,6 +68,15 @@ class Block:
         return float(np.hypot(*self.corners_m.T).max())
 
     @property
+    def inradius_m(self) -> float:
+        """Radius of the largest circle about the centroid that the profile holds."""
+        if self.smooth:
+            return min(self.semi_axes_m)
+        x, y = self.corners_m.T
+        next_x, next_y = np.roll(x, -1), np.roll(y, -1)
+        return float(((x * next_y - next_x * y) / np.hypot(next_x - x, next_y - y)).min())
+
+    @property
     def reach_m(self) -> float:
         """Radius of a circle about the centre of mass that holds the profile."""
         ex, ey = self.centre_of_mass_m

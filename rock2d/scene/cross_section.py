@@ -166,6 +166,13 @@ class CrossSection:
         shapely.prepare(ground)
         return np.asarray(shapely.covers(ground, shapely.points(points_m)))
 
+    def foot_and_head(self, line_m: Array) -> tuple[Array, Array]:
+        """The ends of a measure line (2, 2): the one nearer to the surface (the first, if equal) and the other."""
+        import shapely
+
+        near = shapely.distance(shapely.LineString(self.points_m), shapely.points(line_m))
+        return (line_m[0], line_m[1]) if near[0] <= near[1] else (line_m[1], line_m[0])
+
     def subdivided(self, pieces: int) -> CrossSection:
         """The same surface with each facet divided into `pieces` equal parts."""
         step = np.arange(pieces) / pieces

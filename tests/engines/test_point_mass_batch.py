@@ -29,7 +29,7 @@ def ensemble(name, block_name, n, cross_section=None, **more):
     states = np.array([s.state for s in incident_states(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
     law = scenario.rebound_parameters(block_name)
-    options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s, **more}
+    options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.longest_release_s(), **more}
     given = block, cross_section, law, states, seeds
     return given, options, run_point_mass_batch(*given, **options, impact_room=40)
 

@@ -43,7 +43,7 @@ LONGEST_REFUSAL_S = 8.0  # from the start to the refusal of a read-only folder
 ORPHANS_END_S = 3.0
 LONGEST_RUN_S = 900.0
 EXIT_BAD_INPUT, EXIT_MACHINE = 2, 3
-EXITS = {"kill": -signal.SIGKILL, "interrupt": 130, "terminate": 143, "kill a worker": 0}
+EXITS = {"kill": -signal.SIGKILL, "interrupt": 130, "terminate": 143}
 # these may hold durations: must be readable; all others must have the same size
 INEXACT = (".html", ".json", ".npz", ".md")
 
@@ -173,7 +173,7 @@ def undisturbed(command: Command, inputs: Path, out: Path) -> Whole:
     begin = time.monotonic()
     with started(command, inputs, out) as running:
         errors = running.end()
-    assert running.process.returncode == 0, f"{command.name}: {errors}"
+    assert running.process.returncode == command.whole_exit, f"{command.name}: {errors}"
     return Whole(time.monotonic() - begin, visible_sizes(out))
 
 
@@ -193,15 +193,15 @@ def signalled(command: Command, fault: str, inputs: Path, out: Path, whole: Whol
         trial.skipped = "no worker from then on" if fault == "kill a worker" else "ended before"
         return trial
     code = running.process.returncode
-    if code not in (0, EXITS[fault]):
+    if code not in (command.whole_exit, EXITS.get(fault)):
         trial.faults.append(f"exit code {code}")
-    if code != 0 and fault != "kill":
+    if code != command.whole_exit and fault != "kill":
         trial.faults += said_badly(errors)
         trial.faults += [f"left: {name}" for name in leftovers(out, command.kept)]
     if fault in SIGNALS and trial.seconds > LONGEST_END_S:
         trial.faults.append(f"{trial.seconds:.0f} s to the end")
     trial.faults += [f"cut: {name}" for name in cut_files(out, whole)]
-    if code != 0:
+    if code != command.whole_exit:
         trial.faults += again(command, inputs, out, whole)
     return trial
 
@@ -227,7 +227,7 @@ def again(command: Command, inputs: Path, out: Path, whole: Whole) -> list[str]:
     """Give a command a second time in the same place; what is wrong with its result."""
     with started(command, inputs, out) as running:
         errors = running.end()
-    if running.process.returncode != 0:
+    if running.process.returncode != command.whole_exit:
         return [f"again: exit code {running.process.returncode}: {errors.strip()[-160:]}"]
     found = [f"again: cut: {name}" for name in cut_files(out, whole)]
     found += [f"again: missing: {name}" for name in whole.sizes if not (out / name).is_file()]
@@ -297,9 +297,9 @@ def _refused(
             trial.faults.append(f"{left} processes left")
     returned = running.process.returncode
     trial.faults += [f"cut: {name}" for name in cut_files(out, whole)]
-    if returned == 0:
+    if returned == command.whole_exit:
         if trial.faults or visible_sizes(out).keys() != whole.sizes.keys():
-            trial.faults.append("exit code 0")
+            trial.faults.append(f"exit code {returned}")
         trial.skipped = "" if trial.faults else "had room"
         return trial
     if returned != code:

@@ -101,7 +101,7 @@ def run_campaign(
     from tqdm import tqdm
 
     from rock2d.files.folders import write_whole
-    from rock2d.runs.campaigns.chunks import is_done, unclosed_audits
+    from rock2d.runs.campaigns.chunks import counts_of, is_done
     from rock2d.runs.campaigns.streaming import campaign_tables, files_read
 
     job, about = _prepare(scenario, folder, options)
@@ -122,7 +122,7 @@ def run_campaign(
             tables = campaign_tables(job, chunks, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        if unclosed := sum(unclosed_audits(job, chunk) for chunk in chunks):
+        if unclosed := sum(counts_of(job, chunk).unclosed for chunk in chunks):
             report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_how_far(job, chunks)) from None
@@ -185,7 +185,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         folder.absolute() / "chunks", fingerprint, keep, engine.name, seed, cross_section, tuple(blocks.values()),
         tuple(scenario.incident_of(name) for name in blocks),
         tuple(engine.parameters(scenario, name) for name in blocks),
-        scenario.gravity_m_s2, scenario.time_limit_s, fps, versions(),
+        scenario.gravity_m_s2, scenario.longest_release_s(), fps, versions(),
     )  # fmt: skip
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}

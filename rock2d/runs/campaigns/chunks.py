@@ -6,15 +6,17 @@ name and renamed when whole. Any process can compute any chunk: its releases are
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES
+from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.ensembles import Group, Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.engines import ENGINES
@@ -34,7 +36,25 @@ SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_campaign"  # key of the campaign's fingerprint in a file's metadata
-UNCLOSED = b"rock2d_unclosed_audits"  # key of the number of releases whose energy audit does not close
+COUNTS = b"rock2d_counts"  # key of its Counts, as JSON
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the files of a chunk say beside their columns.
+
+    Attributes
+    ----------
+    unclosed : releases whose energy audit does not close
+    unresolved : of each measure line, the releases that were cut short or buried before they crossed it
+    """
+
+    unclosed: int
+    unresolved: tuple[int, ...]
+
+    def __add__(self, other: Counts) -> Counts:
+        both = zip(self.unresolved, other.unresolved, strict=True)
+        return Counts(self.unclosed + other.unclosed, tuple(a + b for a, b in both))
 
 
 def chunk_path(folder: Path, output: str, number: int) -> Path:
@@ -49,9 +69,10 @@ def is_done(job: Job, chunk: Chunk) -> bool:
     )
 
 
-def unclosed_audits(job: Job, chunk: Chunk) -> int:
-    """How many releases of a chunk that is done have an energy audit that does not close."""
-    return int(_metadata(job, job.keep[0], chunk)[UNCLOSED])
+def counts_of(job: Job, chunk: Chunk) -> Counts:
+    """The counts of a chunk that is done."""
+    found = json.loads(_metadata(job, job.keep[0], chunk)[COUNTS])
+    return Counts(found["unclosed"], tuple(found["unresolved"]))
 
 
 def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
@@ -78,12 +99,12 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
     writers: dict[str, pq.ParquetWriter] = {}
-    end, unclosed = chunk.first + chunk.count, 0
+    end, counts = chunk.first + chunk.count, Counts(0, (0,) * len(job.cross_section.measure_lines))
     try:
         for first in range(chunk.first, end, DRAW_GROUP):
             stop = min(first + DRAW_GROUP, end)
-            outputs, count = _simulate(job, chunk, first, stop)
-            unclosed += count
+            outputs, own = _simulate(job, chunk, first, stop)
+            counts += own
             for output, columns in outputs.items():
                 table = pa.table(columns)
                 if output not in writers:
@@ -94,7 +115,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
                 writers[output].write_table(table)
             on_progress(stop - first)
         for output, writer in writers.items():
-            writer.add_key_value_metadata({UNCLOSED: str(unclosed)})
+            writer.add_key_value_metadata({COUNTS: json.dumps(asdict(counts))})
             writer.close()
             os.replace(partial[output], paths[output])
     finally:
@@ -110,8 +131,8 @@ def warm_up(job: Job) -> None:
     _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1)
 
 
-def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], int]:
-    """(output -> columns of releases first .. stop - 1 of the chunk's block, number of audits that do not close)."""
+def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], Counts]:
+    """(output -> columns of releases first .. stop - 1 of the chunk's block, their counts)."""
     states = drawn_states(job.incidents[chunk.block], job.seed, chunk.block, first, stop)
     ensemble = ENGINES[job.engine].ensemble
     assert ensemble is not None, f"engine {job.engine} is for single releases"
@@ -146,7 +167,9 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, 
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
-    return out, found.unclosed
+    cut = np.isin(found.stop, UNRESOLVED_STOPS)
+    failed = ~np.isfinite(found.crossings[:, : len(job.cross_section.measure_lines), 0])
+    return out, Counts(found.unclosed, tuple((failed & cut[:, None]).sum(axis=0).tolist()))
 
 
 def _ends(cross_section: CrossSection, states: Array, found: Outcome) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.runs.campaigns.chunks import chunk_path
+from rock2d.runs.campaigns.chunks import chunk_path, counts_of
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
 from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
@@ -82,6 +82,12 @@ class _Files:
     def releases(self, block: int) -> int:
         return sum(chunk.count for chunk in self.chunks if chunk.block == block)
 
+    def unresolved(self, block: int) -> dict[str, int]:
+        """Of each measure line, the releases that were cut short or buried before they crossed it."""
+        lines = self.job.cross_section.measure_lines
+        own = [counts_of(self.job, chunk).unresolved for chunk in self.chunks if chunk.block == block]
+        return dict(zip(lines, map(sum, zip(*own, strict=True)), strict=True))
+
     def tables(self, output: str, block: int, columns: Sequence[str]) -> Iterator[pa.Table]:
         import pyarrow.parquet as pq
 
@@ -101,8 +107,9 @@ def _of_crossings(files: _Files, block: int) -> tuple[list[Any], list[Any]]:
     for table in files.tables("crossings", block, ["line"]):
         for item in pc.value_counts(table["line"]).to_pylist():
             passed[item["values"]] += item["counts"]
-    lines = list(files.job.cross_section.measure_lines)
-    passing = [passing_row(name, line, releases, passed[line]) for line in lines]
+    unresolved = files.unresolved(block)
+    lines = list(unresolved)
+    passing = [passing_row(name, line, releases, passed[line], unresolved[line]) for line in lines]
     sought = {
         (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES))
         for line in lines

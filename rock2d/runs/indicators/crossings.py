@@ -54,7 +54,8 @@ def crossings_table(
 
 def crossing_values(found: Array, line: Array, cross_section: CrossSection, block: Block) -> Array:
     """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line."""
-    foot, up = _foot_and_direction(line, cross_section)
+    foot, head = cross_section.foot_and_head(line)
+    up = (head - foot) / np.hypot(*(head - foot))
     x, y, vx, vy, omega = found[:, 1], found[:, 2], found[:, 4], found[:, 5], found[:, 6]
     speed, rising = np.hypot(vx, vy), vx * up[0] + vy * up[1]
     across = np.abs(vy * up[0] - vx * up[1])
@@ -64,21 +65,6 @@ def crossing_values(found: Array, line: Array, cross_section: CrossSection, bloc
     return np.column_stack(
         [found[:, :6], speed, omega, incidence, height, moving, spinning, moving + spinning]
     )
-
-
-def _distances(cross_section: CrossSection, x: float, y: float) -> Array:
-    """(n,) distances from a point to the facets, in m."""
-    start, edge = cross_section.points_m[:-1], np.diff(cross_section.points_m, axis=0)
-    away = np.array([x, y]) - start
-    along = np.clip((away * edge).sum(axis=1) / (edge * edge).sum(axis=1), 0.0, 1.0)
-    return np.hypot(*(away - along[:, None] * edge).T)
-
-
-def _foot_and_direction(line: Array, cross_section: CrossSection) -> tuple[Array, Array]:
-    """The line's end nearer to the surface (the first, if equal) and the unit vector away from it."""
-    near = [_distances(cross_section, x, y).min() for x, y in line]
-    foot, head = (line[0], line[1]) if near[0] <= near[1] else (line[1], line[0])
-    return foot, (head - foot) / np.hypot(*(head - foot))
 
 
 INDICATOR = Indicator(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rock2d.records.columns import UNRESOLVED_STOPS
 from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.cross_section import CrossSection
@@ -13,13 +14,15 @@ from rock2d.statistics import wilson_interval
 if TYPE_CHECKING:
     import pandas as pd
 
-PASSING_COLUMNS = ("block", "line", "releases", "passed", "frequency", "low95", "high95")
+PASSING_COLUMNS = ("block", "line", "releases", "passed", "unresolved", "frequency", "low95", "high95")
 
 
 def passing_table(tracks: Sequence[Track], cross_section: CrossSection) -> pd.DataFrame:
     """Passing frequency of every block at every measure line; PASSING_COLUMNS.
 
-    The 95 % interval is Wilson's (1927) score interval.
+    unresolved: releases that were cut short, or sank into the ground, before they crossed the line. The 95 % interval
+    covers both of what they could have done: from the lower bound of Wilson's (1927) score interval if none of them
+    had crossed, to its upper bound if all had.
     """
     import pandas as pd
 
@@ -27,16 +30,19 @@ def passing_table(tracks: Sequence[Track], cross_section: CrossSection) -> pd.Da
     for block in dict.fromkeys(track.block for track in tracks):
         own = [track for track in tracks if track.block == block]
         for line, ends in cross_section.measure_lines.items():
-            passed = sum(len(track.crossings(ends)) > 0 for track in own)
-            rows.append(passing_row(block, line, len(own), passed))
+            failed = [track for track in own if len(track.crossings(ends)) == 0]
+            unresolved = sum(track.stop in UNRESOLVED_STOPS for track in failed)
+            rows.append(passing_row(block, line, len(own), len(own) - len(failed), unresolved))
     return pd.DataFrame(rows, columns=list(PASSING_COLUMNS))
 
 
 def passing_row(
-    block: str, line: str, releases: int, passed: int
-) -> tuple[str, str, int, int, float, float, float]:
+    block: str, line: str, releases: int, passed: int, unresolved: int
+) -> tuple[str, str, int, int, int, float, float, float]:
     """One row of PASSING_COLUMNS."""
-    return (block, line, releases, passed, passed / releases, *wilson_interval(passed, releases))
+    low, _ = wilson_interval(passed, releases)
+    _, high = wilson_interval(passed + unresolved, releases)
+    return block, line, releases, passed, unresolved, passed / releases, low, high
 
 
 INDICATOR = Indicator("passing", PASSING_COLUMNS, lambda run: passing_table(run.tracks, run.cross_section))

@@ -11,6 +11,7 @@ from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.runs.indicators.stops import stops_table
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.statistics import wilson_interval
 
 G = 9.81
 CUBE = make_block("cube", "square", 0.5, side_m=0.1)
@@ -71,6 +72,16 @@ def test_passing_frequencies_count_every_release():
     assert table.loc["upright", ["releases", "passed", "frequency"]].tolist() == [50, 43, 0.86]
     assert table.loc["across_face", "passed"] == 0
     assert table.loc["across_face", ["low95", "high95"]].tolist() == pytest.approx([0, 0.0713], abs=5e-5)
+
+
+def test_what_was_cut_short_could_have_passed_or_not():
+    """The interval holds the frequency whatever the unresolved releases would have done."""
+    over, short, cut = (4.0, "exit"), (0.5, "rest"), (0.5, "time")
+    kinds = [over] * 10 + [short] * 80 + [cut] * 10
+    tracks = [flight(i, 0, 1, vx, 2.0, stop=stop) for i, (vx, stop) in enumerate(kinds)]
+    row = passing_table(tracks, GROUND).set_index("line").loc["upright"]
+    assert row[["passed", "unresolved", "frequency"]].tolist() == [10, 10, 0.1]
+    assert row["low95"] == wilson_interval(10, 100)[0] and row["high95"] == wilson_interval(20, 100)[1]
 
 
 def test_percentiles_of_those_that_passed():

@@ -1,0 +1,54 @@
+"""What the shares of a run rest on: releases that came to rest or left, and those whose end is not known.
+
+A release is *unresolved* if it was cut short (time limit, limit of impacts) or sank into ground too soft for the law
+(buried): it could still have crossed a measure line, or run farther.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from rock2d.records.columns import UNRESOLVED_STOPS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LARGEST_UNRESOLVED = 0.01  # share of a block's releases up to which a run counts as resolved
+REASONS = {
+    "time": "ran out of time (time_limit_s is {time_limit_s:.3g})",
+    "impacts": "reached the limit of impacts",
+    "buried": "sank into the ground (too soft for the law)",
+}
+
+
+def stop_counts(stops: pd.DataFrame) -> pd.DataFrame:
+    """Releases by block (rows) and kind of stop (columns) of a run's or a campaign's stops."""
+    if "releases" in stops:
+        return stops.pivot_table(
+            index="block", columns="stop", values="releases", aggfunc="sum", fill_value=0
+        )
+    return stops.groupby(["block", "stop"]).size().unstack(fill_value=0)
+
+
+def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[str]:
+    """A sentence on each block of which more than 1 % of the releases are unresolved, from a run's or a campaign's
+    tables: by its stops, or, where only crossings were kept, by the line at which most are."""
+    remarks = []
+    if "stops" in tables:
+        counts = stop_counts(tables["stops"])
+        for block, own in counts.iterrows():
+            cut = {stop: int(own.get(stop, 0)) for stop in UNRESOLVED_STOPS}
+            if sum(cut.values()) > LARGEST_UNRESOLVED * own.sum():
+                why = " and ".join(
+                    f"{n} {REASONS[stop].format(time_limit_s=time_limit_s)}" for stop, n in cut.items() if n
+                )
+                remarks.append(f"NOT RESOLVED: of {own.sum()} releases of {block} {why}")
+    elif "passing" in tables:
+        passing = tables["passing"]
+        for block, own in passing.groupby("block", sort=False):
+            unresolved, releases = own["unresolved"].max(), own["releases"].iloc[0]
+            if unresolved > LARGEST_UNRESOLVED * releases:
+                why = f"{unresolved} were cut short (time_limit_s is {time_limit_s:.3g}) or buried"
+                remarks.append(f"NOT RESOLVED: of {releases} releases of {block} {why}")
+    return remarks

@@ -18,9 +18,10 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_sche
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.scenario_keys import Incident, Laws, Outputs
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name
+from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.cross_section import CrossSection, CrossSectionError
+from rock2d.scene.earthworks import EarthworkError, with_earthworks
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
@@ -58,6 +59,10 @@ class Scenario(Checked):
         default=None,
         description="The ground; may be left out when the incident states come from an experiment",
     )
+    embankment: EmbankmentKeys | None = Field(
+        default=None, description="An embankment that stands on the cross-section"
+    )
+    ditch: DitchKeys | None = Field(default=None, description="A ditch before the embankment")
     blocks: dict[Name, BlockKeys] | None = Field(
         default=None, min_length=1, description="Block name -> its profile; may be left out likewise"
     )
@@ -85,7 +90,13 @@ class Scenario(Checked):
         return site_time_limit_s(self.make_cross_section(), self.gravity_m_s2)
 
     def make_cross_section(self) -> CrossSection:
-        """The cross-section: the scenario's own, else the experiment's."""
+        """The cross-section: the scenario's own, else the experiment's; with the embankment and the ditch."""
+        ground = self._natural_ground()
+        if self.embankment is None:
+            return ground
+        return with_earthworks(ground, self.embankment.make(), self.ditch.make() if self.ditch else None)
+
+    def _natural_ground(self) -> CrossSection:
         if self.cross_section is not None:
             return self.cross_section.make()
         if self._experiment is None:
@@ -183,6 +194,7 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     for key in ("cross_section", "blocks"):
         if getattr(scenario, key) is None and scenario.experiment is None:
             raise document.error(f"missing key {key!r}", code="missing_key", key=key)
+    _check_earthworks(scenario)
     _check_names(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
@@ -232,6 +244,21 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
             message = f"block {shown(name)} of the experiment is missing"
             raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
+
+
+def _check_earthworks(scenario: Scenario) -> None:
+    if scenario.ditch is not None and scenario.embankment is None:
+        message = "a ditch lies before an embankment: missing key 'embankment'"
+        raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
+    try:
+        scenario.make_cross_section()
+    except EarthworkError as error:
+        raise scenario.error(str(error), error.part, error.key, code="bad_cross_section") from None
+    except CrossSectionError as error:
+        place = (error.line,) if error.line is not None else ()
+        raise scenario.error(
+            str(error), "cross_section", error.key, *place, code="bad_cross_section"
+        ) from None
 
 
 def _check_names(scenario: Scenario) -> None:

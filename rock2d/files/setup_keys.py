@@ -17,6 +17,7 @@ from pydantic import (
 from rock2d.files.checked_yaml import Checked, did_you_mean, mistake, shown
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
+from rock2d.scene.earthworks import DitchSizes, EmbankmentSizes
 from rock2d.scene.shapes import inertia_words, shapes
 from rock2d.scene.shapes.shape import BlockError, Shape
 
@@ -38,6 +39,7 @@ Name = Annotated[str, AfterValidator(_plain_name)]
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2, description="[x, y] in m")]
 Length = Annotated[float, Field(ge=1.0e-6, le=1.0e4)]
+Steepness = Annotated[float, Field(ge=1.0, le=90.0)]
 
 
 def _inertia(value: Any) -> Any:
@@ -77,6 +79,34 @@ class CrossSectionKeys(Checked):
     def make(self) -> CrossSection:
         """The checked ground."""
         return CrossSection(self.points_m, self.zones, self.measure_lines)
+
+
+class EmbankmentKeys(Checked):
+    """An embankment on the natural ground; zones uphill_face, crest, downhill_face and measure lines follow."""
+
+    x_m: Coordinate = Field(description="Uphill foot, on the natural ground, in m")
+    height_m: Length = Field(description="Height of the crest above the natural ground at the foot, in m")
+    crest_m: Length = Field(description="Width of the crest in m")
+    uphill_deg: Steepness = Field(description="Slope of the facing in degrees; 90 is vertical")
+    downhill_deg: Steepness = Field(description="Slope of the back in degrees; 90 is vertical")
+
+    def make(self) -> EmbankmentSizes:
+        """The sizes."""
+        return EmbankmentSizes(**self.model_dump())
+
+
+class DitchKeys(Checked):
+    """A ditch with a level bottom before the embankment; its zone is ditch."""
+
+    width_m: Length = Field(description="Width of the bottom in m")
+    depth_m: Annotated[float, Field(ge=0, le=1.0e4)] = Field(
+        default=0.0, description="Depth of the bottom below the natural ground at the embankment's foot, in m"
+    )
+    uphill_deg: Steepness = Field(description="Slope of the uphill wall in degrees; 90 is vertical")
+
+    def make(self) -> DitchSizes:
+        """The sizes."""
+        return DitchSizes(**self.model_dump())
 
 
 class _BlockModel(Checked):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+import re
 import time
 from pathlib import Path
 
@@ -323,3 +324,37 @@ def test_every_key_of_the_json_schema_is_described():
             assert value.get("description"), f"{name}.{key}"
     keys = schema["$defs"]["ContactKeys"]
     assert "N/m" in keys["properties"]["k_l_N_m"]["description"] and keys["additionalProperties"] is False
+
+
+EMBANKMENT = """
+embankment: {x_m: 2.5, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}
+ditch: {width_m: 0.2, depth_m: 0.02, uphill_deg: 45}
+"""
+
+
+def test_an_embankment_and_a_ditch_bring_points_zones_and_measure_lines(write):
+    text = (SHIPPED / "flat_floor.yaml").read_text()
+    scenario = load_scenario(write(text.replace("blocks:", EMBANKMENT + "blocks:", 1)))
+    ground = scenario.make_cross_section()
+    assert {"ditch", "uphill_face", "crest", "downhill_face"} < set(ground.zone_names)
+    assert {"facing_1_3", "facing_2_3", "crest"} <= set(ground.measure_lines)
+    assert ground.embankment is not None and ground.embankment.height_m == pytest.approx(0.083)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot lies beside"),
+        ("downhill_deg: 34", "downhill_deg: 1", "embankment.downhill_deg: the downhill face does not meet"),
+        ("uphill_deg: 60", "uphill_deg: 91", "embankment.uphill_deg: expected"),
+        ("width_m: 0.2", "width_m: 200", "ditch.uphill_deg: the uphill wall does not meet"),
+        ("embankment: {x_m: 2.5, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}", "",
+         "ditch: a ditch lies before an embankment"),
+    ],
+)  # fmt: skip
+def test_earthworks_that_do_not_fit_the_ground_are_refused_with_their_place(write, old, new, said):
+    text = (SHIPPED / "flat_floor.yaml").read_text().replace("blocks:", EMBANKMENT + "blocks:", 1)
+    assert old in text
+    message = refusal(write(text.replace(old, new)))
+    assert said in message
+    assert re.search(r"yaml:\d+:\d+: ", message)

@@ -1,0 +1,163 @@
+"""Embankment and ditch on a natural slope: their points, zones and measure lines follow from a few sizes.
+
+The ground rises to the left, blocks come from there. The embankment's facing starts at its foot (x, ground height), the
+ditch lies before it: the facing goes down to the bottom of the ditch, whose uphill wall rises to the natural slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.scene.cross_section import SHORTEST_FACET, CrossSection, CrossSectionError
+
+Array = np.ndarray
+
+FACING_ZONE, CREST_ZONE, BACK_ZONE, DITCH_ZONE = "uphill_face", "crest", "downhill_face", "ditch"
+CREST_LINE, FACING_LINES = "crest", ("facing_1_3", "facing_2_3")
+STEEPEST_WITH_LINES_DEG = 80.0  # in front of a steeper facing no centroid comes near lines on it
+
+
+class EarthworkError(ValueError):
+    """An embankment or a ditch that does not fit the ground; `part` and `key` say which of its sizes."""
+
+    def __init__(self, message: str, part: str, key: str) -> None:
+        super().__init__(message)
+        self.part, self.key = part, key
+
+
+@dataclass(frozen=True)
+class EmbankmentSizes:
+    """An embankment.
+
+    Attributes
+    ----------
+    x_m : of its uphill foot, on the natural ground
+    height_m : of the crest above the natural ground at the foot
+    crest_m : width of the crest
+    uphill_deg, downhill_deg : slopes of the facing and of the back; 90 is vertical
+    """
+
+    x_m: float
+    height_m: float
+    crest_m: float
+    uphill_deg: float
+    downhill_deg: float
+
+
+@dataclass(frozen=True)
+class DitchSizes:
+    """A ditch with a level bottom.
+
+    Attributes
+    ----------
+    width_m : of the bottom
+    depth_m : of the bottom below the natural ground at the embankment's foot
+    uphill_deg : slope of the uphill wall; 90 is vertical
+    """
+
+    width_m: float
+    depth_m: float
+    uphill_deg: float
+
+
+def with_earthworks(
+    ground: CrossSection, embankment: EmbankmentSizes, ditch: DitchSizes | None = None
+) -> CrossSection:
+    """The ground with an embankment, and a ditch before it.
+
+    New zones are `uphill_face`, `crest`, `downhill_face` and `ditch`. New measure lines rise from the uphill edge of
+    the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's height.
+
+    Raises EarthworkError if the parts do not meet the ground, CrossSectionError if a measure line has their names.
+    """
+    import shapely
+
+    surface = shapely.LineString(ground.points_m)
+    foot = np.array([embankment.x_m, ground.height_m(np.array([embankment.x_m]))[0]])
+    if not np.isfinite(foot[1]):
+        raise EarthworkError("the foot lies beside the cross-section", "embankment", "x_m")
+    crest = foot + np.array([_run(embankment.height_m, embankment.uphill_deg), embankment.height_m])
+    edge = crest + np.array([embankment.crest_m, 0.0])
+    if ground.covers(np.array([edge]))[0]:
+        raise EarthworkError("the crest ends inside the ground", "embankment", "crest_m")
+    back = _first_hit(surface, edge, -np.deg2rad(embankment.downhill_deg))
+    if back is None:
+        raise EarthworkError(
+            "the downhill face does not meet the ground within the cross-section",
+            "embankment",
+            "downhill_deg",
+        )
+    start, before = (foot, list[Array]()) if ditch is None else _ditch(surface, foot, embankment, ditch)
+    made = [*before, crest, edge]
+    zones = [*[DITCH_ZONE] * len(before), FACING_ZONE, CREST_ZONE, BACK_ZONE]
+    points, zones = _replaced(ground, start, made, back, zones)
+    return CrossSection(
+        points, zones, _lines(ground, points, crest, before[-1] if before else foot, embankment)
+    )
+
+
+def _run(height: float, slope_deg: float) -> float:
+    """Horizontal length of a face."""
+    return 0.0 if slope_deg == 90.0 else height / float(np.tan(np.deg2rad(slope_deg)))
+
+
+def _first_hit(surface: object, start: Array, angle_rad: float) -> Array | None:
+    """The first point of the surface on the ray from `start`; None if there is none."""
+    import shapely
+
+    x_min, y_min, x_max, y_max = shapely.bounds(surface)
+    far = start + 2.0 * (x_max - x_min + y_max - y_min) * np.array([np.cos(angle_rad), np.sin(angle_rad)])
+    found = shapely.get_coordinates(shapely.intersection(surface, shapely.LineString([start, far])))
+    if not len(found):
+        return None
+    return np.asarray(found[np.argmin(np.hypot(*(found - start).T))])
+
+
+def _ditch(
+    surface: object, foot: Array, embankment: EmbankmentSizes, ditch: DitchSizes
+) -> tuple[Array, list[Array]]:
+    """Where the ditch leaves the natural slope, and the corners of its bottom (one, if it starts on level ground)."""
+    right = foot - np.array([_run(ditch.depth_m, embankment.uphill_deg), ditch.depth_m])
+    left = right - np.array([ditch.width_m, 0.0])
+    start = _first_hit(surface, left, np.pi - np.deg2rad(ditch.uphill_deg))
+    if start is None:
+        message = "the uphill wall does not meet the ground within the cross-section"
+        raise EarthworkError(message, "ditch", "uphill_deg")
+    wall = float(np.hypot(*(start - left)))
+    return start, [left, right] if wall > SHORTEST_FACET * ditch.width_m else [right]
+
+
+def _replaced(
+    ground: CrossSection, start: Array, made: list[Array], end: Array, zones: list[str]
+) -> tuple[Array, list[str]]:
+    """Points and zones of the ground with `made` between its points `start` and `end`."""
+    import shapely
+
+    surface = shapely.LineString(ground.points_m)
+    along = shapely.line_locate_point(surface, shapely.points(ground.points_m))
+    first, last = (float(shapely.line_locate_point(surface, shapely.Point(p))) for p in (start, end))
+    tolerance = 1e-9 * surface.length
+    kept_left, kept_right = along < first - tolerance, along > last + tolerance
+    points = [*ground.points_m[kept_left], start, *made, end, *ground.points_m[kept_right]]
+    left = list(ground.zones[: int(kept_left.sum())])
+    right = list(ground.zones[len(ground.zones) - int(kept_right.sum()) :])
+    return np.array(points), [*left, *zones, *right]
+
+
+def _lines(
+    ground: CrossSection, points: Array, crest: Array, foot: Array, embankment: EmbankmentSizes
+) -> dict[str, Array]:
+    top = points[:, 1].max() + np.ptp(points[:, 1])
+    feet = {CREST_LINE: crest}
+    if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:
+        for share, name in zip((1 / 3, 2 / 3), FACING_LINES, strict=True):
+            feet[name] = foot + share * (crest - foot)
+    lines = dict(ground.measure_lines)
+    for name in sorted(feet):
+        if name in lines:
+            message = f"measure line {name} is the embankment's own"
+            raise CrossSectionError(message, "measure_lines", line=name)
+        lines[name] = np.array([feet[name], [feet[name][0], top]])
+    return lines

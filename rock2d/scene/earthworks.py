@@ -149,7 +149,7 @@ def _replaced(
 def _lines(
     ground: CrossSection, points: Array, crest: Array, foot: Array, embankment: EmbankmentSizes
 ) -> dict[str, Array]:
-    top = points[:, 1].max() + np.ptp(points[:, 1])
+    top = points[:, 1].max() + embankment.height_m  # no block that falls on this ground rises higher
     feet = {CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:
         for share, name in zip((1 / 3, 2 / 3), FACING_LINES, strict=True):

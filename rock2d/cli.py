@@ -68,6 +68,44 @@ def run(scenarios, engines, out, data, video, overwrite, quiet, **options) -> No
 
 
 @cli.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--vary", "place", default="embankment.height_m", show_default=True,
+              help="Place of the number in the scenario whose least value is sought.")  # fmt: skip
+@click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
+              help="Least and greatest value, in the unit of the number.")  # fmt: skip
+@click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
+@click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
+              help="Largest share of the releases of each block that may pass.")  # fmt: skip
+@click.option("--confidence", type=float, default=95.0, show_default=True, metavar="PERCENT",
+              help="With which the target is met, over sampling and all that is not known.")  # fmt: skip
+@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
+              help="To which the least value is found. Default: 1/50 of the range.")  # fmt: skip
+@click.option(
+    "--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
+              help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
+@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def design(scenario, place, bounds, line, target, confidence, out, quiet, **options) -> None:
+    """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
+
+    Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
+    value of the range meets the target, the exit code is 4.
+
+    Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
+    """
+    from rock2d.design.command import run_design
+    from rock2d.design.least_size import Target
+
+    aim = Target(line, target / 100.0, confidence / 100.0)
+    answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, report=click.echo, **options)
+    if answer.least is None:
+        sys.exit(4)
+
+
+@cli.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True,
               help="Folder for figures, tables and the video.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")

@@ -6,6 +6,7 @@ and column; pydantic checks the plain data, and its first complaint becomes one 
 
 from __future__ import annotations
 
+import copy
 import re
 import warnings
 from collections.abc import Iterable, Mapping
@@ -168,6 +169,12 @@ class Document:
         text = f"{dotted}: {message}" if dotted else message
         return InputError(text, self.file, *(place or (1, 1)), code=code, **fields)
 
+    def with_data(self, data: Any) -> Document:
+        """This file with other data of the same structure; mistakes are found in the same places."""
+        other = copy.copy(self)
+        other.data = data
+        return other
+
     def rename(self, mapping: dict[str, Any], old: str, key: str) -> tuple[Path, int | None]:
         """Give the recorded places of a former key to its present name; returns file and line of the key."""
         if id(mapping) not in self._mappings:
@@ -176,7 +183,9 @@ class Document:
         for places in (self._keys, self._values):
             for path in [path for path in places if path[: len(parent) + 1] == (*parent, old)]:
                 places[(*parent, key, *path[len(parent) + 1 :])] = places[path]
-        mapping[key] = mapping[old]  # so that a mistake in its value is found under the present name
+        renamed = {key if name == old else name: value for name, value in mapping.items()}
+        mapping.clear()
+        mapping.update(renamed)
         return self.file, self._keys[(*parent, old)][0]
 
     def check(self, model: type[Model]) -> Model:

@@ -17,8 +17,9 @@ from rock2d.errors import InputError, ParameterError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, shown
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
-from rock2d.files.scenario_keys import Incident, Laws, Outputs
+from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
+from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from rock2d.scene.earthworks import EarthworkError, with_earthworks
@@ -70,10 +71,18 @@ class Scenario(Checked):
     incident: dict[str, Incident] = Field(
         min_length=1, description="Block name, or default, -> state at the start of a release"
     )
+    uncertainty: Uncertainty | None = Field(
+        default=None, description="What is not known about the site: distributions of numbers of this file"
+    )
     outputs: Outputs = Field(default_factory=Outputs, description="How the releases are recorded")
 
     _document: Document | None = PrivateAttr(default=None)
     _experiment: Experiment | None = PrivateAttr(default=None)
+
+    @property
+    def document(self) -> Document | None:
+        """The file that the scenario was read from, or None."""
+        return self._document
 
     @property
     def experiment(self) -> Experiment | None:
@@ -187,10 +196,16 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
     Raises `InputError` with file, line and column of the first mistake.
     """
-    document = Document(path)
+    return checked_scenario(Document(path), None, data_root)
+
+
+def checked_scenario(
+    document: Document, experiment: Experiment | None, data_root: str | Path | None = None
+) -> Scenario:
+    """Check the data of a scenario file; see `load_scenario`. An `experiment` that is given is not loaded again."""
     scenario = document.check(Scenario)
     scenario._document = document
-    _load_experiment(scenario, data_root)
+    _load_experiment(scenario, data_root, experiment)
     for key in ("cross_section", "blocks"):
         if getattr(scenario, key) is None and scenario.experiment is None:
             raise document.error(f"missing key {key!r}", code="missing_key", key=key)
@@ -198,11 +213,14 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     _check_names(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
+    _check_uncertainty(scenario)
     scenario.longest_release_s()
     return scenario
 
 
-def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
+def _load_experiment(
+    scenario: Scenario, data_root: str | Path | None, loaded: Experiment | None = None
+) -> None:
     given = scenario.incident.items()
     sources = {name: item.from_experiment for name, item in given if item.from_experiment}
     if not sources:
@@ -212,22 +230,7 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
         message = "from_experiment serves all blocks: put it under incident.default, alone"
         raise scenario.error(message, "incident", name, at="key", code="wrong_kind")
     source, where = sources["default"], ("incident", "default", "from_experiment", "folder")
-    root = data_root or os.environ.get(DATA_VARIABLE)
-    if not root:
-        message = (
-            f"the data are not here: say where {shown(source.folder)} lies with --data or {DATA_VARIABLE}"
-        )
-        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
-    try:
-        folder = path_inside(root, source.folder)
-    except OutsideFolderError as error:
-        raise scenario.error(error.message, *where, code="outside_folder") from None
-    if not folder.is_dir():
-        message = (
-            f"no folder {shown(source.folder)} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
-        )
-        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
-    experiment = load_experiment(folder)
+    experiment = loaded or _found_experiment(scenario, source, where, data_root)
     if experiment.trajectories is None:
         message = "this experiment has impacts only, no frames to start from"
         raise scenario.error(message, *where, code="wrong_kind")
@@ -244,6 +247,28 @@ def _load_experiment(scenario: Scenario, data_root: str | Path | None) -> None:
             message = f"block {shown(name)} of the experiment is missing"
             raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
+
+
+def _found_experiment(
+    scenario: Scenario, source: FromExperiment, where: tuple[str, ...], data_root: str | Path | None
+) -> Experiment:
+    """The experiment under the data root."""
+    root = data_root or os.environ.get(DATA_VARIABLE)
+    if not root:
+        message = (
+            f"the data are not here: say where {shown(source.folder)} lies with --data or {DATA_VARIABLE}"
+        )
+        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
+    try:
+        folder = path_inside(root, source.folder)
+    except OutsideFolderError as error:
+        raise scenario.error(error.message, *where, code="outside_folder") from None
+    if not folder.is_dir():
+        message = (
+            f"no folder {shown(source.folder)} under the data root {str(root)!r} (--data or {DATA_VARIABLE})"
+        )
+        raise scenario.error(message, *where, code="missing_data", folder=source.folder)
+    return load_experiment(folder)
 
 
 def _check_earthworks(scenario: Scenario) -> None:
@@ -313,6 +338,28 @@ def _check_incident(scenario: Scenario) -> None:
             raise scenario.error(message, *path, "x_m", code="bad_state", key="x_m")
         if ground.covers(np.array([[item.fixed.x_m, item.fixed.y_m]])).any():
             raise scenario.error("below the ground", *path, "y_m", code="bad_state", key="y_m")
+
+
+def _check_uncertainty(scenario: Scenario) -> None:
+    if scenario.uncertainty is None or scenario.document is None:
+        return
+    from rock2d.files.scenario_variants import number_at
+
+    if scenario.experiment is not None:
+        message = "releases that restart a film have no other possible sites"
+        raise scenario.error(message, "uncertainty", at="key", code="wrong_kind")
+    if not scenario.make_cross_section().measure_lines:
+        message = (
+            "nothing is uncertain without a measure line: passing frequencies are what is told of the sites"
+        )
+        raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="measure_lines")
+
+    for place in scenario.uncertainty.site:
+        if number_at(scenario.document.data, place) is None:
+            message = "there is no number at this place of the file"
+            raise scenario.error(
+                message, "uncertainty", "site", place, at="key", code="unknown_name", name=place
+            )
 
 
 def scenario_json_schema() -> dict[str, Any]:

@@ -19,6 +19,8 @@ from rock2d.scene.site_scales import line_remarks
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rock2d.design.assessment import Assessment
+
 
 def run_scenarios(
     scenarios: Sequence[Path],
@@ -64,6 +66,8 @@ def run_scenarios(
             if large:
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
+                if scenario.uncertainty is not None:
+                    _assessed(scenario, engine, options.seed, progress).write(folder)
             else:
                 tables = _run_in_memory(scenario, folder, chosen, workers, video, progress)
             if scenario.experiment is None:  # a restarted release ends with its film
@@ -93,7 +97,20 @@ def _run_in_memory(
         workers=workers.processes, progress=progress,
     )  # fmt: skip
     print_tables(result)
-    tables = result.write(folder, video, progress=progress)
+    if scenario.uncertainty is None:
+        tables = result.write(folder, video, progress=progress)
+    else:
+        assessment = _assessed(scenario, result.engine, result.seed, progress)
+        tables = result.write(folder, video, progress=progress, also=assessment.write)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
+
+
+def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment:
+    """What the possible sites of the scenario say, printed."""
+    from rock2d.design.assessment import assess
+
+    assessment = assess(scenario, engine, scenario.seed if seed is None else seed, progress)
+    print(assessment.text())
+    return assessment

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +44,12 @@ class RunResult(Simulation):
         )  # fmt: skip
 
     def write(
-        self, folder: str | Path, video: bool = False, *, progress: bool = False
+        self,
+        folder: str | Path,
+        video: bool = False,
+        *,
+        progress: bool = False,
+        also: Callable[[Path], None] = lambda folder: None,
     ) -> dict[str, pd.DataFrame]:
         """Write the results folder, whole or not at all.
 
@@ -60,6 +65,8 @@ class RunResult(Simulation):
             Also film the first releases of each block: trajectories.webm.
         progress : bool
             Show progress bars of the videos.
+        also : callable
+            Writes further files into the folder that it is given, before the folder stands at its place.
 
         Returns
         -------
@@ -90,6 +97,7 @@ class RunResult(Simulation):
             text = json.dumps(self._about(), indent=2) + "\n"
             (partial / "run.json").write_text(text, encoding="utf-8")
             save_figure(self.plot(), partial / "trajectories.png")
+            also(partial)
             if video:
                 self.write_video(partial / "trajectories.webm", progress=progress)
         return tables

@@ -1,0 +1,1 @@
+"""How sure the results of a scenario are, and which embankment holds."""

@@ -1,0 +1,84 @@
+"""What a run with `uncertainty` adds to its results: tables over all possible sites, and a tornado figure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
+from rock2d.design.uncertainty import FREQUENCY, sensitivity_table, uncertain_table
+from rock2d.files.folders import write_whole
+from rock2d.files.scenario import Scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Tables over all possible sites; see `uncertain_table` and `sensitivity_table`.
+
+    Attributes
+    ----------
+    uncertain, sensitivity : the tables
+    sites : one row for each site that was simulated, a column for each value
+    """
+
+    uncertain: pd.DataFrame
+    sensitivity: pd.DataFrame
+    sites: pd.DataFrame
+
+    def write(self, folder: Path) -> None:
+        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if anything varies, tornado.png."""
+        from rock2d.graphics.figure_style import save_figure
+
+        tables = {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites}
+        for name, table in tables.items():
+            write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        if len(self.sensitivity):
+            save_figure(self.plot(), folder / "tornado.png")
+
+    def plot(self) -> Figure:
+        """How much of the spread of each passing frequency each unknown value makes."""
+        from rock2d.graphics.tornado import tornado_figure
+
+        return tornado_figure(self.sensitivity)
+
+    def text(self) -> str:
+        """Passing frequencies with their intervals, as a person reads them."""
+        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
+        cells = own.assign(
+            cell=[
+                f"{100 * v:.3g} [{100 * low:.3g}, {100 * high:.3g}], {100 * share:.0f} % not known"
+                for v, low, high, share in zip(
+                    own["value"], own["low95"], own["high95"], own["share_not_known"], strict=True
+                )
+            ]
+        )
+        table = cells.pivot(index="line", columns="block", values="cell").loc[own["line"].unique()]
+        sites = own["sites"].iloc[0] if len(own) else 0
+        return (
+            f"passing frequency in % over {sites} possible sites: median [95 % interval], share of the variance that "
+            f"is not known rather than sampling\n{table.to_string()}"
+        )
+
+
+def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -> Assessment:
+    """Simulate the possible sites of a scenario.
+
+    Raises InputError if it has no `uncertainty`, or if a drawn value makes no sense.
+    """
+    import pandas as pd
+    from tqdm import tqdm
+
+    sites = draw_sites(scenario, seed)
+    variants = variants_of(scenario, sites)
+    assert scenario.uncertainty is not None
+    with tqdm(total=len(variants), desc="possible sites", unit="site", disable=not progress) as bar:
+        results = simulate_sites(variants, engine, seed, scenario.uncertainty.releases, bar.update)
+    return Assessment(
+        uncertain_table(sites, results, seed), sensitivity_table(sites, results, seed),
+        pd.DataFrame(sites.values, columns=list(sites.places)),
+    )  # fmt: skip

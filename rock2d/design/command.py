@@ -1,0 +1,133 @@
+"""The command `rock2d design`: a scenario and a range in, the least size that meets a target out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rock2d.design.least_size import (
+    Answer,
+    Judgement,
+    Target,
+    independent_sites,
+    judge_size,
+    least_size,
+    releases_of,
+)
+from rock2d.errors import InputError
+from rock2d.files.folders import atomic_folder, check_folder, make_folder, write_whole
+from rock2d.files.saved_arrays import fingerprint
+from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_variants import scenario_text, variant
+from rock2d.files.text_files import read_json
+
+
+def run_design(
+    path: Path,
+    place: str,
+    bounds: tuple[float, float],
+    target: Target,
+    out: Path,
+    *,
+    engine: str | None = None,
+    seed: int | None = None,
+    tolerance: float | None = None,
+    overwrite: bool = False,
+    progress: bool = True,
+    report: Callable[[str], Any] = print,
+) -> Answer:
+    """Find the least size, write the folder `out` (design.json, design.csv, design.png, least.yaml) and report.
+
+    An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
+    """
+    import numpy as np
+    from tqdm import tqdm
+
+    scenario = load_scenario(path)
+    engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
+    if check_folder(out).is_dir() and any(out.iterdir()) and not overwrite:
+        message = (
+            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
+        )
+        raise InputError(message, out, code="results_exist")
+    stages = out.parent / f".{out.name}.judged"
+    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed])
+    key = fingerprint(np.frombuffer(text.encode(), np.uint8))
+    sites = len(independent_sites(scenario, seed))
+
+    def judged(size: float) -> Judgement:
+        file = stages / f"{key}_{size:.12g}.json"
+        if file.is_file():
+            return Judgement(**read_json(file))
+        with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
+            found = judge_size(scenario, place, size, target, engine, seed, bar.update)
+        write_whole(file, json.dumps(asdict(found)))
+        return found
+
+    make_folder(stages)
+    try:
+        answer = least_size(scenario, place, bounds, target, judged, tolerance)
+    except KeyboardInterrupt:
+        done = len(list(stages.glob(f"{key}_*.json")))
+        raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
+    with atomic_folder(out) as partial:
+        _write(partial, scenario, answer, {"engine": engine, "seed": seed, "sites": sites})
+    for file in stages.iterdir():
+        file.unlink()
+    stages.rmdir()
+    report(answer_text(answer, scenario, sites))
+    report(f"written: {out}")
+    return answer
+
+
+def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
+    """The answer as a person reads it."""
+    target, worst = answer.target, []
+    for judged in answer.judgements:
+        block = max(judged.high, key=lambda name: judged.high[name])
+        worst.append(
+            f"  {judged.size:10.4g}  {100 * judged.median[block]:8.3g}  {100 * judged.high[block]:8.3g}"
+            f"  {'yes' if judged.meets else 'no':5s}  {block}"
+        )
+    aim = f"at most {100 * target.frequency:.3g} % pass {target.line} at {100 * target.confidence:.3g} % confidence"
+    if answer.least is None:
+        head = f"no {answer.place} up to {answer.judgements[-1].size:.4g} meets the target: {aim}"
+    else:
+        head = f"least {answer.place}: {answer.least:.4g} (to within {answer.tolerance:.2g}): {aim}"
+    notes = (
+        [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
+    )
+    known = "" if scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
+    return "\n".join(
+        [
+            head,
+            f"{sites} possible sites{known}, {releases_of(scenario)} releases of each block on each",
+            f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block",
+            *worst, *notes,
+        ]
+    )  # fmt: skip
+
+
+def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
+    import pandas as pd
+
+    from rock2d import __version__
+    from rock2d.graphics.design_curve import design_figure
+    from rock2d.graphics.figure_style import save_figure
+
+    rows = [
+        {"size": j.size, "block": block, "median": j.median[block], "low": j.low[block], "high": j.high[block],
+         "meets": j.meets}
+        for j in answer.judgements
+        for block in j.median
+    ]  # fmt: skip
+    pd.DataFrame(rows).to_csv(folder / "design.csv", index=False, lineterminator="\n")
+    facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}
+    (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    save_figure(design_figure(answer), folder / "design.png")
+    if answer.least is not None:
+        chosen = variant(scenario, {answer.place: answer.least})
+        (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")

@@ -1,0 +1,161 @@
+"""The least size that keeps blocks back: bisection over one number of a scenario, with all that is not known.
+
+All sizes are judged on the same possible sites and the same releases (common random numbers): two sizes differ by
+their effect and not by chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites
+from rock2d.design.uncertainty import beta_draws
+from rock2d.errors import InputError
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import place_of, variant
+
+Array = np.ndarray
+
+DEFAULT_RELEASES = 1000  # of a scenario that says nothing about what is not known
+STEPS_OF_RANGE = 50  # the least size is found to this part of the range
+
+
+@dataclass(frozen=True)
+class Target:
+    """What must be kept: with this confidence, at most this share of the releases of each block passes the line."""
+
+    line: str
+    frequency: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One size, judged: of each block the median frequency over the sites, and the bounds at the target's confidence.
+
+    Attributes
+    ----------
+    size : the number that was varied
+    median, low, high : block -> frequency
+    meets : whether every upper bound is at most the target
+    """
+
+    size: float
+    median: Mapping[str, float]
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+    meets: bool
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a search found.
+
+    Attributes
+    ----------
+    place : of the number that was varied
+    least : the least size that meets the target, to within `tolerance`; None if the largest does not
+    judgements : every size that was tried, in ascending order
+    """
+
+    place: str
+    target: Target
+    least: float | None
+    tolerance: float
+    judgements: tuple[Judgement, ...]
+
+    @property
+    def monotone(self) -> bool:
+        """Whether no size fails above one that meets the target."""
+        meets = [judgement.meets for judgement in self.judgements]
+        return meets == sorted(meets)
+
+
+def independent_sites(scenario: Scenario, seed: int) -> list[dict[str, float]]:
+    """The values of each independent possible site; one site without values if everything is known."""
+    if scenario.uncertainty is None:
+        return [{}]
+    sites: PossibleSites = draw_sites(scenario, seed)
+    return [sites[int(i)] for i in sites.independent]
+
+
+def releases_of(scenario: Scenario) -> int:
+    """Releases of each block on each site."""
+    return DEFAULT_RELEASES if scenario.uncertainty is None else scenario.uncertainty.releases
+
+
+def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:
+    """Judge a size by what blocks do at all sites."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    k = results.lines.index(target.line)
+    median, low, high = {}, {}, {}
+    for b, block in enumerate(results.blocks):
+        passed = results.passed[:, b, k]
+        most = passed | results.cut[:, b, k]
+        n = passed.shape[1]
+        median[block] = float(np.median(passed.mean(axis=1)))
+        low[block] = float(np.quantile(beta_draws(passed.sum(axis=1), n, rng), 1.0 - target.confidence))
+        high[block] = float(np.quantile(beta_draws(most.sum(axis=1), n, rng), target.confidence))
+    return Judgement(size, median, low, high, max(high.values()) <= target.frequency)
+
+
+def least_size(
+    scenario: Scenario,
+    place: str,
+    bounds: tuple[float, float],
+    target: Target,
+    judged: Callable[[float], Judgement],
+    tolerance: float | None = None,
+) -> Answer:
+    """Bisect for the least size within `bounds` that meets the target; `judged` judges one size.
+
+    Raises InputError if the place, the line or the bounds make no sense.
+    """
+    _check(scenario, place, bounds, target)
+    low, high = bounds
+    tolerance = (high - low) / STEPS_OF_RANGE if tolerance is None else tolerance
+    tried = {high: judged(high), low: judged(low)}
+    if not tried[high].meets:
+        least = None
+    elif tried[low].meets:
+        least = low
+    else:
+        while high - low > tolerance:
+            middle = 0.5 * (low + high)
+            tried[middle] = judged(middle)
+            low, high = (low, middle) if tried[middle].meets else (middle, high)
+        least = high
+    return Answer(place, target, least, tolerance, tuple(tried[size] for size in sorted(tried)))
+
+
+def judge_size(
+    scenario: Scenario, place: str, size: float, target: Target, engine: str, seed: int,
+    on_progress: Callable[[int], Any] = lambda count: None,
+) -> Judgement:  # fmt: skip
+    """Simulate all possible sites with this size, and judge it."""
+    variants = [variant(scenario, {**site, place: size}) for site in independent_sites(scenario, seed)]
+    results = simulate_sites(variants, engine, seed, releases_of(scenario), on_progress)
+    return judge(results, size, target, seed)
+
+
+def _check(scenario: Scenario, place: str, bounds: tuple[float, float], target: Target) -> None:
+    low, high = bounds
+    if not low < high:
+        raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
+    if scenario.uncertainty is not None and place in scenario.uncertainty.site:
+        message = f"{place} is sought and stands under uncertainty: take it away from one of them"
+        raise scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
+    lines = scenario.make_cross_section().measure_lines
+    if target.line not in lines:
+        known = ", ".join(lines) or "none"
+        raise scenario.error(
+            f"no measure line {target.line}; there are: {known}",
+            *place_of("cross_section"),
+            code="unknown_name",
+        )
+    if not (0.0 < target.frequency < 1.0 and 0.5 <= target.confidence < 1.0):
+        raise InputError("the target must lie between 0 and 100 %, the confidence between 50 and 100 %")

@@ -1,0 +1,145 @@
+"""Possible sites: draws of everything that is not known about a site, and what blocks do there.
+
+The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: 2 N independent sites for
+the spread of the results, and N d sites that share all values but one with another, from which Sobol indices tell how
+much of the spread each value makes. All sites have the same releases (common random numbers).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import number_at, variant
+from rock2d.files.uncertainty_keys import quantiles
+from rock2d.records.columns import UNRESOLVED_STOPS
+from rock2d.runs.campaigns.ensembles import Group
+from rock2d.runs.campaigns.job import Job
+from rock2d.runs.engines import engine_named
+from rock2d.runs.incident_states import check_starts, drawn_states
+from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
+from rock2d.runs.indicators.percentiles import QUANTITIES
+
+Array = np.ndarray
+
+SAME_LAW = {"pymunk": "batch"}  # the compiled engine of the same law
+
+
+@dataclass(frozen=True)
+class PossibleSites:
+    """Values of what is not known.
+
+    Attributes
+    ----------
+    places : (d,) where the values stand in the scenario file
+    values : (N (d + 2), d) in the order of SALib's Sobol sample: of each of N groups the first and the last site are
+        independent draws, the d in between take one value each from the last
+    """
+
+    places: tuple[str, ...]
+    values: Array
+
+    @property
+    def independent(self) -> Array:
+        """(2 N,) indices of the independent sites."""
+        step = len(self.places) + 2
+        first = np.arange(0, len(self.values), step)
+        return np.sort(np.concatenate([first, first + step - 1]))
+
+    def __getitem__(self, i: int) -> dict[str, float]:
+        """Place -> value of site i."""
+        return dict(zip(self.places, self.values[i].tolist(), strict=True))
+
+
+def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
+    """Sites that are possible under the scenario's `uncertainty`; `count` instead of its base number N.
+
+    Raises InputError if the scenario says nothing about what is not known.
+    """
+    from SALib.sample import sobol
+
+    unknown, document = scenario.uncertainty, scenario.document
+    if unknown is None or document is None:
+        raise InputError("missing key 'uncertainty'", code="missing_key", key="uncertainty")
+    places = tuple(unknown.site)
+    problem = {"num_vars": len(places), "names": list(places), "bounds": [[0.0, 1.0]] * len(places)}
+    power = int(np.ceil(np.log2(count or unknown.sites)))
+    u = sobol.sample(problem, 2**power, calc_second_order=False, seed=seed)
+    columns = []
+    for place, own in zip(places, u.T, strict=True):
+        value = number_at(document.data, place)
+        assert value is not None  # checked with the file
+        columns.append(quantiles(unknown.site[place], own.clip(1e-9, 1 - 1e-9), value))
+    return PossibleSites(places, np.column_stack(columns))
+
+
+@dataclass(frozen=True)
+class SiteResults:
+    """What n releases of each of b blocks do at l measure lines of s sites.
+
+    Attributes
+    ----------
+    passed, cut : (s, b, l, n) bool; cut: unresolved before the line
+    crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN where not passed
+    """
+
+    blocks: tuple[str, ...]
+    lines: tuple[str, ...]
+    passed: Array
+    cut: Array
+    crossings: dict[str, Array]
+
+
+def simulate_sites(
+    scenarios: Sequence[Scenario],
+    engine: str,
+    seed: int,
+    releases: int,
+    on_progress: Callable[[int], Any] = lambda count: None,
+) -> SiteResults:
+    """Simulate the same releases on each of these scenarios, which have the same blocks and lines.
+
+    `on_progress` gets the number of further scenarios that are done. Raises InputError if one cannot be simulated.
+    """
+    first = scenarios[0]
+    blocks, lines = tuple(first.make_blocks()), tuple(first.make_cross_section().measure_lines)
+    shape = (len(scenarios), len(blocks), len(lines), releases)
+    passed, cut = np.zeros(shape, bool), np.zeros(shape, bool)
+    crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
+    chosen = engine_named(SAME_LAW.get(engine, engine))
+    assert chosen.ensemble is not None
+    for s, scenario in enumerate(scenarios):
+        check_starts(scenario, seed, releases)
+        job = _job(scenario, chosen.name, seed)
+        for b, block in enumerate(job.blocks):
+            found = chosen.ensemble(job, Group(b, 0, drawn_states(job.incidents[b], seed, b, 0, releases)))
+            own = np.isfinite(found.crossings[:, : len(lines), 0])
+            passed[s, b] = own.T
+            cut[s, b] = (~own & np.isin(found.stop, UNRESOLVED_STOPS)[:, None]).T
+            for k, ends in enumerate(job.cross_section.measure_lines.values()):
+                values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, block)
+                for quantity, of in crossings.items():
+                    of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
+        on_progress(1)
+    return SiteResults(blocks, lines, passed, cut, crossings)
+
+
+def variants_of(scenario: Scenario, sites: PossibleSites) -> list[Scenario]:
+    """The scenario of each site. Raises InputError if a drawn value makes no sense."""
+    return [variant(scenario, sites[i]) for i in range(len(sites.values))]
+
+
+def _job(scenario: Scenario, engine: str, seed: int) -> Job:
+    blocks = scenario.make_blocks()
+    return Job(
+        Path(), "", ("crossings",), engine, seed, scenario.make_cross_section(), tuple(blocks.values()),
+        tuple(scenario.incident_of(name) for name in blocks),
+        tuple(engine_named(engine).parameters(scenario, name) for name in blocks),
+        scenario.gravity_m_s2, scenario.longest_release_s(), scenario.outputs.fps, {},
+    )  # fmt: skip

@@ -1,0 +1,133 @@
+"""The least size is where the bound crosses the target, and the command answers with it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from rock2d.design.command import run_design
+from rock2d.design.least_size import Judgement, Target, judge, judge_size, least_size
+from rock2d.design.possible_sites import SiteResults
+from rock2d.errors import InputError
+from rock2d.files.scenario import load_scenario
+from tests.design.small_site import UNKNOWN, small_site
+
+PLACE = "embankment.height_m"
+TARGET = Target("crest", 0.1, 0.95)
+
+
+def bound_at(needed: float):
+    """A judge for whom sizes from `needed` on meet the target; notes what it was asked."""
+    asked: list[float] = []
+
+    def judged(size: float) -> Judgement:
+        asked.append(size)
+        high = 0.1 * needed / size
+        return Judgement(size, {"ball": high / 2}, {"ball": 0.0}, {"ball": high}, high <= 0.1)
+
+    return judged, asked
+
+
+def test_bisection_finds_the_least_size_with_few_questions(tmp_path):
+    judged, asked = bound_at(3.3)
+    answer = least_size(small_site(tmp_path), PLACE, (1.0, 5.0), TARGET, judged, 0.05)
+    assert answer.least is not None and 3.3 <= answer.least <= 3.35 and answer.monotone
+    assert len(asked) == 2 + 7  # 4 m halved seven times are less than 0.05 m
+    assert [j.size for j in answer.judgements] == sorted(asked)
+
+
+def test_a_range_without_an_answer_and_one_that_is_met_everywhere(tmp_path):
+    scenario = small_site(tmp_path)
+    assert least_size(scenario, PLACE, (1.0, 5.0), TARGET, bound_at(6.0)[0]).least is None
+    judged, asked = bound_at(0.5)
+    assert least_size(scenario, PLACE, (1.0, 5.0), TARGET, judged).least == 1.0 and len(asked) == 2
+
+
+def test_the_bound_holds_with_the_stated_confidence():
+    """One site whose frequency is the target: at most 5 % of such films are judged to meet it, and nearly so many."""
+    rng = np.random.default_rng(2)
+    meets = 0
+    for trial in range(1000):
+        passed = rng.random((1, 1, 1, 300)) < 0.1
+        results = SiteResults(("ball",), ("crest",), passed, passed & False, {})
+        meets += judge(results, 1.0, TARGET, trial).meets
+    assert 0.025 < meets / 1000 < 0.07
+
+
+@pytest.mark.parametrize(
+    ("place", "bounds", "target", "said"),
+    [
+        (PLACE, (5.0, 1.0), TARGET, "must rise"),
+        (PLACE, (1.0, 5.0), Target("crust", 0.1, 0.95), "no measure line crust; there are: .*crest"),
+        (PLACE, (1.0, 5.0), Target("crest", 1.0, 0.95), "between 0 and 100"),
+        (
+            "model.deterministic.default.k_ul_N_m",
+            (1e7, 5e7),
+            TARGET,
+            "is sought and stands under uncertainty",
+        ),
+        ("embankment.hight_m", (1.0, 5.0), TARGET, "no number at embankment.hight_m"),
+    ],
+)
+def test_questions_that_make_no_sense_are_refused(tmp_path, place, bounds, target, said):
+    scenario = small_site(tmp_path)
+    with pytest.raises(InputError, match=said):
+        least_size(
+            scenario,
+            place,
+            bounds,
+            target,
+            lambda size: judge_size(scenario, place, size, target, "batch", 1),
+        )
+
+
+def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
+    small_site(tmp_path)
+    lines: list[str] = []
+    answer = run_design(
+        tmp_path / "small.yaml",
+        PLACE,
+        (0.5, 8.0),
+        TARGET,
+        tmp_path / "design",
+        progress=False,
+        report=lines.append,
+    )
+    assert answer.least is not None and 0.5 < answer.least < 8.0
+    medians = [judged.median["ball"] for judged in answer.judgements]
+    assert medians[0] > 0.2 > medians[-1]  # a higher embankment lets fewer pass
+    least = load_scenario(tmp_path / "design" / "least.yaml")
+    assert least.embankment is not None and least.embankment.height_m == answer.least
+    facts = json.loads((tmp_path / "design" / "design.json").read_text())
+    assert facts["least"] == answer.least and facts["sites"] == 8
+    assert lines[0].startswith(f"least {PLACE}: ") and "8 possible sites, 40 releases" in lines[0]
+    assert {path.name for path in (tmp_path / "design").iterdir()} >= {"design.csv", "design.png"}
+    assert not list(tmp_path.glob(".*"))
+    with pytest.raises(InputError, match="earlier run"):
+        run_design(tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "design", progress=False)
+
+
+def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):
+    from rock2d.design import command
+
+    small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 20"))
+    question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET)
+    whole = run_design(*question, tmp_path / "whole", tolerance=1.0, progress=False, report=lambda line: None)
+    asked: list[float] = []
+
+    def counted(scenario, place, size, *others):
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        asked.append(size)
+        return judge_size(scenario, place, size, *others)
+
+    monkeypatch.setattr(command, "judge_size", counted)
+    with pytest.raises(KeyboardInterrupt, match="2 sizes are judged"):
+        run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False)
+    before = list(asked)
+    monkeypatch.setattr(command, "judge_size", lambda *given: asked.append(given[2]) or judge_size(*given))
+    again = run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False, report=lambda line: None)
+    assert again == whole
+    assert not set(before) & set(asked[2:])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import warnings
 from pathlib import Path
@@ -11,6 +10,7 @@ import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
+from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.runs.campaigns.outputs import OUTPUTS
 from rock2d.runs.engines import ENGINES
 from rock2d.schemas import SCHEMAS, file_schema
@@ -65,6 +65,31 @@ def run(scenarios, engines, out, data, video, overwrite, quiet, **options) -> No
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
     if not resolved:
         sys.exit(4)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--line", nargs=4, type=float, metavar="X0 Y0 X1 Y1",
+              help="Of a terrain model: the section between two points.")  # fmt: skip
+@click.option("--fall-line", "start", nargs=2, type=float, metavar="X Y",
+              help="Of a terrain model: the section down the steepest slope from a point.")  # fmt: skip
+@click.option("--layer", help="Of a drawing: only its lines are read.")
+@click.option("--zones", type=click.Path(path_type=Path), help="Table (CSV) of start, end and name of zones.")
+@click.option("--tolerance", "tolerance_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
+              metavar="M", help="Leave out points that change the surface by less.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Scenario file (.yaml) to write.")
+@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
+def profile(file, out, **options) -> None:
+    """Write a scenario that runs, and a picture, from the slope profile in FILE.
+
+    FILE is a table (CSV: station and height, or x, y, z), a drawing (DXF: its longest polyline) or a terrain model
+    (GeoTIFF, ESRI ASCII grid). Drawings and terrain models need pip install 'rock2d[profile]'.
+
+    Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml
+    """
+    from rock2d.profiles.command import write_profile
+
+    write_profile(file, out, report=click.echo, **options)
 
 
 @cli.command()
@@ -329,37 +354,12 @@ def _print_warnings_in_one_line() -> None:
     warnings.showwarning = print_warning
 
 
-class _Interrupt(KeyboardInterrupt):
-    """Ctrl-C. If a plain KeyboardInterrupt leaves exec("..."), as imports call it, Python notes that and kills itself
-    at the end, whatever the exit code; it does not do so for a type of its own."""
-
-
-def _interrupt(number: int, frame: object) -> None:
-    raise _Interrupt
-
-
-def _answer_signals() -> list[int]:
-    """Answer Ctrl-C by _Interrupt, and a request to end (SIGTERM) by what Ctrl-C does; the list gets the request."""
-    received: list[int] = []
-
-    def end(number: int, frame: object) -> None:
-        received.append(number)
-        interrupt = signal.getsignal(signal.SIGINT)
-        # not callable where Ctrl-C is ignored: started in the background by a shell
-        (interrupt if callable(interrupt) else _interrupt)(signal.SIGINT, None)
-
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, end)
-    return received
-
-
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
     from rock2d.errors import InputError
 
     _print_warnings_in_one_line()
-    terminated = _answer_signals()
+    terminated = answer_signals()
     try:
         cli(standalone_mode=False)
     except InputError as error:
@@ -381,8 +381,7 @@ def main() -> None:
         click.echo(f"{what}: {said or 'no half-written file is left'}", err=True)
         sys.exit(143 if terminated else 130)
     finally:  # the exit code is decided, and a signal while Python ends would change it
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        ignore_signals()
 
 
 if __name__ == "__main__":

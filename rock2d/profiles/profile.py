@@ -1,0 +1,80 @@
+"""A slope profile: horizontal station and height, with the slope falling to the right, simplified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d.errors import InputError
+
+Array = np.ndarray
+
+MOST_POINTS = 100_000
+FEWEST_POINTS = 2
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Points of a slope profile.
+
+    Attributes
+    ----------
+    points_m : (n, 2) station and height in m, left to right
+    source : what it was read from, in words
+    remarks : what was changed or is worth knowing
+    """
+
+    points_m: Array
+    source: str
+    remarks: tuple[str, ...] = ()
+
+
+def checked(points_m: Array, source: str) -> Profile:
+    """The profile of these points: repeated points left out, falling to the right, its first station 0.
+
+    Raises InputError if there are too few or too many points, or if one is not finite.
+    """
+    points = np.asarray(points_m, float)
+    if points.ndim != 2 or points.shape[1:] != (2,) or not FEWEST_POINTS <= len(points) <= MOST_POINTS:
+        raise InputError(
+            f"{source}: expected 2 to {MOST_POINTS} points, found {len(points)}", code="bad_table"
+        )
+    if not np.isfinite(points).all():
+        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0]) + 1
+        raise InputError(f"{source}: point {row} is not a pair of finite numbers", code="bad_table")
+    remarks = []
+    if points[0, 0] > points[-1, 0]:
+        points = points[::-1]
+    keep = np.r_[True, np.hypot(*np.diff(points, axis=0).T) > 0.0]
+    if not keep.all():
+        remarks.append(f"{(~keep).sum()} repeated points left out")
+    points = points[keep]
+    if points[0, 1] < points[-1, 1]:
+        points = np.column_stack([points[-1, 0] - points[::-1, 0], points[::-1, 1]])
+        remarks.append("turned round, so that it falls to the right")
+    shifted = points - [points[0, 0], 0.0]
+    if points[0, 0] != 0.0:
+        remarks.append(f"stations reduced by {points[0, 0]:.6g} m, so that they begin at 0")
+    return Profile(shifted, source, tuple(remarks))
+
+
+def along_way(points_m: Array) -> Array:
+    """(n, 2) station and height of points on a map (n, 3: x, y, height): the station is the way along them. Points
+    (n, 2) are returned as they are."""
+    if points_m.shape[1] == 2:
+        return points_m
+    way = np.concatenate([[0.0], np.hypot(*np.diff(points_m[:, :2], axis=0).T).cumsum()])
+    return np.column_stack([way, points_m[:, 2]])
+
+
+def simplified(profile: Profile, tolerance_m: float) -> Profile:
+    """Without the points that change the surface by less than the tolerance (Douglas and Peucker 1973)."""
+    import shapely
+
+    line = shapely.LineString(profile.points_m).simplify(tolerance_m, preserve_topology=True)
+    points = np.asarray(line.coords)
+    if len(points) == len(profile.points_m):
+        return profile
+    said = f"{len(profile.points_m)} points simplified to {len(points)}, within {tolerance_m:g} m"
+    return replace(profile, points_m=points, remarks=(*profile.remarks, said))

@@ -1,0 +1,136 @@
+"""Profiles from terrain models (GeoTIFF, ESRI ASCII grid): along a straight line, or down the fall line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.text_files import require_regular
+from rock2d.profiles.profile import Profile, checked
+
+Array = np.ndarray
+
+EXTRA = "pip install 'rock2d[profile]'"
+# by suffix, so that no file calls another of the many drivers
+DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}
+STEP_CELLS = 0.5  # distance of profile points, in cells
+LONGEST_STEPS = 20_000
+FLAT = 1e-4  # slope below which the fall line ends
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """Heights on a grid.
+
+    Attributes
+    ----------
+    x_m, y_m : ascending coordinates of the cell centres
+    height_m : (y, x), NaN where nothing is known
+    """
+
+    x_m: Array
+    y_m: Array
+    height_m: Array
+
+    @property
+    def cell_m(self) -> float:
+        """Distance of the cells."""
+        return float(np.diff(self.x_m).mean())
+
+    def heights_m(self, points_m: Array) -> Array:
+        """Bilinear heights at points (n, 2); NaN beside the grid, or where nothing is known."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        found = RegularGridInterpolator(
+            (self.y_m, self.x_m), self.height_m, bounds_error=False, fill_value=np.nan
+        )
+        return np.asarray(found(np.atleast_2d(points_m)[:, ::-1]))
+
+
+def read_terrain(path: Path) -> Terrain:
+    """A terrain model with one band of heights in m, in a metric system.
+
+    Raises InputError if it cannot be read, is turned against the axes, or is in degrees.
+    """
+    try:
+        import rasterio
+    except ImportError:
+        raise InputError(
+            f"rasterio is missing, which reads terrain models: {EXTRA}",
+            code="missing_package",
+            package="rasterio",
+        ) from None
+    require_regular(path)
+    try:
+        with rasterio.open(path, driver=DRIVERS[path.suffix.lower()]) as grid:
+            return _terrain(grid, path)
+    except rasterio.errors.RasterioError as error:
+        raise InputError(
+            f"no GeoTIFF or ESRI ASCII grid that can be read: {error}", path, code="bad_table"
+        ) from None
+
+
+def _terrain(grid: Any, path: Path) -> Terrain:
+    if grid.crs is not None and grid.crs.is_geographic:
+        message = f"is in degrees ({grid.crs.to_string()}); project it to a metric system first"
+        raise InputError(message, path, code="bad_value")
+    across = grid.transform
+    if across.b != 0.0 or across.d != 0.0:
+        raise InputError("the grid is turned against its axes", path, code="bad_value")
+    heights = grid.read(1, masked=True).astype(float).filled(np.nan)
+    x = across.c + across.a * (np.arange(grid.width) + 0.5)
+    y = across.f + across.e * (np.arange(grid.height) + 0.5)
+    if across.e < 0.0:
+        y, heights = y[::-1], heights[::-1]
+    return Terrain(x, y, np.ascontiguousarray(heights))
+
+
+def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> Profile:
+    """The profile along the straight line between two points (2,).
+
+    Raises InputError if it leaves the ground that is known.
+    """
+    length = float(np.hypot(*(np.asarray(end_m) - start_m)))
+    if length < terrain.cell_m:
+        raise InputError(f"the line is shorter than a cell of {terrain.cell_m:g} m", code="bad_value")
+    way = np.linspace(0.0, length, int(np.ceil(length / (STEP_CELLS * terrain.cell_m))) + 1)
+    points = np.asarray(start_m) + (way / length)[:, None] * (np.asarray(end_m) - start_m)
+    heights = terrain.heights_m(points)
+    if not np.isfinite(heights).all():
+        x, y = points[np.flatnonzero(~np.isfinite(heights))[0]]
+        raise InputError(f"{source}: no height is known at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+    return checked(np.column_stack([way, heights]), source)
+
+
+def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
+    """The profile down the steepest slope from a point (2,) to where the ground is level or no longer known.
+
+    Raises InputError if the point is not on the terrain, or on level ground.
+    """
+    step, half = STEP_CELLS * terrain.cell_m, 0.5 * terrain.cell_m
+    points = [np.asarray(start_m, float)]
+    heights = [float(terrain.heights_m(points[0])[0])]
+    if not np.isfinite(heights[0]):
+        x, y = points[0]
+        raise InputError(f"{source}: no height is known at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+    for _ in range(LONGEST_STEPS):
+        around = points[-1] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        east, west, north, south = terrain.heights_m(around)
+        slope = np.array([east - west, north - south]) / (2.0 * half)
+        steepness = float(np.hypot(*slope))
+        if not steepness > FLAT:  # level, or NaN at the edge
+            break
+        onward = points[-1] - step * slope / steepness
+        height = float(terrain.heights_m(onward)[0])
+        if not height < heights[-1]:  # a hollow, or the edge
+            break
+        points.append(onward)
+        heights.append(height)
+    if len(points) < 3:
+        raise InputError(f"{source}: no fall line begins there, the ground is level", code="bad_value")
+    way = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T).cumsum()])
+    return checked(np.column_stack([way, heights]), source)

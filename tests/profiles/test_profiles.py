@@ -1,0 +1,163 @@
+"""Profiles from tables, drawings and terrain models, and the scenarios that start from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import load_scenario
+from rock2d.profiles.command import write_profile
+from rock2d.profiles.profile import checked, simplified
+from rock2d.profiles.table import read_table
+from rock2d.runs.run import run
+
+POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0,40\n20,25\n50,4\n80,0\n",
+        "# a survey\nstation;height\n0;40\n20;25\n50;4\n80;0\n",
+        "id\tx\ty\n1\t0\t40\n2\t20\t25\n3\t50\t4\n4\t80\t0\n",
+        "0 40\n20   25\n50 4\n80 0",
+        "x_m,y_m\n80,0\n50,4\n20,25\n0,40\n",  # right to left
+        "x,z\n0,0\n30,4\n60,25\n80,40\n",  # rising to the right
+        "x,y,z\n100,200,40\n112,216,25\n130,240,4\n148,264,0\n",  # on a map: 20, 30 and 30 m of way
+        "distance,elevation\n500,40\n520,25\n520,25\n550,4\n580,0\n",  # a station that is not 0, a point twice
+    ],
+)
+def test_a_table_is_read_however_it_is_written(tmp_path, text):
+    (tmp_path / "p.csv").write_text(text)
+    assert read_table(tmp_path / "p.csv").points_m == pytest.approx(POINTS)
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "line"),
+    [
+        ("", "empty", 1),
+        ("0,40\n20,abc\n", "expected numbers", 2),
+        ("0;40\n20;25,5\n", "decimal points, not commas", 2),
+        ("a,b\n0,40\n", "expected columns of station and height", 1),
+        ("0,40\n20\n", "expected numbers", 2),
+        ("0,40\n", "expected 2 to", None),
+        ("0,40\n20,nan\n", "point 2 is not a pair of finite numbers", None),
+    ],
+)
+def test_a_table_with_a_mistake_is_refused_with_its_line(tmp_path, text, said, line):
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(InputError, match=said) as error:
+        read_table(tmp_path / "p.csv")
+    assert error.value.line == line
+
+
+def test_what_was_changed_is_said():
+    profile = checked(np.array([[5.0, 0.0], [5.0, 0.0], [9.0, 3.0]]), "it")
+    assert profile.points_m.tolist() == [[0.0, 3.0], [4.0, 0.0]]
+    assert profile.remarks == ("1 repeated points left out", "turned round, so that it falls to the right")
+
+
+def test_simplification_keeps_to_its_tolerance():
+    x = np.linspace(0, 100, 401)
+    rough = np.random.default_rng(1).normal(0, 0.05, len(x))
+    full = checked(np.column_stack([x, 50 - 0.5 * x + 2 * np.sin(x / 15) + rough]), "it")
+    few = simplified(full, 0.3)
+    assert len(few.points_m) < 60 and f"401 points simplified to {len(few.points_m)}" in few.remarks[-1]
+    off = np.interp(x, *few.points_m.T) - full.points_m[:, 1]
+    assert np.abs(off).max() < 0.3 * np.hypot(1, 1)  # the tolerance is across the surface
+
+
+def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.new()
+    space = drawing.modelspace()
+    space.add_lwpolyline(POINTS.tolist(), dxfattribs={"layer": "terrain"})
+    space.add_line((0, 0), (5, 5), dxfattribs={"layer": "frame"})
+    space.add_polyline3d([(0, 0, 9), (3, 4, 2), (3, 14, 1)], dxfattribs={"layer": "axis"})
+    drawing.saveas(tmp_path / "p.dxf")
+
+    def profile(**options):
+        return write_profile(
+            tmp_path / "p.dxf", tmp_path / "s.yaml", overwrite=True, report=lambda line: None, **options
+        ).points_m
+
+    assert profile() == pytest.approx(POINTS)
+    assert profile(layer="axis") == pytest.approx(np.array([[0, 9], [5, 2], [15, 1]]))
+    with pytest.raises(
+        InputError, match="no polyline on layer 'road'; layers with lines: axis, frame, terrain"
+    ):
+        profile(layer="road")
+    (tmp_path / "p.dxf").write_text("no drawing")
+    with pytest.raises(InputError, match="no DXF drawing"):
+        profile()
+
+
+def grid(folder, kind: str):
+    """A plane that falls by 1 in 2 to the north-east of a corner at (1000, 2000), 5 m cells."""
+    rasterio = pytest.importorskip("rasterio")
+    x, y = 1000 + 5 * (np.arange(40) + 0.5), 2000 + 5 * (np.arange(30) + 0.5)
+    heights = 300 - 0.4 * (x - 1000)[None, :] - 0.3 * (y - 2000)[:, None]
+    path = folder / f"g.{kind}"
+    transform = rasterio.transform.from_origin(1000, 2150, 5, 5)
+    driver = {"tif": "GTiff", "asc": "AAIGrid"}[kind]
+    profile = {
+        "driver": "GTiff",
+        "width": 40,
+        "height": 30,
+        "count": 1,
+        "dtype": "float32",
+        "nodata": -9999.0,
+    }
+    with rasterio.open(folder / "g.tif", "w", transform=transform, crs="EPSG:2056", **profile) as made:
+        made.write(heights[::-1].astype("float32"), 1)
+    if driver == "AAIGrid":
+        from rasterio.shutil import copy
+
+        copy(folder / "g.tif", path, driver="AAIGrid")
+    return path
+
+
+@pytest.mark.parametrize("kind", ["tif", "asc"])
+def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
+    def profile(**options):
+        return write_profile(
+            grid(tmp_path, kind), tmp_path / "s.yaml", overwrite=True, report=lambda line: None, **options
+        ).points_m
+
+    along = profile(line=(1010, 2010, 1090, 2070))  # 100 m in the direction of the fall: 50 m
+    assert along[-1] == pytest.approx([100, 300 - 0.4 * 90 - 0.3 * 70]) and along[0, 1] == pytest.approx(293)
+    fall = profile(start=(1020, 2020))
+    slope = np.diff(fall[:, 1]) / np.diff(fall[:, 0])
+    assert slope == pytest.approx(np.full(len(slope), -0.5), abs=1e-4)
+    with pytest.raises(InputError, match="no height is known at x = 9"):
+        profile(line=(900, 2010, 1090, 2070))
+    with pytest.raises(InputError, match="needs either"):
+        profile()
+
+
+def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
+    (tmp_path / "p.csv").write_text("x,y\n" + "\n".join(f"{x:g},{y:g}" for x, y in POINTS))
+    (tmp_path / "zones.csv").write_text("start,end,name\n0,30,rock\n50,80,run_out\n")
+    lines: list[str] = []
+    out = tmp_path / "my site.yaml"
+    write_profile(tmp_path / "p.csv", out, zones=tmp_path / "zones.csv", report=lines.append)
+    scenario = load_scenario(out)
+    ground = scenario.make_cross_section()
+    assert scenario.name == "my_site" and ground.zones == ("rock", "rock", "slope", "run_out")
+    assert ground.points_m[:, 0].tolist() == [0, 20, 30, 50, 80]
+    assert ground.height_m(POINTS[:, 0]) == pytest.approx(POINTS[:, 1])
+    stops = run(scenario, releases=20).to_pandas("stops")
+    assert stops["stop"].isin(["rest", "exit"]).all() and stops["runout_m"].median() > 20
+    run(scenario, engine="point_mass", releases=5)
+    assert out.with_suffix(".png").stat().st_size > 10_000
+    assert "4 points, 80 m long, 40 m of height" in lines[0]
+    with pytest.raises(InputError, match="exists"):
+        write_profile(tmp_path / "p.csv", out)
+
+
+def test_zones_that_overlap_are_refused(tmp_path):
+    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
+    (tmp_path / "zones.csv").write_text("0,30,rock\n20,80,scree\n")
+    with pytest.raises(InputError, match="overlap at 20 m"):
+        write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", zones=tmp_path / "zones.csv")

@@ -31,6 +31,8 @@ def main(wanted: list[str]) -> None:
     for path in sorted((DOCS.parent / "scenarios").glob("*.yaml")):
         if not wanted or path.stem in wanted:
             scenario_pictures(path)
+    if not wanted or "design_curve" in wanted:
+        design_picture(DOCS.parent / "scenarios" / "design_site.yaml")
     for path in sorted((DOCS / "tutorials").glob("*.py")):
         if not wanted or path.stem in wanted:
             run_tutorial(path)
@@ -51,6 +53,17 @@ def scenario_pictures(path: Path) -> None:
         figure = run(scenario, engine=engine, releases=min(RELEASES, scenario.releases)).plot()
         with tempfile.TemporaryDirectory() as folder:
             keep(save_figure(figure, Path(folder) / "it.png"), PICTURES / f"{path.stem}_{engine}.png")
+
+
+def design_picture(path: Path) -> None:
+    """The curve of the design question that the README asks."""
+    from rock2d.design.command import run_design
+    from rock2d.design.least_size import Target
+
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "design"
+        run_design(path, "embankment.height_m", (2.0, 8.0), Target("crest", 0.01, 0.95), out)
+        keep(out / "design.png", PICTURES / "design_curve.png")
 
 
 def run_tutorial(path: Path) -> None:

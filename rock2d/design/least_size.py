@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites
-from rock2d.design.uncertainty import beta_draws
+from rock2d.design.site_frequencies import frequency_draws
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import place_of, variant
@@ -98,8 +98,8 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
         most = passed | results.cut[:, b, k]
         n = passed.shape[1]
         median[block] = float(np.median(passed.mean(axis=1)))
-        low[block] = float(np.quantile(beta_draws(passed.sum(axis=1), n, rng), 1.0 - target.confidence))
-        high[block] = float(np.quantile(beta_draws(most.sum(axis=1), n, rng), target.confidence))
+        low[block] = float(np.quantile(frequency_draws(passed.sum(axis=1), n, rng), 1.0 - target.confidence))
+        high[block] = float(np.quantile(frequency_draws(most.sum(axis=1), n, rng), target.confidence))
     return Judgement(size, median, low, high, max(high.values()) <= target.frequency)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults
+from rock2d.design.site_frequencies import frequency_draws
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,16 +55,11 @@ def _frequency(passed: Array, cut: Array, rng: np.random.Generator) -> tuple[flo
     """(median, low, high, share not known, share of sampling) of a passing frequency; arrays (sites, releases)."""
     n = passed.shape[1]
     k, k_most = passed.sum(axis=1), (passed | cut).sum(axis=1)
-    low = beta_draws(k, n, rng)
-    high = beta_draws(k_most, n, rng)
+    low = frequency_draws(k, n, rng)
+    high = frequency_draws(k_most, n, rng)
     sampling = float((k / n * (1 - k / n)).mean() / n)
     shares = _shares(_between(passed), sampling)
     return float(np.median(k / n)), float(np.quantile(low, 0.025)), float(np.quantile(high, 0.975)), *shares
-
-
-def beta_draws(passed: Array, n: int, rng: np.random.Generator) -> Array:
-    """(draws, sites) of each site's frequency: the posterior with Jeffreys' prior."""
-    return rng.beta(passed + 0.5, n - passed + 0.5, (DRAWS_PER_SITE, len(passed)))
 
 
 def _between(passed: Array) -> float:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import INK, LINE_INK, block_colours
 
 if TYPE_CHECKING:
     from rock2d.design.least_size import Answer
+
+
+TICKS_PERCENT = (0, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
 def design_figure(answer: Answer) -> Figure:
@@ -35,6 +39,11 @@ def design_figure(answer: Answer) -> Figure:
         textcoords="offset points",
         fontsize=SMALL_PT,
     )
+    axis.set_yscale("symlog", linthresh=max(target, 0.1))
+    axis.set_ylim(0)
+    axis.set_yticks([tick for tick in TICKS_PERCENT if tick <= axis.get_ylim()[1]], minor=False)
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.yaxis.set_minor_locator(NullLocator())
     if answer.least is not None:
         axis.axvline(answer.least, color=LINE_INK, lw=1.4)
         axis.annotate(
@@ -44,8 +53,6 @@ def design_figure(answer: Answer) -> Figure:
             va="top",
             fontsize=SMALL_PT + 1,
         )
-    axis.set_yscale("symlog", linthresh=max(target, 0.1))
-    axis.set_ylim(0)
     axis.set_xlabel(answer.place)
     band = f"{100 * (1 - answer.target.confidence):.3g} to {100 * answer.target.confidence:.3g} %"
     axis.set_ylabel(f"passes {answer.target.line} in % (median, {band})")

@@ -1,0 +1,56 @@
+"""What counts at many possible sites say about the frequency at each: a beta-binomial model of all of them together.
+
+The frequencies of the sites are Beta(mu nu, (1 - mu) nu), the counts binomial. mu has Jeffreys' prior, nu is uniform in
+its logarithm. So sites that agree support each other: none of 200 blocks at each of 30 sites says more about a site
+than none of 200 there alone. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+DRAWS = 400
+MEANS = 120  # of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
+LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS = 1.0, 1.0e5, 16  # of nu
+
+
+def frequency_draws(passed: Array, releases: int, rng: np.random.Generator) -> Array:
+    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all; `passed` (sites,) of `releases`.
+
+    With a single site: the posterior with Jeffreys' prior.
+    """
+    k = np.asarray(passed, float)
+    if len(k) == 1:
+        return rng.beta(k + 0.5, releases - k + 0.5, (DRAWS, 1))
+    angle = (np.arange(MEANS) + 0.5) / MEANS * 0.5 * np.pi
+    grid = _finer(k, releases, angle)
+    a, b, weight = _posterior(k, releases, np.sin(grid) ** 2)
+    chosen = rng.choice(len(weight), DRAWS, p=weight)
+    return rng.beta(a[chosen, None] + k, b[chosen, None] + releases - k)
+
+
+def _finer(k: Array, releases: int, angle: Array) -> Array:
+    """Angles, evenly spread where the posterior of mu has its weight."""
+    for _ in range(2):
+        _, _, weight = _posterior(k, releases, np.sin(angle) ** 2)
+        own = weight.reshape(-1, STRENGTHS).sum(axis=1)
+        held = np.flatnonzero(own > 1e-6 * own.max())
+        step = angle[1] - angle[0]
+        low, high = max(angle[held[0]] - step, 0.0), min(angle[held[-1]] + step, 0.5 * np.pi)
+        angle = low + (high - low) * (np.arange(MEANS) + 0.5) / MEANS
+    return angle
+
+
+def _posterior(k: Array, releases: int, mu: Array) -> tuple[Array, Array, Array]:
+    """a, b and weight (sum 1) on the grid of mu and nu, flat."""
+    from scipy.special import betaln
+
+    nu = np.geomspace(LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS)
+    a, b = (np.outer(share, nu).reshape(-1) for share in (mu, 1.0 - mu))
+    counts, number = np.unique(k, return_counts=True)
+    each = betaln(a[:, None] + counts, b[:, None] + releases - counts) - betaln(a, b)[:, None]
+    log_weight = each @ number
+    weight = np.exp(log_weight - log_weight.max())
+    return a, b, weight / weight.sum()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from pathlib import Path
@@ -17,6 +18,7 @@ from rock2d.schemas import SCHEMAS, file_schema
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
+LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -360,6 +362,8 @@ def main() -> None:
 
     _print_warnings_in_one_line()
     terminated = answer_signals()
+    if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
+        os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)
     try:
         cli(standalone_mode=False)
     except InputError as error:

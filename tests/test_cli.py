@@ -24,6 +24,12 @@ def wait_in_exec():  # as imports do: a dataclass or a named tuple is made by ex
     exec("print(flush=True); time.sleep(60)")
 
 @cli.cli.command()
+def bar():
+    from tqdm import tqdm
+    for _ in tqdm(range(20)):
+        time.sleep(0.11)
+
+@cli.cli.command()
 def end():
     atexit.register(os.kill, os.getpid(), signal.SIGINT)
     atexit.register(os.kill, os.getpid(), signal.SIGTERM)
@@ -64,6 +70,12 @@ def test_an_interrupt_in_generated_code_has_its_exit_code(
         process.send_signal(signal_number)
         _, errors = process.communicate(timeout=30)
     assert (process.returncode, errors.strip()) == (exit_code, f"{said}: no half-written file is left")
+
+
+def test_a_progress_bar_does_not_flood_a_log_file():
+    with started("bar", signal.SIG_DFL) as process:
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0 and 1 <= errors.count("it/s") <= 3
 
 
 def test_a_signal_while_python_ends_does_not_change_the_exit_code():

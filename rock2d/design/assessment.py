@@ -77,7 +77,8 @@ def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -
     variants = variants_of(scenario, sites)
     assert scenario.uncertainty is not None
     with tqdm(total=len(variants), desc="possible sites", unit="site", disable=not progress) as bar:
-        results = simulate_sites(variants, engine, seed, scenario.uncertainty.releases, bar.update)
+        seeds = [sites.release_seed(i) for i in range(len(variants))]
+        results = simulate_sites(variants, engine, seeds, scenario.uncertainty.releases, bar.update)
     return Assessment(
         uncertain_table(sites, results, seed), sensitivity_table(sites, results, seed),
         pd.DataFrame(sites.values, columns=list(sites.places)),

@@ -1,6 +1,6 @@
 """The least size that keeps blocks back: bisection over one number of a scenario, with all that is not known.
 
-All sizes are judged on the same possible sites and the same releases (common random numbers): two sizes differ by
+All sizes are judged on the same possible sites, each with its own releases (common random numbers): two sizes differ by
 their effect and not by chance.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites
 from rock2d.design.site_frequencies import frequency_draws
+from rock2d.design.uncertainty import further_site_quantile, variance_shares
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import place_of, variant
@@ -75,12 +76,13 @@ class Answer:
         return meets == sorted(meets)
 
 
-def independent_sites(scenario: Scenario, seed: int) -> list[dict[str, float]]:
-    """The values of each independent possible site; one site without values if everything is known."""
+def independent_sites(scenario: Scenario, seed: int) -> list[tuple[dict[str, float], int]]:
+    """Values, and seed of the releases, of each independent possible site, twice the base number of them; one site
+    without values if everything is known."""
     if scenario.uncertainty is None:
-        return [{}]
-    sites: PossibleSites = draw_sites(scenario, seed)
-    return [sites[int(i)] for i in sites.independent]
+        return [({}, seed)]
+    sites: PossibleSites = draw_sites(scenario, seed, 2 * scenario.uncertainty.sites)
+    return [(sites[int(i)], sites.release_seed(int(i))) for i in sites.independent]
 
 
 def releases_of(scenario: Scenario) -> int:
@@ -92,14 +94,17 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
     """Judge a size by what blocks do at all sites."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     k = results.lines.index(target.line)
-    median, low, high = {}, {}, {}
+    median: dict[str, float] = {}
+    low: dict[str, float] = {}
+    high: dict[str, float] = {}
     for b, block in enumerate(results.blocks):
         passed = results.passed[:, b, k]
         most = passed | results.cut[:, b, k]
         n = passed.shape[1]
         median[block] = float(np.median(passed.mean(axis=1)))
-        low[block] = float(np.quantile(frequency_draws(passed.sum(axis=1), n, rng), 1.0 - target.confidence))
-        high[block] = float(np.quantile(frequency_draws(most.sum(axis=1), n, rng), target.confidence))
+        share, _ = variance_shares(most)
+        for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):
+            bound[block] = further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
     return Judgement(size, median, low, high, max(high.values()) <= target.frequency)
 
 
@@ -137,8 +142,10 @@ def judge_size(
     on_progress: Callable[[int], Any] = lambda count: None,
 ) -> Judgement:  # fmt: skip
     """Simulate all possible sites with this size, and judge it."""
-    variants = [variant(scenario, {**site, place: size}) for site in independent_sites(scenario, seed)]
-    results = simulate_sites(variants, engine, seed, releases_of(scenario), on_progress)
+    sites = independent_sites(scenario, seed)
+    variants = [variant(scenario, {**values, place: size}) for values, _ in sites]
+    seeds = [own for _, own in sites]
+    results = simulate_sites(variants, engine, seeds, releases_of(scenario), on_progress)
     return judge(results, size, target, seed)
 
 

@@ -1,8 +1,9 @@
 """Possible sites: draws of everything that is not known about a site, and what blocks do there.
 
-The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: 2 N independent sites for
-the spread of the results, and N d sites that share all values but one with another, from which Sobol indices tell how
-much of the spread each value makes. All sites have the same releases (common random numbers).
+The draws are those of Saltelli et al. (2010), Comput. Phys. Commun. 181, 259: N groups of two independent sites, and of
+d that share all values but one with the first, from which Sobol indices tell how much of the spread each value makes.
+The sites of a group have the same releases (common random numbers). Each group has its own: a chance that all sites
+share would not show in their spread.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 
 Array = np.ndarray
 
+RELEASES_OF_A_GROUP = 7  # first number of the spawn key
 SAME_LAW = {"pymunk": "batch"}  # the compiled engine of the same law
 
 
@@ -40,17 +42,24 @@ class PossibleSites:
     places : (d,) where the values stand in the scenario file
     values : (N (d + 2), d) in the order of SALib's Sobol sample: of each of N groups the first and the last site are
         independent draws, the d in between take one value each from the last
+    seed : from which the releases of each group follow
     """
 
     places: tuple[str, ...]
     values: Array
+    seed: int = 0
 
     @property
     def independent(self) -> Array:
-        """(2 N,) indices of the independent sites."""
-        step = len(self.places) + 2
-        first = np.arange(0, len(self.values), step)
-        return np.sort(np.concatenate([first, first + step - 1]))
+        """(N,) indices of sites that share neither values nor releases: the first of each group."""
+        return np.arange(0, len(self.values), len(self.places) + 2)
+
+    def release_seed(self, i: int) -> int:
+        """Seed of the releases of site i, which its group shares."""
+        group = i // (len(self.places) + 2)
+        return int(
+            np.random.SeedSequence(self.seed, spawn_key=(RELEASES_OF_A_GROUP, group)).generate_state(1)[0]
+        )
 
     def __getitem__(self, i: int) -> dict[str, float]:
         """Place -> value of site i."""
@@ -76,7 +85,7 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
         value = number_at(document.data, place)
         assert value is not None  # checked with the file
         columns.append(quantiles(unknown.site[place], own.clip(1e-9, 1 - 1e-9), value))
-    return PossibleSites(places, np.column_stack(columns))
+    return PossibleSites(places, np.column_stack(columns), seed)
 
 
 @dataclass(frozen=True)
@@ -99,11 +108,11 @@ class SiteResults:
 def simulate_sites(
     scenarios: Sequence[Scenario],
     engine: str,
-    seed: int,
+    seeds: Sequence[int],
     releases: int,
     on_progress: Callable[[int], Any] = lambda count: None,
 ) -> SiteResults:
-    """Simulate the same releases on each of these scenarios, which have the same blocks and lines.
+    """Simulate releases on each of these scenarios, which have the same blocks and lines; the seed of each says which.
 
     `on_progress` gets the number of further scenarios that are done. Raises InputError if one cannot be simulated.
     """
@@ -114,7 +123,7 @@ def simulate_sites(
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
     chosen = engine_named(SAME_LAW.get(engine, engine))
     assert chosen.ensemble is not None
-    for s, scenario in enumerate(scenarios):
+    for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         check_starts(scenario, seed, releases)
         job = _job(scenario, chosen.name, seed)
         for b, block in enumerate(job.blocks):

@@ -52,14 +52,40 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
 
 
 def _frequency(passed: Array, cut: Array, rng: np.random.Generator) -> tuple[float, ...]:
-    """(median, low, high, share not known, share of sampling) of a passing frequency; arrays (sites, releases)."""
+    """(median, low, high, share not known, share of sampling) of a passing frequency; arrays (sites, releases).
+
+    Where no release passes at more than 2.5 % of the sites the lower bound is 0, and where all pass the upper is 1:
+    a posterior never reaches either, a site can.
+    """
     n = passed.shape[1]
     k, k_most = passed.sum(axis=1), (passed | cut).sum(axis=1)
-    low = frequency_draws(k, n, rng)
-    high = frequency_draws(k_most, n, rng)
-    sampling = float((k / n * (1 - k / n)).mean() / n)
-    shares = _shares(_between(passed), sampling)
-    return float(np.median(k / n)), float(np.quantile(low, 0.025)), float(np.quantile(high, 0.975)), *shares
+    shares = variance_shares(passed)
+    lowest = highest = 0.0
+    if (k == 0).mean() <= 0.025:
+        lowest = further_site_quantile(frequency_draws(k, n, rng), 0.025, shares[0])
+    if (k_most == n).mean() <= 0.025:
+        highest = further_site_quantile(frequency_draws(k_most, n, rng), 0.975, shares[0])
+    else:
+        highest = 1.0
+    return float(np.median(k / n)), lowest, highest, *shares
+
+
+def variance_shares(passed: Array) -> tuple[float, float]:
+    """Shares of the variance of a passing frequency that are not known, and that are sampling; (sites, releases)."""
+    frequency = passed.mean(axis=1)
+    return _shares(_between(passed), float((frequency * (1 - frequency)).mean() / passed.shape[1]))
+
+
+def further_site_quantile(draws: Array, level: float, share_not_known: float) -> float:
+    """Quantile for a further site from draws (draws, sites) of what is known about each of the others.
+
+    The r-th of n evenly spread sites has (r - 0.5) / n of all sites below it (Hazen's position); a plain quantile of n
+    sites leaves too many outside. The level is moved by this as far as the sites, and not sampling, make the spread,
+    and at most to the middle of the outermost site's draws.
+    """
+    n = np.shape(draws)[-1]
+    moved = np.clip((n * level - 0.5) / (n - 1), 0.5 / n, 1.0 - 0.5 / n) if n > 1 else level
+    return float(np.quantile(draws, share_not_known * moved + (1 - share_not_known) * level))
 
 
 def _between(passed: Array) -> float:
@@ -80,23 +106,27 @@ def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
     """As `_frequency`, of the percentile of `values` (sites, releases), NaN where a release did not cross.
 
     The sampling error of a site's percentile p of m values is that of the order statistic whose rank, over m + 1, is
-    Beta(p (m + 1), (1 - p) (m + 1)). Sites with few crossings say nothing of it.
+    Beta(p (m + 1), (1 - p) (m + 1)). Sites with few crossings say nothing of it. The percentiles of n sites spread by
+    their sampling error, too: they are drawn towards their mean until that share of the variance is gone, and get the
+    sampling error of the mean, 1 / sqrt(n) of one site's, instead.
     """
     share = DESIGN_PERCENTILE / 100.0
-    medians, draws = [], []
+    found, errors = [], []
     for row in values:
         ranked = np.sort(row[np.isfinite(row)])
         m = len(ranked)
         if m >= FEWEST_CROSSINGS:
             u = rng.beta(share * (m + 1), (1 - share) * (m + 1), DRAWS_PER_SITE)
-            draws.append(np.quantile(ranked, u))
-            medians.append(np.quantile(ranked, share))
-    if not draws:
+            found.append(np.quantile(ranked, share))
+            errors.append(np.quantile(ranked, u) - found[-1])
+    if not found:
         return (np.nan,) * 5
-    drawn = np.array(draws)
-    sampling = float(drawn.var(axis=1).mean())
-    shares = _shares(max(float(np.var(medians)) - sampling, 0.0), sampling)
-    return float(np.median(medians)), *np.quantile(drawn, (0.025, 0.975)).tolist(), *shares
+    at, error = np.array(found), np.array(errors)
+    sampling = float(error.var(axis=1).mean())
+    shares = _shares(max(float(np.var(at)) - sampling, 0.0), sampling)
+    drawn = at.mean() + np.sqrt(shares[0]) * (at - at.mean()) + error.T / np.sqrt(len(at))
+    bounds = (further_site_quantile(drawn, level, shares[0]) for level in (0.025, 0.975))
+    return float(np.median(at)), *bounds, *shares
 
 
 def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:

@@ -32,7 +32,7 @@ def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases,
     row = table.loc[("facing_1_3", "frequency")]
     assert row["low95"] < row["value"] < row["high95"]
     assert row["share_not_known"] + row["share_sampling"] == pytest.approx(1.0)
-    assert "over 8 possible sites" in capsys.readouterr().out
+    assert "over 4 possible sites" in capsys.readouterr().out
 
 
 def test_an_assessment_depends_on_its_seed_alone(tmp_path):

@@ -99,7 +99,7 @@ def grid(folder, kind: str):
     x, y = 1000 + 5 * (np.arange(40) + 0.5), 2000 + 5 * (np.arange(30) + 0.5)
     heights = 300 - 0.4 * (x - 1000)[None, :] - 0.3 * (y - 2000)[:, None]
     path = folder / f"g.{kind}"
-    transform = rasterio.transform.from_origin(1000, 2150, 5, 5)
+    transform = rasterio.Affine(5, 0, 1000, 0, -5, 2150)
     driver = {"tif": "GTiff", "asc": "AAIGrid"}[kind]
     profile = {
         "driver": "GTiff",

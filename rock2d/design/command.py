@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -75,9 +76,7 @@ def run_design(
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
     with atomic_folder(out) as partial:
         _write(partial, scenario, answer, {"engine": engine, "seed": seed, "sites": sites})
-    for file in stages.iterdir():
-        file.unlink()
-    stages.rmdir()
+    shutil.rmtree(stages, ignore_errors=True)
     report(answer_text(answer, scenario, sites))
     report(f"written: {out}")
     return answer

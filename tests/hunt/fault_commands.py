@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rock2d.blind.training import FEATURES
 from rock2d.diagnosis.classification import ANY, KNOWN, WHICH
+from tests.design.small_site import small_site
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 FEW_RELEASES = 12  # of each film that is diagnosed, so that this takes less than a minute
@@ -73,6 +74,9 @@ COMMANDS = (
     Command("campaign batch", f"{_CAMPAIGN} batch", whole_exit=CUT_SHORT),
     Command("campaign batch, 2 workers", f"{_CAMPAIGN} batch --workers 2", whole_exit=CUT_SHORT),
     Command("campaign point_mass, 2 workers", f"{_CAMPAIGN} point_mass --workers 2", whole_exit=CUT_SHORT),
+    Command("profile", "profile {here}/profile.csv --overwrite --out {out}/site.yaml"),
+    Command("design", "design {here}/design.yaml --range 1 6 --tolerance 2 --quiet --overwrite --out {out}/design",
+            kept=(".design.judged",)),
     Command("demo", "demo --quiet --out {out}/demo"),
     Command("reproduce", "reproduce --quiet --hypotheses 16 --releases 8 --out {out}/paper",
             kept=(".paper.stages",)),
@@ -102,6 +106,9 @@ def write_scenarios(here: Path) -> None:
     (here / "setup.yaml").write_text(text, encoding="utf-8")
     short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
     (here / "short.yaml").write_text(short, encoding="utf-8")
+    small_site(here)
+    (here / "small.yaml").rename(here / "design.yaml")
+    (here / "profile.csv").write_text("x,y\n0,40\n20,25\n50,4\n80,0\n", encoding="utf-8")
 
 
 def make_inputs(here: Path) -> None:

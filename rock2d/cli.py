@@ -115,7 +115,7 @@ def profile(file, out, **options) -> None:
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def design(scenario, place, bounds, line, target, confidence, out, quiet, **options) -> None:
+def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **options) -> None:
     """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
 
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no

@@ -18,8 +18,7 @@ from rock2d.design.least_size import (
     least_size,
     releases_of,
 )
-from rock2d.errors import InputError
-from rock2d.files.folders import atomic_folder, check_folder, make_folder, write_whole
+from rock2d.files.folders import atomic_folder, check_replaced, make_folder, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
@@ -49,11 +48,7 @@ def run_design(
 
     scenario = load_scenario(path)
     engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
-    if check_folder(out).is_dir() and any(out.iterdir()) and not overwrite:
-        message = (
-            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
-        )
-        raise InputError(message, out, code="results_exist")
+    check_replaced(out, overwrite)
     stages = out.parent / f".{out.name}.judged"
     text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed])
     key = fingerprint(np.frombuffer(text.encode(), np.uint8))

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites
+from rock2d.design.possible_sites import SiteResults, draw_sites, simulate_sites
 from rock2d.design.site_frequencies import frequency_draws
 from rock2d.design.uncertainty import further_site_quantile, variance_shares
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
-from rock2d.files.scenario_variants import place_of, variant
+from rock2d.files.scenario_variants import variant
 
 Array = np.ndarray
 
@@ -81,7 +81,7 @@ def independent_sites(scenario: Scenario, seed: int) -> list[tuple[dict[str, flo
     without values if everything is known."""
     if scenario.uncertainty is None:
         return [({}, seed)]
-    sites: PossibleSites = draw_sites(scenario, seed, 2 * scenario.uncertainty.sites)
+    sites = draw_sites(scenario, seed, 2 * scenario.uncertainty.sites)
     return [(sites[int(i)], sites.release_seed(int(i))) for i in sites.independent]
 
 
@@ -161,7 +161,7 @@ def _check(scenario: Scenario, place: str, bounds: tuple[float, float], target: 
         known = ", ".join(lines) or "none"
         raise scenario.error(
             f"no measure line {target.line}; there are: {known}",
-            *place_of("cross_section"),
+            "cross_section",
             code="unknown_name",
         )
     if not (0.0 < target.frequency < 1.0 and 0.5 <= target.confidence < 1.0):

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.places import number_at
 from rock2d.files.scenario import Scenario
-from rock2d.files.scenario_variants import number_at, variant
+from rock2d.files.scenario_variants import variant
 from rock2d.files.uncertainty_keys import quantiles
-from rock2d.records.columns import UNRESOLVED_STOPS
 from rock2d.runs.campaigns.ensembles import Group
-from rock2d.runs.campaigns.job import Job
+from rock2d.runs.campaigns.job import job_of
 from rock2d.runs.engines import engine_named
 from rock2d.runs.incident_states import check_starts, drawn_states
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
@@ -125,12 +125,11 @@ def simulate_sites(
     assert chosen.ensemble is not None
     for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         check_starts(scenario, seed, releases)
-        job = _job(scenario, chosen.name, seed)
+        job = job_of(scenario, chosen, seed, ("crossings",), Path(), "")
         for b, block in enumerate(job.blocks):
             found = chosen.ensemble(job, Group(b, 0, drawn_states(job.incidents[b], seed, b, 0, releases)))
-            own = np.isfinite(found.crossings[:, : len(lines), 0])
-            passed[s, b] = own.T
-            cut[s, b] = (~own & np.isin(found.stop, UNRESOLVED_STOPS)[:, None]).T
+            own = found.passed(len(lines))
+            passed[s, b], cut[s, b] = own.T, found.unresolved(len(lines)).T
             for k, ends in enumerate(job.cross_section.measure_lines.values()):
                 values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, block)
                 for quantity, of in crossings.items():
@@ -142,13 +141,3 @@ def simulate_sites(
 def variants_of(scenario: Scenario, sites: PossibleSites) -> list[Scenario]:
     """The scenario of each site. Raises InputError if a drawn value makes no sense."""
     return [variant(scenario, sites[i]) for i in range(len(sites.values))]
-
-
-def _job(scenario: Scenario, engine: str, seed: int) -> Job:
-    blocks = scenario.make_blocks()
-    return Job(
-        Path(), "", ("crossings",), engine, seed, scenario.make_cross_section(), tuple(blocks.values()),
-        tuple(scenario.incident_of(name) for name in blocks),
-        tuple(engine_named(engine).parameters(scenario, name) for name in blocks),
-        scenario.gravity_m_s2, scenario.longest_release_s(), scenario.outputs.fps, {},
-    )  # fmt: skip

@@ -60,13 +60,12 @@ def _frequency(passed: Array, cut: Array, rng: np.random.Generator) -> tuple[flo
     n = passed.shape[1]
     k, k_most = passed.sum(axis=1), (passed | cut).sum(axis=1)
     shares = variance_shares(passed)
-    lowest = highest = 0.0
-    if (k == 0).mean() <= 0.025:
-        lowest = further_site_quantile(frequency_draws(k, n, rng), 0.025, shares[0])
-    if (k_most == n).mean() <= 0.025:
-        highest = further_site_quantile(frequency_draws(k_most, n, rng), 0.975, shares[0])
-    else:
-        highest = 1.0
+
+    def bound(counts: Array, level: float) -> float:
+        return further_site_quantile(frequency_draws(counts, n, rng), level, shares[0])
+
+    lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
+    highest = 1.0 if (k_most == n).mean() > 0.025 else bound(k_most, 0.975)
     return float(np.median(k / n)), lowest, highest, *shares
 
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, mod
 from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
-from rock2d.files.text_files import place_in, read_text
+from rock2d.files.text_files import is_number, place_in, read_text
 
 MOST_VALUES = 500_000
 MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
@@ -324,7 +324,7 @@ def in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> st
     """Pydantic's complaint in the form "expected ..., found ..."."""
     found = shown(value)
     if kind == "float_type":
-        hint = "; write it without quotes" if isinstance(value, str) and _is_number(value) else ""
+        hint = "; write it without quotes" if isinstance(value, str) and is_number(value) else ""
         return f"expected a number, found {found}{hint}"
     if kind in ("int_type", "int_from_float"):
         return f"expected a whole number, found {found}"
@@ -346,11 +346,3 @@ def in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> st
         return f"expected a name of letters, digits, '_', '-' and '.', found {found}"
     expected = re.sub(r"^(Input|Value|List|Dictionary|String) should (be|have)", r"expected", message)
     return re.sub(r" after validation, not \d+$", "", expected) + f", found {found}"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

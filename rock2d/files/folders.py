@@ -130,6 +130,16 @@ def check_folder(path: str | Path) -> Path:
     return target
 
 
+def check_replaced(path: str | Path, overwrite: bool) -> None:
+    """InputError if `atomic_folder` would refuse the folder, or if it holds results and nobody said they may go."""
+    target = check_folder(path)
+    if target.is_dir() and any(target.iterdir()) and not overwrite:
+        message = (
+            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
+        )
+        raise InputError(message, path, code="results_exist")
+
+
 def check_file(path: str | Path) -> None:
     """InputError if `atomic_file` could not write there."""
     if Path(path).is_dir():

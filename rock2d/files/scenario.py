@@ -17,6 +17,7 @@ from rock2d.errors import InputError, ParameterError
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, shown
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
+from rock2d.files.places import number_at
 from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.files.uncertainty_keys import Uncertainty
@@ -343,8 +344,6 @@ def _check_incident(scenario: Scenario) -> None:
 def _check_uncertainty(scenario: Scenario) -> None:
     if scenario.uncertainty is None or scenario.document is None:
         return
-    from rock2d.files.scenario_variants import number_at
-
     if scenario.experiment is not None:
         message = "releases that restart a film have no other possible sites"
         raise scenario.error(message, "uncertainty", at="key", code="wrong_kind")

@@ -49,6 +49,15 @@ def read_json(file: str | Path) -> Any:
         raise InputError("not JSON: a number that is too long", file, 1, 1, code="not_json") from None
 
 
+def is_number(text: str) -> bool:
+    """Whether the text can be read as a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def place_in(text: str, position: int | None) -> tuple[int, int]:
     """Line and column, from 1, of a position in a text; None is its end."""
     before = text[:position]

@@ -33,27 +33,19 @@ def _kind(value: Any) -> str:
     return f"<{type(value).__name__.lower()}>"
 
 
-Distribution = Annotated[
-    Annotated[Normal, Tag("<normal>")]
-    | Annotated[Uniform, Tag("<uniform>")]
-    | Annotated[Lognormal, Tag("<lognormal>")],
-    Discriminator(_kind),
-]
+_NORMAL = Annotated[Normal, Tag("<normal>")]
+_UNIFORM = Annotated[Uniform, Tag("<uniform>")]
+_LOGNORMAL = Annotated[Lognormal, Tag("<lognormal>")]
+ValueDistribution = Annotated[_NORMAL | _UNIFORM | _LOGNORMAL, Discriminator(_kind)]
 
 
 class Times(Checked):
     """A factor on the value that the scenario gives."""
 
-    times: Distribution = Field(description="Distribution of the factor")
+    times: ValueDistribution = Field(description="Distribution of the factor")
 
 
-SiteDraw = Annotated[
-    Annotated[Normal, Tag("<normal>")]
-    | Annotated[Uniform, Tag("<uniform>")]
-    | Annotated[Lognormal, Tag("<lognormal>")]
-    | Annotated[Times, Tag("<times>")],
-    Discriminator(_kind),
-]
+SiteDraw = Annotated[_NORMAL | _UNIFORM | _LOGNORMAL | Annotated[Times, Tag("<times>")], Discriminator(_kind)]
 
 
 class Uncertainty(Checked):
@@ -63,7 +55,8 @@ class Uncertainty(Checked):
         default=32,
         ge=4,
         le=4096,
-        description="Base number of possible sites; with d unknown values, sites x (d + 2) are simulated",
+        description="Base number of possible sites, rounded up to a power of two; with d unknown values, "
+        "sites x (d + 2) are simulated",
     )
     releases: int = Field(
         default=300, ge=20, le=100_000, description="Releases of each block on each of these sites"

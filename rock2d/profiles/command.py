@@ -13,7 +13,7 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.folders import check_file, write_whole
 from rock2d.files.scenario import load_scenario
-from rock2d.files.text_files import read_text
+from rock2d.files.text_files import is_number, read_text
 from rock2d.profiles.profile import Profile, simplified
 from rock2d.profiles.scenario_template import ZoneRange, scenario_of
 from rock2d.profiles.terrain import DRIVERS, along_line, down_fall_line, read_terrain
@@ -100,18 +100,10 @@ def _zones(file: Path) -> list[ZoneRange]:
     rows = []
     for n, row in enumerate(csv.reader(read_text(file).splitlines()), 1):
         cells = [cell.strip() for cell in row]
-        if not any(cells) or (n == 1 and not _is_number(cells[0])):
+        if not any(cells) or (n == 1 and not is_number(cells[0])):
             continue
         try:
             rows.append(ZoneRange(float(cells[0]), float(cells[1]), cells[2]))
         except (ValueError, IndexError):
             raise InputError("expected start, end and name of a zone", file, n, 1, code="bad_table") from None
     return rows
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -9,11 +9,10 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.text_files import require_regular
-from rock2d.profiles.profile import Profile, along_way, checked
+from rock2d.profiles.profile import EXTRA, Profile, along_way, checked
 
 Array = np.ndarray
 
-EXTRA = "pip install 'rock2d[profile]'"
 KINDS = "LWPOLYLINE POLYLINE LINE"
 
 

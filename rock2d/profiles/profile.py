@@ -10,6 +10,7 @@ from rock2d.errors import InputError
 
 Array = np.ndarray
 
+EXTRA = "pip install 'rock2d[profile]'"  # for drawings and terrain models
 MOST_POINTS = 100_000
 FEWEST_POINTS = 2
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.text_files import read_text
+from rock2d.files.text_files import is_number, read_text
 from rock2d.profiles.profile import Profile, along_way, checked
 
 # names of columns, those that say most first
@@ -33,7 +33,7 @@ def read_table(path: Path) -> Profile:
     separator = next((s for s in SEPARATORS if s in lines[0][1]), ",")
     rows = [(n, _cells(line, separator)) for n, line in lines]
     columns: tuple[int, ...] = (0, 1)
-    if not all(map(_is_number, rows[0][1])):
+    if not all(map(is_number, rows[0][1])):
         columns = _columns(rows[0][1], path, rows[0][0])
         rows = rows[1:]
     points = []
@@ -55,14 +55,6 @@ def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,10 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.text_files import require_regular
-from rock2d.profiles.profile import Profile, checked
+from rock2d.profiles.profile import EXTRA, Profile, along_way, checked
 
 Array = np.ndarray
 
-EXTRA = "pip install 'rock2d[profile]'"
 # by suffix, so that no file calls another of the many drivers
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}
 STEP_CELLS = 0.5  # distance of profile points, in cells
@@ -41,14 +41,25 @@ class Terrain:
         """Distance of the cells."""
         return float(np.diff(self.x_m).mean())
 
-    def heights_m(self, points_m: Array) -> Array:
-        """Bilinear heights at points (n, 2); NaN beside the grid, or where nothing is known."""
+    @cached_property
+    def _bilinear(self) -> Any:
         from scipy.interpolate import RegularGridInterpolator
 
-        found = RegularGridInterpolator(
+        return RegularGridInterpolator(
             (self.y_m, self.x_m), self.height_m, bounds_error=False, fill_value=np.nan
         )
-        return np.asarray(found(np.atleast_2d(points_m)[:, ::-1]))
+
+    def heights_m(self, points_m: Array) -> Array:
+        """Bilinear heights at points (n, 2); NaN beside the grid, or where nothing is known."""
+        return np.asarray(self._bilinear(np.atleast_2d(points_m)[:, ::-1]))
+
+    def known_heights_m(self, points_m: Array, source: str) -> Array:
+        """`heights_m`; InputError, which names the `source`, where nothing is known."""
+        points, heights = np.atleast_2d(points_m), self.heights_m(points_m)
+        if not np.isfinite(heights).all():
+            x, y = points[np.flatnonzero(~np.isfinite(heights))[0]]
+            raise InputError(f"{source}: no height is known at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+        return heights
 
 
 def read_terrain(path: Path) -> Terrain:
@@ -99,10 +110,7 @@ def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> P
         raise InputError(f"the line is shorter than a cell of {terrain.cell_m:g} m", code="bad_value")
     way = np.linspace(0.0, length, int(np.ceil(length / (STEP_CELLS * terrain.cell_m))) + 1)
     points = np.asarray(start_m) + (way / length)[:, None] * (np.asarray(end_m) - start_m)
-    heights = terrain.heights_m(points)
-    if not np.isfinite(heights).all():
-        x, y = points[np.flatnonzero(~np.isfinite(heights))[0]]
-        raise InputError(f"{source}: no height is known at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+    heights = terrain.known_heights_m(points, source)
     return checked(np.column_stack([way, heights]), source)
 
 
@@ -113,10 +121,7 @@ def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
     """
     step, half = STEP_CELLS * terrain.cell_m, 0.5 * terrain.cell_m
     points = [np.asarray(start_m, float)]
-    heights = [float(terrain.heights_m(points[0])[0])]
-    if not np.isfinite(heights[0]):
-        x, y = points[0]
-        raise InputError(f"{source}: no height is known at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+    heights = [float(terrain.known_heights_m(points[0], source)[0])]
     for _ in range(LONGEST_STEPS):
         around = points[-1] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
         east, west, north, south = terrain.heights_m(around)
@@ -132,5 +137,4 @@ def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
         heights.append(height)
     if len(points) < 3:
         raise InputError(f"{source}: no fall line begins there, the ground is level", code="bad_value")
-    way = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T).cumsum()])
-    return checked(np.column_stack([way, heights]), source)
+    return checked(along_way(np.column_stack([points, heights])), source)

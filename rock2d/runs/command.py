@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.files.folders import check_folder
+from rock2d.files.folders import check_replaced
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
 from rock2d.runs.resolution import unresolved_remarks
@@ -54,7 +54,7 @@ def run_scenarios(
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
         for engine in () if large else engines or [scenario.engine]:
-            _check_output(out / f"{scenario.name}_{engine}", overwrite)
+            check_replaced(out / f"{scenario.name}_{engine}", overwrite)
     resolved = True
     for scenario in loaded:
         for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
@@ -77,15 +77,6 @@ def run_scenarios(
                     report(remark)
             report(f"written: {folder}")
     return resolved
-
-
-def _check_output(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that cannot be written, or that holds results nobody said may go."""
-    if check_folder(folder).is_dir() and any(folder.iterdir()) and not overwrite:
-        message = (
-            "holds the results of an earlier run; --overwrite replaces them, --out chooses another folder"
-        )
-        raise InputError(message, folder, code="results_exist")
 
 
 def _run_in_memory(

@@ -7,8 +7,9 @@ import pytest
 from scipy import stats
 
 from rock2d.errors import InputError
+from rock2d.files.places import number_at
 from rock2d.files.scenario import load_scenario
-from rock2d.files.scenario_variants import number_at, scenario_text, variant
+from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.uncertainty_keys import Uncertainty, quantiles
 from tests.design.small_site import UNKNOWN, small_site
 

@@ -161,12 +161,11 @@ def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
 
 def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:
     """The campaign's job and its manifest; InputError if it cannot be a campaign."""
-    from rock2d.runs.campaigns.job import Job, versions
+    from rock2d.runs.campaigns.job import job_of, versions
 
     engine = engine_named(options.engine or scenario.engine)
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
-    cross_section, blocks = scenario.make_cross_section(), scenario.make_blocks()
-    _refuse_what_is_no_campaign(scenario, engine, keep, cross_section)
+    _refuse_what_is_no_campaign(scenario, engine, keep, scenario.make_cross_section())
     seed = scenario.seed if options.seed is None else options.seed
     check_starts(scenario, seed, options.releases or scenario.releases)
     fps = scenario.outputs.fps
@@ -181,12 +180,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "versions": versions(),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
-    job = Job(
-        folder.absolute() / "chunks", fingerprint, keep, engine.name, seed, cross_section, tuple(blocks.values()),
-        tuple(scenario.incident_of(name) for name in blocks),
-        tuple(engine.parameters(scenario, name) for name in blocks),
-        scenario.gravity_m_s2, scenario.longest_release_s(), fps, versions(),
-    )  # fmt: skip
+    job = job_of(scenario, engine, seed, keep, folder.absolute() / "chunks", fingerprint)
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
 

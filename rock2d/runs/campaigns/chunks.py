@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, UNRESOLVED_STOPS
+from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES
 from rock2d.runs.campaigns.ensembles import Group, Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.engines import ENGINES
@@ -167,9 +167,8 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, 
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
-    cut = np.isin(found.stop, UNRESOLVED_STOPS)
-    failed = ~np.isfinite(found.crossings[:, : len(job.cross_section.measure_lines), 0])
-    return out, Counts(found.unclosed, tuple((failed & cut[:, None]).sum(axis=0).tolist()))
+    unresolved = found.unresolved(len(job.cross_section.measure_lines)).sum(axis=0)
+    return out, Counts(found.unclosed, tuple(unresolved.tolist()))
 
 
 def _ends(cross_section: CrossSection, states: Array, found: Outcome) -> dict[str, Any]:

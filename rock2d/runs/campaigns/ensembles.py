@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS
+from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds
 
@@ -43,6 +43,14 @@ class Outcome:
     impacts: tuple[Array, Array, Array] | None = None
     samples: Array | None = None
     unclosed: int = 0
+
+    def passed(self, lines: int) -> Array:
+        """(n, lines) bool, which releases crossed each of the first `lines` lines."""
+        return np.isfinite(self.crossings[:, :lines, 0])
+
+    def unresolved(self, lines: int) -> Array:
+        """(n, lines) bool, which were cut short or buried before they crossed it."""
+        return ~self.passed(lines) & np.isin(self.stop, UNRESOLVED_STOPS)[:, None]
 
 
 def batch_outcome(job: Job, group: Group) -> Outcome:

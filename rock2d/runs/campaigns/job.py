@@ -14,7 +14,9 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
+    from rock2d.files.scenario import Scenario
     from rock2d.files.scenario_keys import Incident
+    from rock2d.runs.engines import Engine
 
 Array = np.ndarray
 
@@ -60,6 +62,19 @@ class Chunk:
     first: int
     count: int
     offset: int
+
+
+def job_of(
+    scenario: Scenario, engine: Engine, seed: int, keep: tuple[str, ...], folder: Path, fingerprint: str
+) -> Job:
+    """The job of a scenario."""
+    blocks = scenario.make_blocks()
+    return Job(
+        folder, fingerprint, keep, engine.name, seed, scenario.make_cross_section(), tuple(blocks.values()),
+        tuple(scenario.incident_of(name) for name in blocks),
+        tuple(engine.parameters(scenario, name) for name in blocks),
+        scenario.gravity_m_s2, scenario.longest_release_s(), scenario.outputs.fps, versions(),
+    )  # fmt: skip
 
 
 def versions() -> dict[str, str]:

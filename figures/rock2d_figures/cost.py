@@ -32,7 +32,7 @@ from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.graphics.figure_style import blank_figure, save_figure
 from rock2d.graphics.palette import block_colours
 from rock2d.laws.contact import parameter_table
-from rock2d.runs.incident_states import incident_states
+from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray

@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
-from rock2d.files.uncertainty_keys import quantiles
-from rock2d.runs.campaigns.ensembles import Group
 from rock2d.runs.campaigns.job import job_of
 from rock2d.runs.engines import engine_named
-from rock2d.runs.incident_states import check_starts, drawn_states
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.percentiles import QUANTITIES
 
@@ -124,14 +122,16 @@ def simulate_sites(
     chosen = engine_named(SAME_LAW.get(engine, engine))
     assert chosen.ensemble is not None
     for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
-        check_starts(scenario, seed, releases)
-        job = job_of(scenario, chosen, seed, ("crossings",), Path(), "")
-        for b, block in enumerate(job.blocks):
-            found = chosen.ensemble(job, Group(b, 0, drawn_states(job.incidents[b], seed, b, 0, releases)))
+        job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
+        job.conditions.check_starts(releases)
+        for b in range(len(job.blocks)):
+            group = job.conditions.group(b, 0, releases)
+            found = chosen.ensemble(job, group)
             own = found.passed(len(lines))
             passed[s, b], cut[s, b] = own.T, found.unresolved(len(lines)).T
             for k, ends in enumerate(job.cross_section.measure_lines.values()):
-                values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, block)
+                masses = group.masses()[own[:, k]]
+                values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
                 for quantity, of in crossings.items():
                     of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
         on_progress(1)

@@ -275,8 +275,12 @@ def _contact_steps(
     blocks: Sequence[Block], tables: Array, block_ids: Array, table_ids: Array, fraction: float
 ) -> Array:
     """(n, 2) contact steps in s of every release."""
-    steps = np.array([contact_step.contact_steps_s(block, tables, fraction) for block in blocks])
-    return np.array(steps[block_ids, :, table_ids], order="C")
+    steps = np.empty((len(block_ids), 2))
+    for b in np.unique(block_ids):
+        own = block_ids == b
+        used, table = np.unique(table_ids[own], return_inverse=True)
+        steps[own] = np.transpose(contact_step.contact_steps_s(blocks[b], tables[used], fraction))[table]
+    return steps
 
 
 class _Starts(NamedTuple):

@@ -7,17 +7,43 @@ from typing import Any
 Path_ = tuple[str | int, ...]
 
 
-def place_of(place: str) -> Path_:
-    """The keys and list indices of a dotted place. Block and zone names with dots cannot be reached."""
-    return tuple(int(part) if part.isdigit() else part for part in place.split("."))
+def place_of(data: Any, place: str) -> Path_ | None:
+    """The keys and list indices that lead to a place in the data of a file; None if there is no such place.
+
+    A key may have dots itself: of the keys that fit, the longest counts.
+    """
+    path: list[str | int] = []
+    here, rest = data, place
+    while rest:
+        if isinstance(here, list):
+            word, _, tail = rest.partition(".")
+            if not word.isdigit() or int(word) >= len(here):
+                return None
+            step: str | int = int(word)
+        elif isinstance(here, dict):
+            fits = [
+                key for key in here if isinstance(key, str) and (rest == key or rest.startswith(f"{key}."))
+            ]
+            if not fits:
+                return None
+            step = max(fits, key=len)
+            tail = rest[len(step) + 1 :]
+        else:
+            return None
+        path.append(step)
+        here, rest = here[step], tail
+    return tuple(path)
+
+
+def value_at(data: Any, path: Path_) -> Any:
+    """What stands at the end of a path that `place_of` gave."""
+    for step in path:
+        data = data[step]
+    return data
 
 
 def number_at(data: Any, place: str) -> float | None:
     """The number at a place in the data of a scenario file; None if there is no number."""
-    here = data
-    try:
-        for step in place_of(place):
-            here = here[step]
-    except (KeyError, IndexError, TypeError):
-        return None
-    return float(here) if isinstance(here, (int, float)) and not isinstance(here, bool) else None
+    path = place_of(data, place)
+    value = None if path is None else value_at(data, path)
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None

@@ -10,20 +10,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from pydantic import Field, PrivateAttr
 
 from rock2d.errors import InputError, ParameterError
-from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, shown
+from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
+from rock2d.files.distributions import Variation
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
-from rock2d.files.places import number_at
+from rock2d.files.scatter_keys import Population, RoughnessKeys
+from rock2d.files.scenario_checks import check_scenario
 from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection, CrossSectionError
-from rock2d.scene.earthworks import EarthworkError, with_earthworks
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.earthworks import with_earthworks
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
@@ -68,9 +69,22 @@ class Scenario(Checked):
     blocks: dict[Name, BlockKeys] | None = Field(
         default=None, min_length=1, description="Block name -> its profile; may be left out likewise"
     )
+    populations: dict[Name, Population] = Field(
+        default={},
+        description="Name -> blocks that differ from release to release, beside those under blocks",
+    )
     model: Laws = Field(description="Parameters of the impact laws, by zone")
     incident: dict[str, Incident] = Field(
         min_length=1, description="Block name, or default, -> state at the start of a release"
+    )
+    scatter: dict[str, Variation] = Field(
+        default={},
+        max_length=50,
+        description="Numbers that vary from release to release: place of a number under model or blocks -> its "
+        "distribution, or {times: distribution of a factor}",
+    )
+    roughness: dict[Name, RoughnessKeys] = Field(
+        default={}, description="Zone name -> how rough its ground is; each release has its own surface"
     )
     uncertainty: Uncertainty | None = Field(
         default=None, description="What is not known about the site: distributions of numbers of this file"
@@ -116,9 +130,10 @@ class Scenario(Checked):
         return self._experiment.cross_section
 
     def make_blocks(self) -> dict[str, Block]:
-        """Name -> block: the scenario's own, else the experiment's."""
-        if self.blocks is not None:
-            return {name: keys.make(name) for name, keys in self.blocks.items()}
+        """Name -> block: the scenario's own, else the experiment's; of a population the one of median size."""
+        if self.blocks is not None or self.populations:
+            made = {name: keys.make(name) for name, keys in (self.blocks or {}).items()}
+            return made | {name: own.median_block(name) for name, own in self.populations.items()}
         if self._experiment is None:
             raise InputError("missing key 'blocks'", self._file, code="missing_key", key="blocks")
         return dict(self._experiment.blocks)
@@ -207,14 +222,13 @@ def checked_scenario(
     scenario = document.check(Scenario)
     scenario._document = document
     _load_experiment(scenario, data_root, experiment)
-    for key in ("cross_section", "blocks"):
-        if getattr(scenario, key) is None and scenario.experiment is None:
+    for key, given in (
+        ("cross_section", scenario.cross_section),
+        ("blocks", scenario.blocks or scenario.populations),
+    ):
+        if not given and scenario.experiment is None:
             raise document.error(f"missing key {key!r}", code="missing_key", key=key)
-    _check_earthworks(scenario)
-    _check_names(scenario)
-    _check_parameters(scenario)
-    _check_incident(scenario)
-    _check_uncertainty(scenario)
+    check_scenario(scenario)
     scenario.longest_release_s()
     return scenario
 
@@ -270,95 +284,6 @@ def _found_experiment(
         )
         raise scenario.error(message, *where, code="missing_data", folder=source.folder)
     return load_experiment(folder)
-
-
-def _check_earthworks(scenario: Scenario) -> None:
-    if scenario.ditch is not None and scenario.embankment is None:
-        message = "a ditch lies before an embankment: missing key 'embankment'"
-        raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
-    try:
-        scenario.make_cross_section()
-    except EarthworkError as error:
-        raise scenario.error(str(error), error.part, error.key, code="bad_cross_section") from None
-    except CrossSectionError as error:
-        place = (error.line,) if error.line is not None else ()
-        raise scenario.error(
-            str(error), "cross_section", error.key, *place, code="bad_cross_section"
-        ) from None
-
-
-def _check_names(scenario: Scenario) -> None:
-    zones = {"default", *scenario.make_cross_section().zone_names}
-    blocks = {"default", *scenario.make_blocks()}
-    laws = scenario.model
-
-    def known(names: Any, among: set[str], what: str, *path: str) -> None:
-        for name in names:
-            if name not in among:
-                choices = ", ".join(sorted(among - {"default"}))
-                message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
-                raise scenario.error(message, *path, name, at="key", code="unknown_name", name=name)
-
-    if "default" in scenario.make_cross_section().zone_names:
-        raise scenario.error("a zone must not be called default", "cross_section", "zones")
-    if "default" in scenario.make_blocks():
-        raise scenario.error("a block must not be called default", "blocks", "default", at="key")
-    if laws.deterministic is not None:
-        known(laws.deterministic.named(), zones, "zone", "model", "deterministic")
-    if laws.probabilistic is not None:
-        known(laws.probabilistic.named(), blocks, "block", "model", "probabilistic")
-        for block, table in laws.probabilistic.named().items():
-            known(table.named(), zones, "zone", "model", "probabilistic", block)
-    known(scenario.incident, blocks, "block", "incident")
-    for name in sorted(blocks - {"default"} - set(scenario.incident)):
-        if "default" not in scenario.incident:
-            message = f"block {shown(name)} has no incident state, neither its own nor a default"
-            raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
-
-
-def _check_parameters(scenario: Scenario) -> None:
-    laws = scenario.model
-    if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
-        scenario.contact_parameters()
-    if laws.probabilistic is not None or scenario.engine == "point_mass":
-        for block in scenario.make_blocks():
-            scenario.rebound_parameters(block)
-
-
-def _check_incident(scenario: Scenario) -> None:
-    """Refuse a fixed start below the ground or beside the cross-section."""
-    ground = scenario.make_cross_section()
-    points = ground.points_m
-    left, right = points[:, 0].min(), points[:, 0].max()
-    for name, item in scenario.incident.items():
-        if item.fixed is None:
-            continue
-        path = ("incident", name, "fixed")
-        if not left <= item.fixed.x_m <= right:
-            message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
-            raise scenario.error(message, *path, "x_m", code="bad_state", key="x_m")
-        if ground.covers(np.array([[item.fixed.x_m, item.fixed.y_m]])).any():
-            raise scenario.error("below the ground", *path, "y_m", code="bad_state", key="y_m")
-
-
-def _check_uncertainty(scenario: Scenario) -> None:
-    if scenario.uncertainty is None or scenario.document is None:
-        return
-    if scenario.experiment is not None:
-        message = "releases that restart a film have no other possible sites"
-        raise scenario.error(message, "uncertainty", at="key", code="wrong_kind")
-    if not scenario.make_cross_section().measure_lines:
-        message = (
-            "nothing is uncertain without a measure line: passing frequencies are what is told of the sites"
-        )
-        raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="measure_lines")
-
-    for place in scenario.uncertainty.site:
-        if number_at(scenario.document.data, place) is None:
-            message = "there is no number at this place of the file"
-            raise scenario.error(
-                message, "uncertainty", "site", place, at="key", code="unknown_name", name=place
-            )
 
 
 def scenario_json_schema() -> dict[str, Any]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
-from rock2d.files.checked_yaml import Checked, Table, did_you_mean, mistake, shown
-from rock2d.files.setup_keys import Coordinate
+from rock2d.files.checked_yaml import Checked, Table, mistake
+from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, farthest
+from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Point
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
+LONGEST_VIDEO_S = 20.0  # of a release, if the file does not say how slow it is shown
+PACES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 
 
@@ -106,78 +109,50 @@ class Fixed(Checked):
     omega_rad_s: float = Field(default=0.0, ge=-1e5, le=1e5, description="Spin, counter-clockwise, in rad/s")
 
 
-class NormalKeys(Checked):
-    """Mean and standard deviation, in the unit of the key."""
+class _Motion(Checked):
+    """Draws for each release: a number, {normal: {mean, sd}}, {uniform: {low, high}} or {lognormal: {median, cv}}."""
 
-    mean: Coordinate = Field(description="Mean, in the unit of the key")
-    sd: float = Field(ge=0, le=1e6, description="Standard deviation, in the unit of the key")
-
-
-class UniformKeys(Checked):
-    """Bounds, in the unit of the key."""
-
-    low: Coordinate = Field(description="Lower bound, in the unit of the key")
-    high: Coordinate = Field(description="Upper bound, in the unit of the key")
-
-    @model_validator(mode="after")
-    def _in_order(self) -> UniformKeys:
-        if self.low > self.high:
-            raise mistake(f"high must not be below low: {self.high:g} < {self.low:g}", "high")
-        return self
-
-
-class Normal(Checked):
-    """Normal distribution."""
-
-    normal: NormalKeys = Field(description="Mean and standard deviation")
-
-
-class Uniform(Checked):
-    """Uniform distribution."""
-
-    uniform: UniformKeys = Field(description="Lower and upper bound")
-
-
-def _known_draw(value: Any) -> Any:
-    if isinstance(value, (Normal, Uniform)) or (
-        isinstance(value, (int, float)) and not isinstance(value, bool)
-    ):
-        return value
-    if isinstance(value, dict) and len(value) == 1 and value.keys() <= {"normal", "uniform"}:
-        return value
-    found = shown(value)
-    if isinstance(value, dict) and value:
-        word = next((key for key in value if key not in ("normal", "uniform")), None)
-        found = f"key {shown(word)}{did_you_mean(word, ['normal', 'uniform'])}" if word else "both"
-    raise mistake(f"expected a number, {{normal: {{mean, sd}}}} or {{uniform: {{low, high}}}}, found {found}")
-
-
-def _draw_kind(value: Any) -> str:
-    if isinstance(value, dict):
-        return "<normal>" if "normal" in value else "<uniform>"
-    return (
-        "<normal>" if isinstance(value, Normal) else "<uniform>" if isinstance(value, Uniform) else "<number>"
-    )
-
-
-Draw = Annotated[
-    Annotated[Coordinate, Tag("<number>")]
-    | Annotated[Normal, Tag("<normal>")]
-    | Annotated[Uniform, Tag("<uniform>")],
-    Discriminator(_draw_kind),
-    BeforeValidator(_known_draw),
-]
-
-
-class Distribution(Checked):
-    """Six draws for each release: a number, {normal: {mean, sd}} or {uniform: {low, high}} each."""
-
-    x_m: Draw = Field(description="Centroid, to the right, in m")
-    y_m: Draw = Field(description="Centroid, up, in m")
     theta_rad: Draw = Field(default=0.0, description="Orientation, counter-clockwise, in rad")
     vx_m_s: Draw = Field(description="Velocity to the right in m/s")
     vy_m_s: Draw = Field(description="Velocity up in m/s")
     omega_rad_s: Draw = Field(default=0.0, description="Spin, counter-clockwise, in rad/s")
+
+    @model_validator(mode="after")
+    def _within_reach(self) -> _Motion:
+        for key, value in self:
+            if key != "points_m" and farthest(value) > FARTHEST_M:
+                raise mistake(f"expected numbers up to {FARTHEST_M:g}, found {farthest(value):g}", key)
+        return self
+
+
+class Distribution(_Motion):
+    """Six draws for each release: a number, a normal, a uniform or a lognormal distribution each."""
+
+    x_m: Draw = Field(description="Centroid, to the right, in m")
+    y_m: Draw = Field(description="Centroid, up, in m")
+
+
+class AboveGround(_Motion):
+    """A start above the ground, wherever the ground is."""
+
+    x_m: Draw = Field(description="Centroid, to the right, in m")
+    clearance_m: Draw = Field(
+        description="Free height between the block and the ground under it, in m; 0: the block touches the ground"
+    )
+
+
+class Along(_Motion):
+    """A start on a line, for example the edge of a cliff; every part of its length is as likely."""
+
+    points_m: list[Point] = Field(
+        min_length=2, description="Polyline on which the centroid starts: [[x, y], ...] in m"
+    )
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Along:
+        if all(point == self.points_m[0] for point in self.points_m):
+            raise mistake("expected at least two different points", "points_m")
+        return self
 
 
 class FromExperiment(Checked):
@@ -190,21 +165,27 @@ class FromExperiment(Checked):
 
 
 class Incident(Checked):
-    """The state at the start of a release: exactly one of the three."""
+    """The state at the start of a release: exactly one of these."""
 
     fixed: Fixed | None = Field(default=None, description="The same state for every release")
     distribution: Distribution | None = Field(default=None, description="A state drawn for each release")
+    above_ground: AboveGround | None = Field(
+        default=None, description="A state drawn for each release, at a height above the ground"
+    )
+    along: Along | None = Field(
+        default=None, description="A state drawn for each release, on a line of release points"
+    )
     from_experiment: FromExperiment | None = Field(
         default=None, description="The measured states of filmed releases"
     )
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Incident:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        kinds = list(type(self).model_fields)
+        given = [name for name in kinds if getattr(self, name) is not None]
         if len(given) != 1:
             raise mistake(
-                "expected exactly one of fixed, distribution, from_experiment, found "
-                + (" and ".join(given) or "none"),
+                f"expected exactly one of {', '.join(kinds)}, found " + (" and ".join(given) or "none"),
                 at="key",
             )
         return self
@@ -212,22 +193,39 @@ class Incident(Checked):
     def draw(self, generator: Any, count: int) -> Any:
         """(count, 6) states in the order of `STATE_KEYS`, drawn with a numpy Generator.
 
-        Raises ValueError for from_experiment.
+        Of `above_ground`, y_m is the clearance. Raises ValueError for from_experiment.
         """
         import numpy as np
 
-        source = self.fixed or self.distribution
+        source = self.fixed or self.distribution or self.above_ground or self.along
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")
         states = np.empty((count, len(STATE_KEYS)))
+        if self.along is not None:
+            states[:, :2] = _points_along(np.array(self.along.points_m), generator.uniform(size=count))
         for i, key in enumerate(STATE_KEYS):
-            value = getattr(source, key)
-            if isinstance(value, Normal):
-                value = generator.normal(value.normal.mean, value.normal.sd, count)
-            elif isinstance(value, Uniform):
-                value = generator.uniform(value.uniform.low, value.uniform.high, count)
-            states[:, i] = value
+            key = "clearance_m" if self.above_ground is not None and key == "y_m" else key
+            if self.along is None or key not in ("x_m", "y_m"):
+                states[:, i] = _drawn(getattr(source, key), generator, count)
         return states
+
+
+def _drawn(value: Any, generator: Any, count: int) -> Any:
+    if isinstance(value, Normal):
+        return generator.normal(value.normal.mean, value.normal.sd, count)
+    if isinstance(value, Uniform):
+        return generator.uniform(value.uniform.low, value.uniform.high, count)
+    if isinstance(value, Lognormal):
+        return generator.lognormal(*value.lognormal.log_mean_sd, count)
+    return value
+
+
+def _points_along(points_m: Any, share: Any) -> Any:
+    """(n, 2) points at shares (n,) of the length of a polyline."""
+    import numpy as np
+
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
+    return np.column_stack([np.interp(share * length[-1], length, side) for side in points_m.T])
 
 
 class Outputs(Checked):
@@ -242,7 +240,17 @@ class Outputs(Checked):
     angle_noise_rad: float = Field(
         default=0.0, ge=0, le=1e3, description="Noise added to angles, 1 sigma, in rad"
     )
-    slow_motion: float = Field(
-        default=10.0, gt=0, le=1e4, description="Factor by which the video is slowed down"
+    slow_motion: float | None = Field(
+        default=None,
+        gt=0,
+        le=1e4,
+        description="Factor by which the video is slowed down; default: 10, or as much less as makes a release last "
+        "at most 20 s",
     )
     video_releases: int = Field(default=3, ge=1, le=1000, description="Releases of each block in the video")
+
+    def slowed(self, longest_s: float) -> float:
+        """Factor by which a video is slowed down whose longest release lasts `longest_s`."""
+        if self.slow_motion is not None:
+            return self.slow_motion
+        return next((pace for pace in PACES if pace * longest_s <= LONGEST_VIDEO_S), PACES[-1])

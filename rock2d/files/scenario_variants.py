@@ -5,9 +5,10 @@ from __future__ import annotations
 import copy
 import io
 from collections.abc import Mapping
+from typing import Any
 
 from rock2d.errors import InputError
-from rock2d.files.places import number_at, place_of
+from rock2d.files.places import Path_, number_at, place_of, value_at
 from rock2d.files.scenario import Scenario, checked_scenario
 
 
@@ -22,13 +23,12 @@ def variant(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
     data = copy.deepcopy(document.data)
     data.pop("uncertainty", None)
     for place, value in values.items():
-        if number_at(data, place) is None:
-            raise document.error(f"there is no number at {place}", *place_of(place), code="unknown_name")
-        *parents, last = place_of(place)
-        here = data
-        for step in parents:
-            here = here[step]
-        here[last] = int(value) if isinstance(here[last], int) and float(value).is_integer() else float(value)
+        path = place_of(data, place)
+        if path is None or number_at(data, place) is None:
+            raise document.error(f"there is no number at {place}", *place.split("."), code="unknown_name")
+        here = value_at(data, path[:-1])
+        whole = isinstance(here[path[-1]], int) and float(value).is_integer()
+        here[path[-1]] = int(value) if whole else float(value)
     try:
         return checked_scenario(document.with_data(data), scenario.experiment)
     except InputError as error:
@@ -36,6 +36,32 @@ def variant(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
         raise InputError(
             f"{error.message}; that is with {drawn}", error.file, error.line, error.column, code=error.code
         ) from None
+
+
+def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
+    """The scenario with other numbers at these places under `model` and `blocks`, unchecked: for one release of many.
+
+    Parameters and blocks that are made from it are checked as always.
+    """
+    assert scenario.document is not None
+    changed = scenario
+    for place, value in values.items():
+        path = place_of(scenario.document.data, place)
+        assert path is not None  # checked with the file
+        changed = _replaced(changed, path, value)
+    return changed
+
+
+def _replaced(here: Any, path: Path_, value: float) -> Any:
+    if not path:
+        return value
+    step, rest = path[0], path[1:]
+    if isinstance(here, list):
+        return [_replaced(item, rest, value) if i == step else item for i, item in enumerate(here)]
+    if isinstance(here, dict):
+        return {**here, step: _replaced(here[step], rest, value)}
+    key = str(step)
+    return here.model_copy(update={key: _replaced(getattr(here, key), rest, value)})
 
 
 def scenario_text(scenario: Scenario) -> str:

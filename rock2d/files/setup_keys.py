@@ -168,11 +168,14 @@ def _tag(value: Any) -> str:
     return f"<{value['shape'] if isinstance(value, dict) else value.shape}>"
 
 
+_MODELS = {name: _model(shape) for name, shape in shapes().items()}
+globals().update({model.__name__: model for model in _MODELS.values()})  # where pickle looks for them
+
 if TYPE_CHECKING:
     BlockKeys = _BlockModel
 else:
     BlockKeys = Annotated[
-        Union[tuple(Annotated[_model(shape), Tag(f"<{name}>")] for name, shape in shapes().items())],  # noqa: UP007
+        Union[tuple(Annotated[model, Tag(f"<{name}>")] for name, model in _MODELS.items())],  # noqa: UP007
         Discriminator(_tag),
         BeforeValidator(_known_shape),
     ]

@@ -15,6 +15,8 @@ from rock2d.records.track import Track
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rock2d.scene.blocks import Block
+
 Array = np.ndarray
 
 
@@ -27,6 +29,7 @@ class Clip:
     block : name of the block
     t_s, x_m, y_m, theta_rad : (n,) samples, times not decreasing; straight lines are drawn between them
     label, colour : what the legend says, "#rrggbb" (default: the block's name and colour)
+    body : the block that is drawn (default: the one of that name)
     max_gap_s : the block is hidden between samples farther apart than this (lost frames)
     """
 
@@ -38,6 +41,7 @@ class Clip:
     label: str = ""
     colour: str = ""
     max_gap_s: float = np.inf
+    body: Block | None = None
 
     def pose(self, t_s: float) -> tuple[float, float, float] | None:
         """x_m, y_m, theta_rad at a time; None before the first sample and where frames are lost; after the
@@ -66,14 +70,16 @@ class Clip:
         return [points[p] for p in shown]
 
 
-def clip_from_track(track: Track, *, label: str = "", colour: str = "", step_s: float = 1e-3) -> Clip:
+def clip_from_track(
+    track: Track, *, label: str = "", colour: str = "", step_s: float = 1e-3, body: Block | None = None
+) -> Clip:
     """A clip of a simulated release, sampled every `step_s` and at every knot (straight lines between samples
     err by g step²/8, a micrometre)."""
     start, end = float(track.knots[0, TIME]), track.end_s
     count = int(np.ceil((end - start) / step_s)) + 1
     t = np.union1d(np.linspace(start, end, max(count, 2)), track.knots[:, TIME])
     states = track.states(t)
-    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], label, colour)
+    return Clip(track.block, t, states[:, 0], states[:, 1], states[:, 2], label, colour, body=body)
 
 
 def clip_from_measured(

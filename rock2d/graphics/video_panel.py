@@ -95,23 +95,26 @@ class Panel:
                     colour = mixed(clip.colour, SKY, 0.6 * old)
                     polyline(image, self.view.pixels(piece), colour, (2 + 2 * (1 - old)) * self.unit)
 
+    def _body(self, clip: Clip) -> Block:
+        return clip.body or self.blocks[clip.block]
+
     def _blocks(self, image: Array, view: Viewport, t_s: float) -> None:
         for clip in self.ghosts:
             pose = clip.pose(t_s)
             if pose:
-                draw_block(image, view, self.blocks[clip.block], pose, clip.colour, "ghost")
+                draw_block(image, view, self._body(clip), pose, clip.colour, "ghost")
         for clip in self.clips:
             pose = clip.pose(t_s)
             if pose:
                 # a film that has ended says nothing about later: hollow
                 ended = np.isfinite(clip.max_gap_s) and t_s > clip.t_s[-1] + 1e-9
                 style = "hollow" if ended else "solid"
-                draw_block(image, view, self.blocks[clip.block], pose, clip.colour, style)
+                draw_block(image, view, self._body(clip), pose, clip.colour, style)
 
     def _inset(self, names: Sequence[Box], layout: Layout) -> tuple[int, int, int, float] | None:
         """Corner (left, top), side and px per metre of a magnifier, for blocks whose rotation is too small to see."""
         clip = self.clips[0]
-        size_px = self.blocks[clip.block].size_m * self.view.px_per_m
+        size_px = self._body(clip).size_m * self.view.px_per_m
         if size_px > 26 * layout.unit:
             return None
         side = round(0.36 * min(self.view.height_px, self.view.width_px))
@@ -130,7 +133,7 @@ class Panel:
         corners = [(right, top), (margin, top), (margin, low), (right, low)]
         cost = [float(busy[y : y + side, x : x + side].sum()) for x, y in corners]
         x, y = corners[int(np.argmin(cost))]
-        return x, y, side, 0.24 * side / self.blocks[clip.block].size_m
+        return x, y, side, 0.24 * side / self._body(clip).size_m
 
     def _draw_inset(self, image: Array, t_s: float) -> None:
         assert self.inset is not None

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
     from rock2d.files.scenario import Scenario
     from rock2d.records.track import Track
-    from rock2d.runs.campaigns.ensembles import Group, Outcome
+    from rock2d.runs.campaigns.ensembles import Outcome
     from rock2d.runs.campaigns.job import Job
+    from rock2d.runs.conditions import Group
     from rock2d.scene.blocks import Block
     from rock2d.scene.cross_section import CrossSection
 
@@ -50,7 +51,7 @@ class Engine:
     Attributes
     ----------
     law : key of a scenario's `model` that holds its parameters: "deterministic" or "probabilistic"
-    parameters : (scenario, block name) -> zone name, or default -> parameters of its law
+    parameters : (scenario, block) -> zone name, or default -> parameters of its law
     track : simulates one release
     ensemble : simulates a group of releases of a campaign; None if it is for single releases only
     many_processes : its releases are worth the start of further processes
@@ -60,7 +61,7 @@ class Engine:
 
     name: str
     law: str
-    parameters: Callable[[Scenario, str], Mapping[str, Any]]
+    parameters: Callable[[Scenario, Block], Mapping[str, Any]]
     track: Callable[[ReleaseInputs], Track]
     ensemble: Callable[[Job, Group], Outcome] | None = None
     many_processes: bool = False
@@ -77,12 +78,12 @@ def engine_named(name: str) -> Engine:
     return ENGINES[name]
 
 
-def _contact_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
+def _contact_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
     return scenario.contact_parameters()  # the same for every block
 
 
-def _rebound_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
-    return scenario.rebound_parameters(block)
+def _rebound_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
+    return scenario.rebound_parameters(block.name)
 
 
 def _pymunk_track(given: ReleaseInputs) -> Track:

@@ -23,9 +23,8 @@ Array = np.ndarray
 
 DRAW_GROUP = 1000  # releases that are drawn together
 CHECKED_TOGETHER = 100 * DRAW_GROUP
-STATE_STREAM, SEED_STREAM, NOISE_STREAM = range(
-    3
-)  # what a random stream is for: first number of its spawn key
+# what a random stream is for: first number of its spawn key
+STATE_STREAM, SEED_STREAM, NOISE_STREAM, SCATTER_STREAM, ROUGHNESS_STREAM = range(5)
 CLEARANCE_SIGMA = 3.0  # a frame counts as flight if the block is clear of the ground by this many sigma
 FEWEST_FRAMES = 3  # that a state is fitted to
 OUTLIER_SIGMA = 5.0  # a frame this far from the fitted flight ends it
@@ -44,49 +43,12 @@ class IncidentState:
     frames: int = 0
 
 
-def incident_states(scenario: Scenario, seed: int, releases: int | None = None) -> list[IncidentState]:
-    """Incident states of all releases of a scenario, block after block."""
-    if scenario.experiment is not None:
-        return measured_states(scenario, seed, releases)
-    count = releases or scenario.releases
-    out = []
-    for b, name in enumerate(scenario.make_blocks()):
-        states = drawn_states(scenario.incident_of(name), seed, b, 0, count)
-        seeds = drawn_seeds(seed, b, 0, count)
-        out += [IncidentState(b * count + i, name, 0.0, states[i], int(seeds[i])) for i in range(count)]
-    return out
-
-
-def check_starts(scenario: Scenario, seed: int, count: int) -> None:
-    """Refuse a scenario that lets one of `count` releases of a block begin below the ground.
-
-    Raises InputError, code bad_state, with the place of the incident states in the file.
-    """
-    if scenario.experiment is not None:
-        return  # where a film begins is measured
-    ground = scenario.make_cross_section()
-    for b, name in enumerate(scenario.make_blocks()):
-        for first in range(0, count, CHECKED_TOGETHER):
-            stop = min(first + CHECKED_TOGETHER, count)
-            states = drawn_states(scenario.incident_of(name), seed, b, first, stop)
-            below = np.flatnonzero(ground.covers(states[:, :2]))
-            if len(below):
-                x, y = states[below[0], :2]
-                raise scenario.error(
-                    f"release {first + below[0]} of block {name} would start below the ground, at x = {x:.4g} m, "
-                    f"y = {y:.4g} m; {len(below)} of {stop - first} releases do",
-                    "incident", code="bad_state", key="incident",
-                )  # fmt: skip
-
-
 def drawn_states(incident: Incident, seed: int, block: int, first: int, stop: int) -> Array:
     """(stop - first, 6) states of releases first .. stop - 1 of the block with index `block`; first < stop.
 
     Raises ValueError for measured incident states.
     """
-    return _of_groups(
-        lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop
-    )
+    return of_groups(lambda stream: incident.draw(stream, DRAW_GROUP), seed, STATE_STREAM, block, first, stop)
 
 
 def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
@@ -95,12 +57,13 @@ def drawn_seeds(seed: int, block: int, first: int, stop: int) -> Array:
     def draw(stream: np.random.Generator) -> Array:
         return stream.integers(2**64, size=DRAW_GROUP, dtype=np.uint64)
 
-    return _of_groups(draw, seed, SEED_STREAM, block, first, stop)
+    return of_groups(draw, seed, SEED_STREAM, block, first, stop)
 
 
-def _of_groups(
+def of_groups(
     draw: Callable[[np.random.Generator], Array], seed: int, stream: int, block: int, first: int, stop: int
 ) -> Array:
+    """What `draw` gives for releases first .. stop - 1 of a block; it draws for DRAW_GROUP releases at once."""
     groups = range(first // DRAW_GROUP, (stop - 1) // DRAW_GROUP + 1)
     keys = [np.random.SeedSequence(seed, spawn_key=(stream, block, group)) for group in groups]
     drawn = np.concatenate([draw(np.random.default_rng(key)) for key in keys])

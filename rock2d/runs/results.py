@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,19 +28,29 @@ class RunResult(Simulation):
     ----------
     scenario, seed : what was run
     incident_states : the state at which each release started
+    drawn : release -> what was drawn for it beside its start, see `conditions.Condition`
     """
 
     scenario: Scenario
     seed: int
     incident_states: list[IncidentState] = field(default_factory=list)
+    drawn: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
 
     def experiment(self) -> Experiment:
-        """The run as an experiment, as if it had been filmed."""
-        recording = self.recording
+        """The run as an experiment, as if it had been filmed.
+
+        Blocks that differ from release to release stand there under names of their own, `boulder_17` for release 17.
+        """
+        recording, blocks, rows = self.recording, dict(self.blocks), self.to_pandas(TRAJECTORIES)
+        if self.own_blocks:
+            named = {t.release: f"{t.block}_{t.release}" for t in self.tracks if t.release in self.own_blocks}
+            rows["block"] = rows["release"].map(named).fillna(rows["block"])
+            own = {name: replace(self.own_blocks[release], name=name) for release, name in named.items()}
+            seen = set(rows["block"].unique())
+            blocks = {name: block for name, block in {**blocks, **own}.items() if name in seen}
         return Experiment(
             f"{self.scenario.name}_{self.engine}", self.scenario.gravity_m_s2, recording.fps,
-            recording.position_noise_m, recording.angle_noise_rad, self.cross_section, dict(self.blocks),
-            self.to_pandas(TRAJECTORIES),
+            recording.position_noise_m, recording.angle_noise_rad, self.cross_section, blocks, rows,
         )  # fmt: skip
 
     def write(
@@ -84,13 +94,15 @@ class RunResult(Simulation):
         scenario = self.scenario
         tables = {name: self.to_pandas(name) for name in self.table_names() if name != TRAJECTORIES}
         tables["starts"] = self._incident_states_table()
+        if self.drawn:
+            tables["drawn"] = self._drawn_table()
         simulated = self.experiment()
         with atomic_folder(folder) as partial:
             write_experiment_files(partial, simulated)
             if scenario.experiment is not None:
                 tables |= write_comparison(
                     scenario.experiment, simulated, self.tracks, partial,
-                    slow_motion=scenario.outputs.slow_motion, progress=progress,
+                    slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=progress,
                 )  # fmt: skip
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
@@ -130,10 +142,15 @@ class RunResult(Simulation):
         outputs = self.scenario.outputs
         of_block = [[t for t in self.tracks if t.block == name] for name in self.blocks]
         scenes = [
-            [clip_from_track(tracks[i]) for tracks in of_block if i < len(tracks)]
+            [
+                clip_from_track(tracks[i], body=self.own_blocks.get(tracks[i].release))
+                for tracks in of_block
+                if i < len(tracks)
+            ]
             for i in range(releases or outputs.video_releases)
         ]
-        options = {"slow_motion": slow_motion or outputs.slow_motion, "titles": (self.title,), **options}
+        longest = max((clip.t_s[-1] - clip.t_s[0] for scene in scenes for clip in scene), default=0.0)
+        options = {"slow_motion": slow_motion or outputs.slowed(longest), "titles": (self.title,), **options}
         with frame_bar("video", progress) as show:
             filled = [scene for scene in scenes if scene]
             render_video(Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), show)
@@ -145,6 +162,14 @@ class RunResult(Simulation):
             "scenario": self.scenario.name, "about": self.scenario.about, "assumed": self.scenario.assumed,
             "engine": self.engine, "seed": self.seed, "releases": len(self.tracks), "rock2d": __version__,
         }  # fmt: skip
+
+    def _drawn_table(self) -> pd.DataFrame:
+        import pandas as pd
+
+        of_block = {track.release: track.block for track in self.tracks}
+        return pd.DataFrame(
+            [{"release": release, "block": of_block[release], **own} for release, own in self.drawn.items()]
+        )
 
     def _incident_states_table(self) -> pd.DataFrame:
         import pandas as pd

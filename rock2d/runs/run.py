@@ -10,19 +10,18 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.processes import as_finished
 from rock2d.records.track import Track
+from rock2d.runs.conditions import Condition, Conditions, starts
 from rock2d.runs.engines import ENGINES, ReleaseInputs, engine_named
-from rock2d.runs.incident_states import IncidentState, check_starts, incident_states
+from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.recording import Recording
 from rock2d.runs.results import RunResult
-from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection
 
 FRAME_MARGIN_S = (
     1e-9  # a restarted release lasts a little longer than its film, so that the last frame is inside
@@ -30,13 +29,12 @@ FRAME_MARGIN_S = (
 
 
 class _Job(NamedTuple):
-    """What a worker process needs to simulate releases; `parameters` are by block and zone."""
+    """What a worker process needs to simulate releases; `common` are the conditions of all releases of a block, by its
+    name, where they do not vary."""
 
     engine: str
-    cross_section: CrossSection
-    blocks: Mapping[str, Block]
-    parameters: Mapping[str, Mapping[str, Any]]
     gravity_m_s2: float
+    common: Mapping[str, Condition]
 
 
 def run(
@@ -88,19 +86,23 @@ def run(
 
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed
-    blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
-    parameters = {name: chosen.parameters(scenario, name) for name in blocks}
-    job = _Job(chosen.name, cross_section, blocks, parameters, scenario.gravity_m_s2)
-    check_starts(scenario, seed, releases or scenario.releases)
-    states = incident_states(scenario, seed, releases)
-    limits = _time_limits(scenario, states)
+    conditions = Conditions(scenario, chosen.name, seed)
+    conditions.check_starts(releases or scenario.releases)
+    begun = starts(conditions, releases)
+    states = [start for start, _ in begun]
+    common = {own.block.name: own for own in conditions.common}
+    job = _Job(chosen.name, scenario.gravity_m_s2, {} if conditions.vary else common)
+    own = [condition for _, condition in begun] if conditions.vary else [None] * len(begun)
+    jobs = list(zip(states, _time_limits(scenario, states), own, strict=True))
     title = f"{scenario.name} ({chosen.name})"
-    with closing(_tracks(job, states, limits, workers or os.cpu_count() or 1)) as simulated:
+    with closing(_tracks(job, jobs, workers or os.cpu_count() or 1)) as simulated:
         found = dict(tqdm(simulated, total=len(states), desc=title, unit="release", disable=not progress))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
-        chosen.name, cross_section, blocks, tracks, _recording(scenario, seed), title,
+        chosen.name, conditions.cross_section, scenario.make_blocks(), tracks, _recording(scenario, seed), title,
+        own_blocks={start.release: met.block for start, met in begun if met.block is not common[start.block].block},
         scenario=scenario, seed=seed, incident_states=states,
+        drawn={start.release: met.drawn for start, met in begun if met.drawn},
     )  # fmt: skip
 
 
@@ -123,10 +125,9 @@ def _time_limits(scenario: Scenario, states: list[IncidentState]) -> list[float]
 
 
 def _tracks(
-    job: _Job, states: list[IncidentState], limits_s: list[float], workers: int
+    job: _Job, releases: list[tuple[IncidentState, float, Condition | None]], workers: int
 ) -> Generator[tuple[int, Track]]:
     """Index and track of each release; the first in this process, so that workers find compiled code in the cache."""
-    releases = list(zip(states, limits_s, strict=True))
     alone = (
         len(releases) if min(workers, len(releases) - 1) <= 1 or not ENGINES[job.engine].many_processes else 1
     )
@@ -159,10 +160,11 @@ def _interrupts_between_releases() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _track(job: _Job, start: IncidentState, limit_s: float) -> Track:
+def _track(job: _Job, start: IncidentState, limit_s: float, own: Condition | None) -> Track:
+    met = own or job.common[start.block]
     track = ENGINES[job.engine].track(
         ReleaseInputs(
-            job.blocks[start.block], job.cross_section, job.parameters[start.block], np.asarray(start.state),
+            met.block, met.cross_section, met.parameters, np.asarray(start.state),
             start.release, job.gravity_m_s2, limit_s, start.seed,
         )
     )  # fmt: skip

@@ -43,6 +43,7 @@ class Simulation:
     tracks : the motion of each release, in the order of the releases
     recording : how `to_pandas("trajectories")` samples the tracks
     title : stands above plots
+    own_blocks : release -> its block, where blocks differ from release to release
     """
 
     engine: str
@@ -51,6 +52,7 @@ class Simulation:
     tracks: list[Track]
     recording: Recording = field(default_factory=Recording)
     title: str = ""
+    own_blocks: Mapping[int, Block] = field(default_factory=dict)
     _tables: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
 
     def table_names(self) -> tuple[str, ...]:

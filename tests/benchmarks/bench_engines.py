@@ -29,7 +29,7 @@ from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS
-from rock2d.runs.incident_states import incident_states
+from rock2d.runs.conditions import incident_states
 
 FOLDER = Path(__file__).parents[2] / "scenarios"
 SETUP = [("paper_setup", block) for block in ("sphere", "cube", "parallelepiped")]

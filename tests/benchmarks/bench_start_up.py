@@ -13,7 +13,7 @@ ROUNDS = 5
 FIRST = f"""
 import numpy as np
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.incident_states import incident_states
+from rock2d.runs.conditions import incident_states
 scenario = load_scenario({str(FOLDER / "paper_setup.yaml")!r})
 ground, block = scenario.make_cross_section(), scenario.make_blocks()["cube"]
 states = np.array([s.state for s in incident_states(scenario, 1, 10) if s.block == "cube"])

@@ -14,12 +14,12 @@ import pytest
 import rock2d
 from rock2d.effects.columns import LAW_COLUMNS, N_COLUMNS, widened
 from rock2d.effects.geometry_error import as_built
-from rock2d.effects.surface_roughness import roughened
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import K_L, K_UL, parameter_table
 from rock2d.records.columns import E_RESIDUAL, VELOCITIES_AFTER
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
+from rock2d.scene.rough_ground import Roughness, roughened
 from tests.effects.worlds import (
     CATALOGUE,
     FLOOR,
@@ -74,7 +74,7 @@ def test_neutral_values_are_the_same_bits(name):
 @pytest.mark.parametrize("name", MECHANICAL)
 def test_every_effect_changes_the_motion(name):
     if name == "surface_roughness":
-        return  # a slope under the next impact, which is what the diagnosis asks for; see `roughened`
+        return  # a slope under the next impact, which is what the diagnosis asks for; see `scene.rough_ground`
     base = world(order=np.full(1, 20.0))
     a, b = (run(w, falling(12), BLOCK, time_limit_s=0.6) for w in (base, with_effect(base, name)))
     assert np.abs(a.ends[:, 1:4] - b.ends[:, 1:4]).max() > 1e-4
@@ -155,7 +155,9 @@ def test_an_embankment_is_told_by_its_shape():
     assert embankment_facets(fine).sum() == 27
     assert not embankment_facets(FLOOR).any()
     assert FLOOR.embankment is None
-    rough = roughened(type(SETUP)([[0, 10], [20, 0]], ["slope"]), 0.1, 0.5, np.random.default_rng(0))
+    rough = roughened(
+        type(SETUP)([[0, 10], [20, 0]], ["slope"]), {"slope": Roughness(0.1, 0.5)}, np.random.default_rng(0)
+    )
     assert not embankment_facets(rough).any()
     assert facet_zones(SETUP, embankment_facets(SETUP)).tolist() == [False, False, True, True, True, False]
 
@@ -181,7 +183,7 @@ def test_ground_without_an_embankment_is_raised_and_inclined_as_a_whole():
 
 def test_a_roughened_surface_keeps_the_mean_one_and_has_the_slopes_asked_for():
     rng = np.random.default_rng(3)
-    rough = roughened(FLOOR, 0.2, 0.05, rng)
+    rough = roughened(FLOOR, {zone: Roughness(0.2, 0.05) for zone in FLOOR.zones}, rng)
     slopes = np.arctan2(rough.tangents[:, 1], rough.tangents[:, 0])
     assert np.std(slopes) == pytest.approx(0.2, rel=0.06)
     assert np.abs(rough.points_m[:, 1]).max() < 0.05

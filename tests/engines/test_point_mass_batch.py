@@ -14,7 +14,7 @@ from rock2d.engines.point_mass import run_point_mass
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import load_scenario
 from rock2d.records.columns import STOPS
-from rock2d.runs.incident_states import incident_states
+from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
 
 FOLDER = Path(__file__).parents[2] / "scenarios"

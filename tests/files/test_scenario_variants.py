@@ -7,10 +7,11 @@ import pytest
 from scipy import stats
 
 from rock2d.errors import InputError
+from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at
 from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
-from rock2d.files.uncertainty_keys import Uncertainty, quantiles
+from rock2d.files.uncertainty_keys import Uncertainty
 from tests.design.small_site import UNKNOWN, small_site
 
 
@@ -52,7 +53,7 @@ def test_unknown_places_and_what_cannot_be_uncertain_are_refused_with_their_line
     for old, new, said in (
         ("default.k_ul_N_m", "defualt.k_ul_N_m", "no number at this place"),
         ("sd: 2", "sd: -2", "expected"),
-        ("{times: {uniform: {low: 0.7, high: 1.3}}}", "{time: 3}", "unknown key"),
+        ("{times: {uniform: {low: 0.7, high: 1.3}}}", "{time: 3}", "found key 'time'.*did you mean 'times'"),
     ):
         with pytest.raises(InputError, match=said) as error:
             small_site(tmp_path, UNKNOWN.replace(old, new))

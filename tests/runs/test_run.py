@@ -16,7 +16,8 @@ import pytest
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.incident_states import fit_first_flight, incident_states
+from rock2d.runs.conditions import incident_states
+from rock2d.runs.incident_states import fit_first_flight
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection

@@ -155,19 +155,15 @@ def _read(
     repetitions, n, k, _ = poses.shape
     flat, t = poses.reshape(-1, k, 3), np.tile(film.t_s, (repetitions, 1))
     block = np.tile(film.block, repetitions)
-    mass = np.array([b.mass_kg for b in blocks])[block]
-    inertia = np.array([b.inertia_kg_m2 for b in blocks])[block]
+    masses = np.array([(b.mass_kg, b.inertia_kg_m2) for b in blocks])[block]
     out = {}
     windows = [_half_window(experiment, b, film.t_s) for b in blocks]
     half = np.array(windows)[block]
     for name, line in lines.items():
         crossings = _crossings(t, flat, line, half)
         energy = np.full(len(flat), np.nan)
-        for b, own_block in enumerate(blocks):
-            own = (block == b) & np.isfinite(crossings[:, 0])
-            energy[own] = crossing_values(crossings[own], line, experiment.cross_section, own_block)[
-                :, ENERGY
-            ]
+        own = np.isfinite(crossings[:, 0])
+        energy[own] = crossing_values(crossings[own], line, experiment.cross_section, masses[own])[:, ENERGY]
         out[f"energy {name}"] = energy
     height = flat[..., 1] - experiment.cross_section.height_m(flat[..., 0])
     later = np.arange(k) >= np.tile(film.impact, repetitions)[:, None]
@@ -177,7 +173,7 @@ def _read(
     out["bounce"] = np.where(np.isfinite(height[rows, top]), height[rows, top], np.nan)
     if not lines:
         pace = _velocities(t, flat, top, half)
-        energy = 0.5 * mass * (pace[:, :2] ** 2).sum(axis=1) + 0.5 * inertia * pace[:, 2] ** 2
+        energy = 0.5 * masses[:, 0] * (pace[:, :2] ** 2).sum(axis=1) + 0.5 * masses[:, 1] * pace[:, 2] ** 2
         out["energy aloft"] = np.where(np.isfinite(out["bounce"]), energy, np.nan)
     last = np.isfinite(t).sum(axis=1) - 1
     out["runout"] = np.abs(flat[rows, last, 0] - flat[rows, 0, 0])

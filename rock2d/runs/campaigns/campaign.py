@@ -19,7 +19,6 @@ from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
-from rock2d.runs.incident_states import check_starts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,7 +166,6 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
     _refuse_what_is_no_campaign(scenario, engine, keep, scenario.make_cross_section())
     seed = scenario.seed if options.seed is None else options.seed
-    check_starts(scenario, seed, options.releases or scenario.releases)
     fps = scenario.outputs.fps
     determined_by = {
         "scenario": scenario.model_dump(mode="json", exclude=NOT_DETERMINING),
@@ -180,7 +178,8 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "versions": versions(),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
-    job = job_of(scenario, engine, seed, keep, folder.absolute() / "chunks", fingerprint)
+    job = job_of(scenario, engine.name, seed, keep, folder.absolute() / "chunks", fingerprint)
+    job.conditions.check_starts(options.releases or scenario.releases)
     about = {"about": scenario.about, "assumed": scenario.assumed}
     return job, {**about, "fingerprint": fingerprint, "determined_by": determined_by}
 

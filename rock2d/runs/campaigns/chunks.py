@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES
-from rock2d.runs.campaigns.ensembles import Group, Outcome
+from rock2d.runs.campaigns.ensembles import Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.engines import ENGINES
-from rock2d.runs.incident_states import DRAW_GROUP, drawn_states
+from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.stops import STOP_COLUMNS
 from rock2d.runs.recording import FRAME_TOLERANCE
@@ -133,10 +133,10 @@ def warm_up(job: Job) -> None:
 
 def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], Counts]:
     """(output -> columns of releases first .. stop - 1 of the chunk's block, their counts)."""
-    states = drawn_states(job.incidents[chunk.block], job.seed, chunk.block, first, stop)
+    group = job.conditions.group(chunk.block, first, stop)
     ensemble = ENGINES[job.engine].ensemble
     assert ensemble is not None, f"engine {job.engine} is for single releases"
-    found = ensemble(job, Group(chunk.block, first, states))
+    found = ensemble(job, group)
     block, numbers = job.blocks[chunk.block], chunk.offset + np.arange(first, stop)
 
     def columns(names: Sequence[str], release: Array, **of: Any) -> dict[str, pa.Array]:
@@ -145,14 +145,17 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, 
 
     out = {}
     if "ends" in job.keep:
-        out["ends"] = columns(STOP_COLUMNS, np.arange(len(states)), **_ends(job.cross_section, states, found))
+        stopped = _ends(job.cross_section, group.states, found)
+        out["ends"] = columns(STOP_COLUMNS, np.arange(len(group.states)), **stopped)
     if "crossings" in job.keep:
         lines = job.cross_section.measure_lines
         release, line = np.nonzero(np.isfinite(found.crossings[:, :, 0]))
-        values = np.empty((len(release), len(CROSSING_VALUES)))
+        values, masses = np.empty((len(release), len(CROSSING_VALUES))), group.masses()
         for k, ends in enumerate(lines.values()):
             own = line == k
-            values[own] = crossing_values(found.crossings[release[own], k], ends, job.cross_section, block)
+            values[own] = crossing_values(
+                found.crossings[release[own], k], ends, job.cross_section, masses[release[own]]
+            )
         named = dict(zip(CROSSING_VALUES, values.T, strict=True))
         out["crossings"] = columns(CROSSING_COLUMNS, release, line=_text(list(lines), line), **named)
     if found.impacts is not None:

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
-from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds
+from rock2d.runs.conditions import Condition, Group
+from rock2d.runs.incident_states import DRAW_GROUP
+
+if TYPE_CHECKING:
+    from rock2d.engines.batch import Ensemble
 
 Array = np.ndarray
 
 FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; a release with more runs once more
+OWN_CONDITIONS_AT_ONCE = (
+    200  # releases with their own blocks, grounds or parameters that are in memory together
+)
 SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # impacts that such a second run may have room for at once
-
-
-class Group(NamedTuple):
-    """Releases of the block with index `block` that are simulated in one call; `first` is the number of the first.
-
-    states : (n, 6)
-    """
-
-    block: int
-    first: int
-    states: Array
 
 
 @dataclass
@@ -55,29 +51,47 @@ class Outcome:
 
 def batch_outcome(job: Job, group: Group) -> Outcome:
     """A group of releases with the batch engine."""
-    from rock2d.engines.batch import Ensemble, run_batch
+    from rock2d.engines.batch import run_batch
     from rock2d.engines.energy_balance import unclosed
-    from rock2d.laws.contact import parameter_table
 
-    table = parameter_table(job.parameters[group.block], job.cross_section.zone_names)
-    ensemble = Ensemble([job.blocks[group.block]], [job.cross_section], [table])
     times = job.times_s() if "samples" in job.keep else None
 
-    def run(some: Array | slice, room: int) -> Any:
+    def run(part: Group, room: int) -> Any:
+        ensemble, (block_ids, ground_ids, table_ids) = _ensemble(part.conditions)
         return run_batch(
-            ensemble, group.states[some], gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s,
+            ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
+            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
         )  # fmt: skip
 
-    def impacts(rows: Array) -> tuple[Array, Array]:
+    def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
         return rows[:, I_ZONE].astype(int), rows[:, I_TIME:]
 
-    outcome, result = _outcome(job, run, impacts)
+    outcome, result = _outcome(job, group, run, impacts)
     outcome.unclosed = int(unclosed(result.energy_J).sum())
     if times is not None:
         outcome.samples = result.samples
     return outcome
+
+
+def _ensemble(conditions: Sequence[Condition]) -> tuple[Ensemble, tuple[Array, Array, Array]]:
+    """The distinct blocks, cross-sections and parameters of releases, and the ids of each release."""
+    from rock2d.engines.batch import Ensemble
+    from rock2d.laws.contact import parameter_table
+
+    blocks, block_ids = _distinct([own.block for own in conditions])
+    grounds, ground_ids = _distinct([own.cross_section for own in conditions])
+    parameters, table_ids = _distinct([own.parameters for own in conditions])
+    tables = [parameter_table(own, conditions[0].cross_section.zone_names) for own in parameters]
+    return Ensemble(blocks, grounds, tables), (block_ids, ground_ids, table_ids)
+
+
+def _distinct(items: Sequence[Any]) -> tuple[list[Any], Array]:
+    """The distinct objects in order of appearance, and the index of each item among them."""
+    places: dict[int, int] = {}
+    index = np.array([places.setdefault(id(item), len(places)) for item in items])
+    return list({id(item): item for item in items}.values()), index
 
 
 def point_mass_outcome(job: Job, group: Group) -> Outcome:
@@ -85,36 +99,65 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
     from rock2d.engines.point_mass import FACET, VELOCITIES
     from rock2d.engines.point_mass_batch import run_point_mass_batch
 
-    seeds = drawn_seeds(job.seed, group.block, group.first, group.first + len(group.states))
+    def run(part: Group, room: int) -> Any:
+        found = []
+        for i in range(len(part.conditions)):
+            own = part.conditions[i]
+            some = slice(None) if len(part.conditions) == 1 else slice(i, i + 1)
+            found.append(
+                run_point_mass_batch(
+                    own.block, own.cross_section, own.parameters, part.states[some], part.seeds[some],
+                    gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
+                )
+            )  # fmt: skip
+        return _joined(found)
 
-    def run(some: Array | slice, room: int) -> Any:
-        return run_point_mass_batch(
-            job.blocks[group.block], job.cross_section, job.parameters[group.block], group.states[some], seeds[some],
-            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s, impact_room=room,
-        )  # fmt: skip
-
-    def impacts(rows: Array) -> tuple[Array, Array]:
+    def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
         before = rows[:, :N_INSTANT]  # a rebound takes no time and changes no pose
         values = np.column_stack([before, before[:, : AT_THETA + 1], rows[:, VELOCITIES], unknown])
-        return job.cross_section.zone_ids[rows[:, FACET].astype(int)], values
+        facets = rows[:, FACET].astype(int)
+        if len(group.conditions) == 1:
+            return group.conditions[0].cross_section.zone_ids[facets], values
+        grounds = [group.conditions[i].cross_section for i in release]
+        return np.array([own.zone_ids[k] for own, k in zip(grounds, facets, strict=True)], int), values
 
-    return _outcome(job, run, impacts)[0]
+    return _outcome(job, group, run, impacts)[0]
+
+
+def _in_parts(group: Group, run: Callable[[Group, int], Any], room: int) -> Any:
+    """What `run` gives of a group; releases that differ in more than their start are run some at a time, since each
+    may have its own ground."""
+    if len(group.conditions) == 1:
+        return run(group, room)
+    firsts = range(0, len(group.states), OWN_CONDITIONS_AT_ONCE)
+    return _joined([run(group.part(slice(i, i + OWN_CONDITIONS_AT_ONCE)), room) for i in firsts])
+
+
+def _joined(results: list[Any]) -> Any:
+    """Results of an engine, as if they were one."""
+    if len(results) == 1:
+        return results[0]
+    kind = type(results[0])
+    return kind(*(np.concatenate([getattr(own, each.name) for own in results]) for each in fields(kind)))
 
 
 def _outcome(
     job: Job,
-    run: Callable[[Array | slice, int], Any],
-    impacts: Callable[[Array], tuple[Array, Array]],
+    group: Group,
+    run: Callable[[Group, int], Any],
+    impacts: Callable[[Array, Array], tuple[Array, Array]],
 ) -> tuple[Outcome, Any]:
-    """The outcome of an engine's `run` (releases, room for impacts), and what it gave; `impacts` takes its rows to zone
-    indices and values."""
+    """The outcome of an engine's `run` (releases, room for impacts), and what it gave; `impacts` takes releases and
+    rows to zone indices and values."""
     keep = "impacts" in job.keep
-    result = run(slice(None), FIRST_IMPACT_ROOM if keep else 0)
+    result = _in_parts(group, run, FIRST_IMPACT_ROOM if keep else 0)
     outcome = Outcome([STOPS[i] for i in result.stop], result.ends, result.crossings)
     if keep:
-        release, rows = _all_impacts(result.impacts, result.impact_count, run)
-        outcome.impacts = release, *impacts(rows)
+        release, rows = _all_impacts(
+            result.impacts, result.impact_count, lambda some, room: _in_parts(group.part(some), run, room)
+        )
+        outcome.impacts = release, *impacts(release, rows)
     return outcome, result
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.runs.conditions import Conditions
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
-    from rock2d.files.scenario_keys import Incident
-    from rock2d.runs.engines import Engine
 
 Array = np.ndarray
 
@@ -29,7 +27,7 @@ class Job:
     ----------
     folder : holds a folder for each of `keep`, names of `outputs.OUTPUTS`
     fingerprint : of everything that determines the result; each file carries it
-    parameters : by block, zone name, or default -> parameters of the engine's law
+    conditions : of each release
     fps : samples per second, if they are kept
     versions : as `versions` gives them where the campaign was started
     """
@@ -37,16 +35,26 @@ class Job:
     folder: Path
     fingerprint: str
     keep: tuple[str, ...]
-    engine: str
-    seed: int
-    cross_section: CrossSection
-    blocks: tuple[Block, ...]
-    incidents: tuple[Incident, ...]
-    parameters: tuple[Mapping[str, Any], ...]
+    conditions: Conditions
     gravity_m_s2: float
     time_limit_s: float
     fps: float
     versions: dict[str, str]
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+        return self.conditions.engine
+
+    @property
+    def cross_section(self) -> CrossSection:
+        """The ground, without roughness."""
+        return self.conditions.cross_section
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks; of a population, the one of median size."""
+        return self.conditions.blocks
 
     def times_s(self) -> Array:
         """Instants at which samples are taken."""
@@ -65,15 +73,12 @@ class Chunk:
 
 
 def job_of(
-    scenario: Scenario, engine: Engine, seed: int, keep: tuple[str, ...], folder: Path, fingerprint: str
+    scenario: Scenario, engine: str, seed: int, keep: tuple[str, ...], folder: Path, fingerprint: str
 ) -> Job:
     """The job of a scenario."""
-    blocks = scenario.make_blocks()
     return Job(
-        folder, fingerprint, keep, engine.name, seed, scenario.make_cross_section(), tuple(blocks.values()),
-        tuple(scenario.incident_of(name) for name in blocks),
-        tuple(engine.parameters(scenario, name) for name in blocks),
-        scenario.gravity_m_s2, scenario.longest_release_s(), scenario.outputs.fps, versions(),
+        folder, fingerprint, keep, Conditions(scenario, engine, seed), scenario.gravity_m_s2,
+        scenario.longest_release_s(), scenario.outputs.fps, versions(),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ either direction. The crossing is exact: it lies on the parabola, not between sa
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,13 +30,17 @@ CROSSING_COLUMNS = ("block", "release", "line", *CROSSING_VALUES)
 
 
 def crossings_table(
-    tracks: Iterable[Track], cross_section: CrossSection, blocks: Mapping[str, Block]
+    tracks: Iterable[Track],
+    cross_section: CrossSection,
+    blocks: Mapping[str, Block],
+    own_blocks: Mapping[int, Block] = MappingProxyType({}),
 ) -> pd.DataFrame:
     """State of every block at its first crossing of every measure line; CROSSING_COLUMNS, one row a passing.
 
     - incidence_angle_deg: between the velocity and the line's normal, in [-90, 90]; positive when the block
       heads toward the line's foot, that is the ground. At an upright line: the angle below the horizontal.
     - passing_height_m: distance along the line from its foot to the crossing of the centroid.
+    - energies are those of the release's own block, if it has one in `own_blocks` (release -> block)
     - kinetic_J = translational_J + rotational_J = ½ m v² + ½ I ω², with the block's own moment of inertia.
 
     Raises KeyError if a track's block is not in `blocks`.
@@ -47,19 +52,23 @@ def crossings_table(
         for name, ends in cross_section.measure_lines.items():
             found = track.crossings(ends)[:1]
             if len(found):
-                values = crossing_values(found, ends, cross_section, blocks[track.block])[0]
+                block = own_blocks.get(track.release, blocks[track.block])
+                masses = np.array([block.mass_kg, block.inertia_kg_m2])
+                values = crossing_values(found, ends, cross_section, masses)[0]
                 rows.append((track.block, track.release, name, *map(float, values)))
     return pd.DataFrame(rows, columns=list(CROSSING_COLUMNS))
 
 
-def crossing_values(found: Array, line: Array, cross_section: CrossSection, block: Block) -> Array:
-    """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line."""
+def crossing_values(found: Array, line: Array, cross_section: CrossSection, masses: Array) -> Array:
+    """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line; `masses`
+    (n, 2) or (2,) are the mass in kg and the moment of inertia in kg m² of the blocks."""
     foot, head = cross_section.foot_and_head(line)
     up = (head - foot) / np.hypot(*(head - foot))
     x, y, vx, vy, omega = found[:, 1], found[:, 2], found[:, 4], found[:, 5], found[:, 6]
     speed, rising = np.hypot(vx, vy), vx * up[0] + vy * up[1]
     across = np.abs(vy * up[0] - vx * up[1])
-    moving, spinning = 0.5 * block.mass_kg * speed**2, 0.5 * block.inertia_kg_m2 * omega**2
+    mass, inertia = np.asarray(masses, float).T
+    moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
     incidence = np.degrees(np.arctan2(-rising, across))
     height = (x - foot[0]) * up[0] + (y - foot[1]) * up[1]
     return np.column_stack(
@@ -68,5 +77,7 @@ def crossing_values(found: Array, line: Array, cross_section: CrossSection, bloc
 
 
 INDICATOR = Indicator(
-    "crossings", CROSSING_COLUMNS, lambda run: crossings_table(run.tracks, run.cross_section, run.blocks)
+    "crossings",
+    CROSSING_COLUMNS,
+    lambda run: crossings_table(run.tracks, run.cross_section, run.blocks, run.own_blocks),
 )

@@ -29,6 +29,10 @@ class Simulated(Protocol):
         """Name -> block."""
 
     @property
+    def own_blocks(self) -> Mapping[int, Block]:
+        """Release -> its block, where blocks differ from release to release."""
+
+    @property
     def engine(self) -> str:
         """Name of the engine."""
 

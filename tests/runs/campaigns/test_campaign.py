@@ -24,7 +24,8 @@ from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns import ensembles
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
 from rock2d.runs.campaigns.streaming import PASSES, OrderStatistics
-from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states, incident_states
+from rock2d.runs.conditions import incident_states
+from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
 from rock2d.runs.indicators.impacts import impacts_table
 from rock2d.runs.indicators.passing import passing_table

@@ -1,0 +1,137 @@
+"""What must be true of a scenario beyond its single keys: names that resolve, parameters that make sense."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.files.checked_yaml import did_you_mean, shown
+from rock2d.files.places import number_at
+from rock2d.files.scatter_keys import SCATTERED
+from rock2d.scene.cross_section import CrossSectionError
+from rock2d.scene.earthworks import EarthworkError
+
+if TYPE_CHECKING:
+    from rock2d.files.scenario import Scenario
+
+
+def check_scenario(scenario: Scenario) -> None:
+    """Raise InputError, with its place in the file, at the first mistake."""
+    _check_earthworks(scenario)
+    _check_names(scenario)
+    _check_parameters(scenario)
+    _check_incident(scenario)
+    _check_scatter(scenario)
+    _check_uncertainty(scenario)
+
+
+def _check_earthworks(scenario: Scenario) -> None:
+    if scenario.ditch is not None and scenario.embankment is None:
+        message = "a ditch lies before an embankment: missing key 'embankment'"
+        raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
+    try:
+        scenario.make_cross_section()
+    except EarthworkError as error:
+        raise scenario.error(str(error), error.part, error.key, code="bad_cross_section") from None
+    except CrossSectionError as error:
+        place = (error.line,) if error.line is not None else ()
+        raise scenario.error(
+            str(error), "cross_section", error.key, *place, code="bad_cross_section"
+        ) from None
+
+
+def _check_names(scenario: Scenario) -> None:
+    zones = {"default", *scenario.make_cross_section().zone_names}
+    blocks = {"default", *scenario.make_blocks()}
+    laws = scenario.model
+
+    def known(names: Any, among: set[str], what: str, *path: str) -> None:
+        for name in names:
+            if name not in among:
+                choices = ", ".join(sorted(among - {"default"}))
+                message = f"unknown {what}{did_you_mean(name, among)}; {what}s of this scenario: {choices}"
+                raise scenario.error(message, *path, name, at="key", code="unknown_name", name=name)
+
+    if "default" in scenario.make_cross_section().zone_names:
+        raise scenario.error("a zone must not be called default", "cross_section", "zones")
+    if "default" in scenario.make_blocks():
+        raise scenario.error("a block must not be called default", "blocks", "default", at="key")
+    if laws.deterministic is not None:
+        known(laws.deterministic.named(), zones, "zone", "model", "deterministic")
+    if laws.probabilistic is not None:
+        known(laws.probabilistic.named(), blocks, "block", "model", "probabilistic")
+        for block, table in laws.probabilistic.named().items():
+            known(table.named(), zones, "zone", "model", "probabilistic", block)
+    known(scenario.incident, blocks, "block", "incident")
+    for name in sorted(blocks - {"default"} - set(scenario.incident)):
+        if "default" not in scenario.incident:
+            message = f"block {shown(name)} has no incident state, neither its own nor a default"
+            raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
+
+
+def _check_parameters(scenario: Scenario) -> None:
+    laws = scenario.model
+    if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
+        scenario.contact_parameters()
+    if laws.probabilistic is not None or scenario.engine == "point_mass":
+        for block in scenario.make_blocks():
+            scenario.rebound_parameters(block)
+
+
+def _check_incident(scenario: Scenario) -> None:
+    """Refuse a fixed start below the ground or beside the cross-section."""
+    ground = scenario.make_cross_section()
+    points = ground.points_m
+    left, right = points[:, 0].min(), points[:, 0].max()
+    for name, item in scenario.incident.items():
+        if item.fixed is None:
+            continue
+        path = ("incident", name, "fixed")
+        if not left <= item.fixed.x_m <= right:
+            message = f"beside the cross-section, which reaches from {left:g} to {right:g}"
+            raise scenario.error(message, *path, "x_m", code="bad_state", key="x_m")
+        if ground.covers(np.array([[item.fixed.x_m, item.fixed.y_m]])).any():
+            raise scenario.error("below the ground", *path, "y_m", code="bad_state", key="y_m")
+
+
+def _check_scatter(scenario: Scenario) -> None:
+    for name in scenario.populations:
+        if scenario.blocks is not None and name in scenario.blocks:
+            raise scenario.error(f"{name} stands under blocks, too", "populations", name, at="key")
+        if scenario.experiment is not None:
+            message = "the blocks of a filmed experiment are known"
+            raise scenario.error(message, "populations", at="key", code="wrong_kind")
+    zones = scenario.make_cross_section().zone_names
+    for zone in scenario.roughness:
+        if zone not in zones:
+            message = f"unknown zone{did_you_mean(zone, zones)}; zones of this scenario: {', '.join(zones)}"
+            raise scenario.error(message, "roughness", zone, at="key", code="unknown_name", name=zone)
+    for place in scenario.scatter:
+        message = ""
+        if place.partition(".")[0] not in SCATTERED:
+            message = f"only numbers under {' and '.join(SCATTERED)} vary from release to release"
+        elif scenario.document is None or number_at(scenario.document.data, place) is None:
+            message = "there is no number at this place of the file"
+        if message:
+            raise scenario.error(message, "scatter", place, at="key", code="unknown_name", name=place)
+
+
+def _check_uncertainty(scenario: Scenario) -> None:
+    if scenario.uncertainty is None or scenario.document is None:
+        return
+    if scenario.experiment is not None:
+        message = "releases that restart a film have no other possible sites"
+        raise scenario.error(message, "uncertainty", at="key", code="wrong_kind")
+    if not scenario.make_cross_section().measure_lines:
+        message = (
+            "nothing is uncertain without a measure line: passing frequencies are what is told of the sites"
+        )
+        raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="measure_lines")
+
+    for place in scenario.uncertainty.site:
+        if number_at(scenario.document.data, place) is None:
+            message = "there is no number at this place of the file"
+            raise scenario.error(
+                message, "uncertainty", "site", place, at="key", code="unknown_name", name=place
+            )

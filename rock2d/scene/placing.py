@@ -1,0 +1,44 @@
+"""Where a block lies when it just touches the ground from above."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+SIDES_OF_A_SMOOTH_PROFILE = 256
+
+
+def touching_height_m(block: Block, cross_section: CrossSection, x_m: Array, theta_rad: Array) -> Array:
+    """(n,) height of the centroid at which the block, lowered at x_m (n,) with its orientation (n,), meets the ground.
+
+    A smooth profile is taken as a polygon around it, 1e-4 of its size larger. Ground beside the cross-section does not
+    count. Raises ValueError if a block lies beside the cross-section with its whole width.
+    """
+    outline = block.outline(SIDES_OF_A_SMOOTH_PROFILE)
+    if block.smooth:
+        outline = outline / np.cos(np.pi / SIDES_OF_A_SMOOTH_PROFILE)
+    x, theta = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(theta_rad, float))
+    c, s = np.cos(theta)[:, None], np.sin(theta)[:, None]
+    ahead, up = c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]
+    below_corners = cross_section.height_m(x[:, None] + ahead) - up
+    heights = np.nanmax(np.where(np.isnan(below_corners), -np.inf, below_corners), axis=1)
+    for vertex_x, vertex_y in cross_section.points_m:
+        under = vertex_x - x
+        for i in np.flatnonzero((under > ahead.min(axis=1)) & (under < ahead.max(axis=1))):
+            heights[i] = max(heights[i], vertex_y - _underside(ahead[i], up[i], under[i]))
+    if not np.isfinite(heights).all():
+        raise ValueError("a block lies beside the cross-section")
+    return heights
+
+
+def _underside(ahead: Array, up: Array, at: float) -> float:
+    """Height of the lower side of a convex polygon at a distance ahead of its centroid."""
+    other_ahead, other_up = np.roll(ahead, -1), np.roll(up, -1)
+    crosses = (np.minimum(ahead, other_ahead) <= at) & (at <= np.maximum(ahead, other_ahead))
+    a, b, p, q = ahead[crosses], other_ahead[crosses], up[crosses], other_up[crosses]
+    width = np.where(a == b, 1.0, b - a)
+    return float(np.where(a == b, np.minimum(p, q), p + (at - a) / width * (q - p)).min())

@@ -8,10 +8,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from rock2d.files.checked_yaml import Checked, Table, did_you_mean, mistake, shown
-from rock2d.files.setup_keys import Coordinate
+from rock2d.files.setup_keys import Coordinate, Name
+from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
+SoilName = Annotated[str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})]  # `scenario` checks it
 
 
 class ContactKeys(Checked):
@@ -61,9 +63,13 @@ class ReboundKeys(Checked):
 
 
 class ContactTable(Table):
-    """Zone name, or default, -> parameters; a zone may give some of them, the rest come from default."""
+    """Zone name, or default, -> parameters; a zone may give some of them, the rest come from its soil class, then from
+    default, then from the soil class of default."""
 
-    default: ContactKeys = Field(description="Parameters of every zone that does not give its own")
+    default: ContactKeys = Field(
+        default_factory=ContactKeys,
+        description="Parameters of every zone that does not give its own; required without soils",
+    )
     __pydantic_extra__: dict[str, ContactKeys] = Field(init=False)
 
 
@@ -76,21 +82,39 @@ class ReboundTable(Table):
 
 class BlockReboundTable(Table):
     """Block name, or default, -> zone -> parameters. A block and zone may give some; the rest come from the
-    block's default, then default's zone, then default's default."""
+    block's default, then default's zone, then the zone's soil class, then default's default, then the soil class of
+    default."""
 
-    default: ReboundTable = Field(description="Zones of every block that does not give its own")
+    default: ReboundTable = Field(
+        default_factory=ReboundTable,
+        description="Zones of every block that does not give its own; required without soils",
+    )
     __pydantic_extra__: dict[str, ReboundTable] = Field(init=False)
 
 
 class Laws(Checked):
-    """Parameters of either impact law, or of both."""
+    """Soil classes, or parameters of either impact law, or of both. A file's numbers come before its classes."""
 
+    soils: dict[Name, SoilName] | None = Field(
+        default=None,
+        min_length=1,
+        description="Zone name, or default, -> soil class, which gives the parameters of both laws for each block: "
+        "`rock2d soils` lists them",
+    )
     deterministic: ContactTable | None = Field(
         default=None, description="Elasto-plastic contact (engine pymunk)"
     )
     probabilistic: BlockReboundTable | None = Field(
         default=None, description="Bourrier-Hungr rebound (engine point_mass)"
     )
+
+    @model_validator(mode="after")
+    def _default_without_soils(self) -> Laws:
+        for law in ("deterministic", "probabilistic"):
+            table = getattr(self, law)
+            if self.soils is None and table is not None and "default" not in table.model_fields_set:
+                raise mistake("missing key 'default'", law, at="key", code="missing_key", key="default")
+        return self
 
 
 class Fixed(Checked):

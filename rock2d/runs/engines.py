@@ -50,7 +50,7 @@ class Engine:
     Attributes
     ----------
     law : key of a scenario's `model` that holds its parameters: "deterministic" or "probabilistic"
-    parameters : (scenario, block name) -> zone name, or default -> parameters of its law
+    parameters : (scenario, block) -> zone name, or default -> parameters of its law
     track : simulates one release
     ensemble : simulates a group of releases of a campaign; None if it is for single releases only
     many_processes : its releases are worth the start of further processes
@@ -60,7 +60,7 @@ class Engine:
 
     name: str
     law: str
-    parameters: Callable[[Scenario, str], Mapping[str, Any]]
+    parameters: Callable[[Scenario, Block], Mapping[str, Any]]
     track: Callable[[ReleaseInputs], Track]
     ensemble: Callable[[Job, Group], Outcome] | None = None
     many_processes: bool = False
@@ -77,11 +77,11 @@ def engine_named(name: str) -> Engine:
     return ENGINES[name]
 
 
-def _contact_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
-    return scenario.contact_parameters()  # the same for every block
+def _contact_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
+    return scenario.contact_parameters(block)
 
 
-def _rebound_parameters(scenario: Scenario, block: str) -> Mapping[str, Any]:
+def _rebound_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
     return scenario.rebound_parameters(block)
 
 

@@ -89,7 +89,7 @@ def run(
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed
     blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
-    parameters = {name: chosen.parameters(scenario, name) for name in blocks}
+    parameters = {name: chosen.parameters(scenario, block) for name, block in blocks.items()}
     job = _Job(chosen.name, cross_section, blocks, parameters, scenario.gravity_m_s2)
     check_starts(scenario, seed, releases or scenario.releases)
     states = incident_states(scenario, seed, releases)

@@ -72,7 +72,7 @@ def job_of(
     return Job(
         folder, fingerprint, keep, engine.name, seed, scenario.make_cross_section(), tuple(blocks.values()),
         tuple(scenario.incident_of(name) for name in blocks),
-        tuple(engine.parameters(scenario, name) for name in blocks),
+        tuple(engine.parameters(scenario, block) for block in blocks.values()),
         scenario.gravity_m_s2, scenario.longest_release_s(), scenario.outputs.fps, versions(),
     )  # fmt: skip
 

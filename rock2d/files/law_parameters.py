@@ -53,10 +53,9 @@ def rebound_parameters(scenario: Scenario, block: Block) -> dict[str, ReboundPar
         message = "missing key 'probabilistic', which engine point_mass needs"
         raise scenario.error(message, "model", code="missing_key", key="probabilistic")
     blocks = model.probabilistic.named() if model.probabilistic is not None else {}
-    owner = block.name if block.name in blocks else "default"
     start: Values = {"slope_reduction_deg": 0.0, "slope_reduction": "constant"}
     classes = _classes(scenario, soil_rebound, block)
-    numbers, own = _numbers(blocks.get("default")), _numbers(blocks.get(owner))
+    numbers, own = _numbers(blocks.get("default")), _numbers(blocks.get(block.name))
     base = start | classes.get("default", {}) | numbers.get("default", {})
     common = base | own.get("default", {})
     out = {}
@@ -65,7 +64,7 @@ def rebound_parameters(scenario: Scenario, block: Block) -> dict[str, ReboundPar
         if zone != "default":  # what the file says of a block comes before what it says of a zone
             values = base | classes.get(zone, {}) | numbers.get(zone, {})
             values = values | own.get("default", {}) | own.get(zone, {})
-        path = (owner, zone) if zone in own else ("default", zone)
+        path = (block.name, zone) if zone in own else ("default", zone)
         out[zone] = _checked(scenario, ReboundParameters, values, ("model", "probabilistic", *path))
     return out
 

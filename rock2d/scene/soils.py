@@ -74,7 +74,7 @@ _ALL = (
         tangential_restitution=0.6,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(1),
-        assumed="stiffness, tangential restitution",
+        assumed="stiffness, friction, tangential restitution",
     ),
     SoilClass(
         name="shallow_soil",
@@ -88,7 +88,7 @@ _ALL = (
         tangential_restitution=0.7,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(2),
-        assumed="stiffness, tangential restitution",
+        assumed="stiffness, friction, tangential restitution",
     ),
     SoilClass(
         name="medium_scree",
@@ -102,7 +102,7 @@ _ALL = (
         tangential_restitution=0.75,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(3),
-        assumed="stiffness, tangential restitution",
+        assumed="stiffness, friction, tangential restitution",
     ),
     SoilClass(
         name="coarse_talus",
@@ -116,7 +116,7 @@ _ALL = (
         tangential_restitution=0.8,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(4),
-        assumed="stiffness, tangential restitution",
+        assumed="stiffness, friction, tangential restitution",
     ),
     SoilClass(
         name="covered_bedrock",
@@ -144,7 +144,7 @@ _ALL = (
         tangential_restitution=0.9,
         rolling_share=0.001,
         source=ROCKYFOR3D.format(6),
-        assumed="range of friction, tangential restitution, rolling",
+        assumed="friction, tangential restitution, rolling",
     ),
     SoilClass(
         name="asphalt",

@@ -7,13 +7,14 @@ zone, the numbers come before the class.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import ParameterError
 from rock2d.files.checked_yaml import Table, shown
+from rock2d.files.scenario_keys import SoilKeys
 from rock2d.scene.blocks import Block
-from rock2d.scene.soils import SOIL_CLASSES
+from rock2d.scene.soils import SOIL_CLASSES, SoilClass
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
@@ -72,9 +73,13 @@ def rebound_parameters(scenario: Scenario, block: Block) -> dict[str, ReboundPar
 def _classes(scenario: Scenario, law: Any, block: Block) -> dict[str, Values]:
     """Zone name, or default -> what its class gives for the block."""
     soils = scenario.model.soils or {}
-    return {
-        zone: asdict(law(SOIL_CLASSES[name], block.mass_kg, block.size_m)) for zone, name in soils.items()
-    }
+    return {zone: asdict(law(_soil(own), block.mass_kg, block.size_m)) for zone, own in soils.items()}
+
+
+def _soil(given: str | SoilKeys) -> SoilClass:
+    if isinstance(given, str):
+        return SOIL_CLASSES[given]
+    return replace(SOIL_CLASSES[given.like], **given.model_dump(exclude_none=True, exclude={"like"}))
 
 
 def _numbers(table: Table | None) -> dict[str, Values]:

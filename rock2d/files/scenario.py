@@ -18,7 +18,7 @@ from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_sche
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
-from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs
+from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs, Soil
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
@@ -276,12 +276,13 @@ def _check_names(scenario: Scenario) -> None:
             raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
 
 
-def _check_soil_classes(scenario: Scenario, soils: dict[str, str]) -> None:
-    for zone, name in soils.items():
+def _check_soil_classes(scenario: Scenario, soils: dict[str, Soil]) -> None:
+    for zone, given in soils.items():
+        name, place = (given, (zone,)) if isinstance(given, str) else (given.like, (zone, "like"))
         if name not in SOIL_CLASSES:
             message = f"unknown soil class {shown(name)}{did_you_mean(name, SOIL_CLASSES)}; soil classes: "
             message += ", ".join(SOIL_CLASSES)
-            raise scenario.error(message, "model", "soils", zone, code="unknown_name", name=name)
+            raise scenario.error(message, "model", "soils", *place, code="unknown_name", name=name)
 
 
 def _check_parameters(scenario: Scenario) -> None:

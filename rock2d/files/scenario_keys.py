@@ -92,14 +92,45 @@ class BlockReboundTable(Table):
     __pydantic_extra__: dict[str, ReboundTable] = Field(init=False)
 
 
+class SoilKeys(Checked):
+    """A soil class with numbers of your own, which hold for blocks of all sizes."""
+
+    like: SoilName = Field(description="The soil class that gives what is not given here")
+    restitution: float | None = Field(
+        default=None, ge=0.01, lt=1, description="Normal restitution at the reference impact, without unit"
+    )
+    friction_angle_deg: float | None = Field(
+        default=None, ge=0, lt=90, description="Friction angle of both laws in degrees"
+    )
+    stiffness: float | None = Field(
+        default=None, gt=0, le=1.0e6, description="k_l x size / (mass x gravity), without unit"
+    )
+    tangential_restitution: float | None = Field(
+        default=None, ge=0, le=1, description="r_t of the rebound law, without unit"
+    )
+
+
+def _known_soil(value: Any) -> Any:
+    if isinstance(value, (str, dict, SoilKeys)):
+        return value
+    raise mistake(f"expected the name of a soil class or a mapping with the key like, found {shown(value)}")
+
+
+Soil = Annotated[
+    Annotated[SoilName, Tag("<name>")] | Annotated[SoilKeys, Tag("<keys>")],
+    Discriminator(lambda value: "<name>" if isinstance(value, str) else "<keys>"),
+    BeforeValidator(_known_soil),
+]
+
+
 class Laws(Checked):
     """Soil classes, or parameters of either impact law, or of both. A file's numbers come before its classes."""
 
-    soils: dict[Name, SoilName] | None = Field(
+    soils: dict[Name, Soil] | None = Field(
         default=None,
         min_length=1,
-        description="Zone name, or default, -> soil class, which gives the parameters of both laws for each block: "
-        "`rock2d soils` lists them",
+        description="Zone name, or default, -> soil class, or {like: soil class, and numbers of your own}; gives the "
+        "parameters of both laws for each block. `rock2d soils` lists the classes",
     )
     deterministic: ContactTable | None = Field(
         default=None, description="Elasto-plastic contact (engine pymunk)"

@@ -64,8 +64,8 @@ def _for_block(mass_kg: float, size_m: float) -> list[str]:
         numbers = (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad,
                    contact_time_s(law, mass_kg), penetration_m(law, mass_kg, speed))  # fmt: skip
         contacts.append((soil.name, *(f"{value:.3g}" for value in numbers)))
-        numbers = (point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution)
-        rebounds.append((soil.name, *(f"{value:.3g}" for value in numbers)))
+        short = (point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution)
+        rebounds.append((soil.name, *(f"{value:.3g}" for value in short)))
     return [
         f"block of {mass_kg:g} kg, {size_m:g} m; reference impact: {speed:.3g} m/s into the ground",
         "",

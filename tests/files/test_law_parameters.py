@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
+from rock2d.files.scenario_variants import variant
+from rock2d.laws import closed_forms
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES
 
@@ -16,7 +20,7 @@ releases: 4
 cross_section:
   points_m: [[-10, 10], [0, 0], [10, 0], [20, 0]]
   zones: [rock, scree, road]
-blocks:
+{line}blocks:
   small: {{shape: circle, diameter_m: 0.6, mass_kg: 300, inertia: solid_sphere}}
   large: {{shape: square, side_m: 2.0, mass_kg: 21600}}
 incident: {{default: {{fixed: {{x_m: 5, y_m: 4, vx_m_s: 1, vy_m_s: 0}}}}}}
@@ -27,9 +31,9 @@ CONTACT = "{k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg:
 
 @pytest.fixture
 def load(tmp_path):
-    def load(model: str, engine: str = "batch"):
+    def load(model: str, engine: str = "batch", line: str = ""):
         path = tmp_path / "scenario.yaml"
-        path.write_text(HEAD.format(engine=engine) + model)
+        path.write_text(HEAD.format(engine=engine, line=line) + model)
         return load_scenario(path)
 
     return load
@@ -101,7 +105,16 @@ def test_classes_of_all_zones_need_no_default(load):
         ("  soils: {default: medium_scee}\n", 12, 20, "did you mean 'medium_scree'"),
         ("  soils: {default: x, rock: bedrock}\n", 12, 20, "soil classes: swamp, deep_soil"),
         ("  soils: {default: bedrock, rok: bedrock}\n", 12, 29, "unknown zone (did you mean 'rock'?)"),
-        ("  soils: {default: 3}\n", 12, 20, "expected text, found 3"),
+        (
+            "  soils: {default: 3}\n",
+            12,
+            20,
+            "expected the name of a soil class or a mapping with the key like",
+        ),
+        ("  soils: {default: {like: medium_scee}}\n", 12, 27, "did you mean 'medium_scree'"),
+        ("  soils: {default: {restitution: 0.3}}\n", 12, 11, "missing key 'like'"),
+        ("  soils: {default: {like: bedrock, restitution: 1.2}}\n", 12, 49, "less than 1, found 1.2"),
+        ("  soils: {default: {like: bedrock, stifness: 99}}\n", 12, 36, "did you mean 'stiffness'"),
         ("  soils: {}\n", 12, 10, "at least 1"),
         (
             "  soils: {rock: bedrock}\n",
@@ -124,6 +137,30 @@ def test_a_mistake_is_one_message_with_its_place(load, model, line, column, word
         load(model)
     assert words in str(caught.value) and "\n" not in str(caught.value)
     assert (caught.value.line, caught.value.column) == (line, column)
+
+
+def test_own_numbers_of_a_class_scale_with_the_block(load):
+    scenario = load("  soils: {default: {like: medium_scree, restitution: 0.3, stiffness: 500}}\n")
+    soil = replace(SOIL_CLASSES["medium_scree"], restitution=0.3, stiffness=500.0)
+    for name, block in scenario.make_blocks().items():
+        assert contact(scenario, "default", name) == soil_contact(soil, block.mass_kg, block.size_m)
+        assert rebound(scenario, "default", name) == soil_rebound(soil, block.mass_kg, block.size_m)
+
+
+def test_a_number_of_a_class_can_be_uncertain(load):
+    """A possible site has another restitution of the rock, for all blocks; nothing else changes."""
+    low, high = SOIL_CLASSES["bedrock"].restitution_range
+    scenario = load(
+        "  soils: {default: medium_scree, rock: {like: bedrock, restitution: 0.53}}\n"
+        f"uncertainty: {{site: {{model.soils.rock.restitution: {{uniform: {{low: {low}, high: {high}}}}}}}}}\n",
+        line="  measure_lines: {end: [[15, 0.1], [15, 9]]}\n",
+    )
+    site = variant(scenario, {"model.soils.rock.restitution": low})
+    for name in scenario.make_blocks():
+        law = contact(site, "rock", name)
+        assert closed_forms.restitution(law) == pytest.approx(low)
+        assert law.k_l_N_m == contact(scenario, "rock", name).k_l_N_m
+        assert contact(site, "default", name) == contact(scenario, "default", name)
 
 
 def test_a_scenario_with_classes_runs_with_every_engine(load):

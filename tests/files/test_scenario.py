@@ -50,6 +50,9 @@ incident:
     distribution: {x_m: 0.1, y_m: {normal: {mean: 0.4, sd: 0.01}}, vx_m_s: {uniform: {low: 1, high: 2}}, vy_m_s: 0}
 outputs: {fps: 100}
 """
+WITH_SOILS = SMALL.replace(
+    "model:\n", "model:\n  soils: {default: medium_scree, ditch: {like: swamp, restitution: 0.1}}\n"
+)
 FILMED = """\
 name: filmed
 model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}
@@ -264,7 +267,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
 def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
     rng = random.Random(seed)
     file = tmp_path_factory.mktemp("damaged") / "s.yaml"
-    text = rng.choice([SMALL, *(path.read_text() for path in SHIPPED.glob("*.yaml"))])
+    text = rng.choice([SMALL, WITH_SOILS, *(path.read_text() for path in SHIPPED.glob("*.yaml"))])
     if rng.random() < 0.5:
         with file.open("w") as out:
             YAML(typ="safe").dump(mutate_data(YAML(typ="safe").load(text), rng), out)

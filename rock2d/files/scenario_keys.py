@@ -108,6 +108,12 @@ class SoilKeys(Checked):
     tangential_restitution: float | None = Field(
         default=None, ge=0, le=1, description="r_t of the rebound law, without unit"
     )
+    slope_reduction_deg: float | None = Field(
+        default=None,
+        ge=0,
+        lt=90,
+        description="Roughness of the ground: the rebound law draws from U(0, this)",
+    )
 
 
 def _known_soil(value: Any) -> Any:

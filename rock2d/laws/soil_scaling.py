@@ -58,9 +58,11 @@ def soil_contact(soil: SoilClass, mass_kg: float, size_m: float) -> ContactParam
 
 
 def soil_rebound(soil: SoilClass, mass_kg: float, size_m: float) -> ReboundParameters:
-    """Parameters of the probabilistic law; no slope reduction, which describes roughness and the shape of the block."""
+    """Parameters of the probabilistic law; the slope reduction is that of the ground, without the block's shape."""
     return ReboundParameters(
         friction_angle_deg=soil.friction_angle_deg,
         momentum_half_kg_m_s=momentum_number(soil) * mass_kg * float(np.sqrt(SOIL_GRAVITY_M_S2 * size_m)),
         tangential_restitution=soil.tangential_restitution,
+        slope_reduction_deg=soil.slope_reduction_deg,
+        slope_reduction="uniform",
     )

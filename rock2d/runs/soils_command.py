@@ -8,10 +8,11 @@ from typing import Any
 from rock2d.errors import InputError
 from rock2d.scene.soils import SOIL_CLASSES, Range, SoilClass
 
-CLASS_HEADER = ("class", "restitution", "friction in °", "stiffness κ", "r_t")
+CLASS_HEADER = ("class", "restitution", "friction in °", "stiffness κ", "r_t", "α in °")
 CONTACT_HEADER = ("deterministic", "k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad",
                   "contact in s", "penetration in m")  # fmt: skip
-REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s", "tangential_restitution")
+REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s", "tangential_restitution",
+                  "slope_reduction_deg")  # fmt: skip
 
 
 def list_soils(
@@ -43,6 +44,7 @@ def _classes() -> list[str]:
             _with_range(soil.friction_angle_deg, soil.friction_range_deg, "g"),
             _with_range(soil.stiffness, soil.stiffness_range, "g"),
             f"{soil.tangential_restitution:.2f}",
+            f"{soil.slope_reduction_deg:g}",
         )
         for soil in soils
     ]
@@ -64,7 +66,8 @@ def _for_block(mass_kg: float, size_m: float) -> list[str]:
         numbers = (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad,
                    contact_time_s(law, mass_kg), penetration_m(law, mass_kg, speed))  # fmt: skip
         contacts.append((soil.name, *(f"{value:.3g}" for value in numbers)))
-        short = (point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution)
+        short = (point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution,
+                 point.slope_reduction_deg)  # fmt: skip
         rebounds.append((soil.name, *(f"{value:.3g}" for value in short)))
     return [
         f"block of {mass_kg:g} kg, {size_m:g} m; reference impact: {speed:.3g} m/s into the ground",

@@ -28,6 +28,7 @@ class SoilClass:
     friction_angle_deg, friction_range_deg : friction angle of both laws; least and greatest
     stiffness, stiffness_range : κ = k_l d / (m g), without unit; least and greatest
     tangential_restitution : r_t of the rebound law, in [0, 1]
+    slope_reduction_deg : roughness, for the rebound law: α, drawn from U(0, α) at every impact
     rolling_share : k_r / (k_l d²), without unit
     source : of description and restitution
     assumed : what no source gives
@@ -42,6 +43,7 @@ class SoilClass:
     stiffness: float
     stiffness_range: Range
     tangential_restitution: float
+    slope_reduction_deg: float
     rolling_share: float
     source: str
     assumed: str
@@ -57,7 +59,8 @@ _ALL = (
         friction_range_deg=(10.0, 30.0),
         stiffness=50.0,
         stiffness_range=(25.0, 100.0),
-        tangential_restitution=0.45,
+        tangential_restitution=0.5,
+        slope_reduction_deg=0.0,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(0),
         assumed="restitution (0 in the source, which no law allows) and all other numbers",
@@ -71,10 +74,11 @@ _ALL = (
         friction_range_deg=(26.0, 35.0),
         stiffness=100.0,
         stiffness_range=(40.0, 250.0),
-        tangential_restitution=0.6,
+        tangential_restitution=0.8,
+        slope_reduction_deg=8.0,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(1),
-        assumed="stiffness, friction, tangential restitution",
+        assumed="stiffness, friction, tangential restitution, roughness",
     ),
     SoilClass(
         name="shallow_soil",
@@ -85,10 +89,11 @@ _ALL = (
         friction_range_deg=(30.0, 35.0),
         stiffness=200.0,
         stiffness_range=(80.0, 400.0),
-        tangential_restitution=0.7,
+        tangential_restitution=0.83,
+        slope_reduction_deg=10.0,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(2),
-        assumed="stiffness, friction, tangential restitution",
+        assumed="stiffness, friction, tangential restitution, roughness",
     ),
     SoilClass(
         name="medium_scree",
@@ -99,10 +104,11 @@ _ALL = (
         friction_range_deg=(32.0, 40.0),
         stiffness=350.0,
         stiffness_range=(150.0, 700.0),
-        tangential_restitution=0.75,
+        tangential_restitution=0.85,
+        slope_reduction_deg=14.0,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(3),
-        assumed="stiffness, friction, tangential restitution",
+        assumed="stiffness, friction, tangential restitution, roughness",
     ),
     SoilClass(
         name="coarse_talus",
@@ -113,10 +119,11 @@ _ALL = (
         friction_range_deg=(34.0, 45.0),
         stiffness=600.0,
         stiffness_range=(300.0, 1200.0),
-        tangential_restitution=0.8,
+        tangential_restitution=0.87,
+        slope_reduction_deg=20.0,
         rolling_share=0.004,
         source=ROCKYFOR3D.format(4),
-        assumed="stiffness, friction, tangential restitution",
+        assumed="stiffness, friction, tangential restitution, roughness",
     ),
     SoilClass(
         name="covered_bedrock",
@@ -127,10 +134,11 @@ _ALL = (
         friction_range_deg=(28.0, 40.0),
         stiffness=1000.0,
         stiffness_range=(500.0, 2000.0),
-        tangential_restitution=0.85,
+        tangential_restitution=0.88,
+        slope_reduction_deg=14.0,
         rolling_share=0.002,
         source=ROCKYFOR3D.format(5),
-        assumed="stiffness, friction, tangential restitution, rolling",
+        assumed="stiffness, friction, tangential restitution, roughness, rolling",
     ),
     SoilClass(
         name="bedrock",
@@ -142,9 +150,10 @@ _ALL = (
         stiffness=1700.0,
         stiffness_range=(900.0, 3200.0),
         tangential_restitution=0.9,
+        slope_reduction_deg=18.0,
         rolling_share=0.001,
         source=ROCKYFOR3D.format(6),
-        assumed="friction, tangential restitution, rolling",
+        assumed="friction, tangential restitution, roughness, rolling",
     ),
     SoilClass(
         name="asphalt",
@@ -156,9 +165,10 @@ _ALL = (
         stiffness=1000.0,
         stiffness_range=(500.0, 2000.0),
         tangential_restitution=0.9,
+        slope_reduction_deg=0.0,
         rolling_share=0.001,
         source=ROCKYFOR3D.format(7),
-        assumed="stiffness, friction, tangential restitution, rolling",
+        assumed="stiffness, friction, tangential restitution, roughness, rolling",
     ),
     SoilClass(
         name="compacted_fill",
@@ -170,6 +180,7 @@ _ALL = (
         stiffness=600.0,
         stiffness_range=(200.0, 1160.0),
         tangential_restitution=0.87,
+        slope_reduction_deg=0.0,
         rolling_share=0.004,
         source=f"{PAPER}; restitution: {ROCKYFOR3D.format('3 to 4')}",
         assumed="stiffness (its greatest value is that of Table 4), range of friction",

@@ -82,7 +82,8 @@ def test_numbers_of_a_block_come_before_every_class(load):
     for zone in ("default", "rock"):
         assert rebound(scenario, zone, "large").slope_reduction_deg == 9
         assert rebound(scenario, zone, "large").tangential_restitution == 0.5
-        assert rebound(scenario, zone, "small").slope_reduction_deg == 0
+    for zone, soil in (("default", "medium_scree"), ("rock", "bedrock")):
+        assert rebound(scenario, zone, "small").slope_reduction_deg == SOIL_CLASSES[soil].slope_reduction_deg
     assert rebound(scenario, "rock", "small").tangential_restitution == 0.9
 
 

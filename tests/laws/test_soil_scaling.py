@@ -109,6 +109,22 @@ def test_the_point_mass_engine_moves_blocks_of_two_sizes_alike(soil):
     assert np.abs(np.subtract(*ends)).max() < 1e-9 * np.abs(ends).max()
 
 
+@pytest.mark.parametrize("rough", [True, False])
+def test_roughness_keeps_a_point_mass_bouncing_down_a_talus(rough):
+    """On a plane without roughness each rebound takes normal speed that nothing gives back, and even steep talus stops
+    every block."""
+    soil = SOIL_CLASSES["coarse_talus"]
+    soil = soil if rough else replace(soil, slope_reduction_deg=0.0)
+    slope = CrossSection([[0.0, 0.0], [100.0, -84.0]], ["talus"])  # 40°
+    block = scaled("ball", 2.0)
+    law = {"default": soil_rebound(soil, block.mass_kg, block.size_m)}
+    stops = [
+        run_point_mass(block, slope, law, [1, 2, 0, 2, 0, 0], time_limit_s=120.0, seed=seed).stop
+        for seed in range(10)
+    ]
+    assert stops == ["exit" if rough else "rest"] * 10
+
+
 @soils
 def test_restitution_and_relative_penetration_are_those_of_the_class_at_any_size(soil):
     for mass_kg, size_m in ((0.022, 0.025), (300.0, 0.6), (20_000.0, 2.4)):

@@ -38,7 +38,13 @@ def test_the_parameters_of_a_block_are_those_that_a_scenario_takes(soil):
         [law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad], rel=0.01
     )
     assert [float(cell) for cell in rebound[1:]] == pytest.approx(
-        [point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution], rel=0.01
+        [
+            point.friction_angle_deg,
+            point.momentum_half_kg_m_s,
+            point.tangential_restitution,
+            point.slope_reduction_deg,
+        ],
+        rel=0.01,
     )
 
 

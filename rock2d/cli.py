@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from pathlib import Path
 
 import click
@@ -15,6 +14,7 @@ from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.runs.campaigns.outputs import OUTPUTS
 from rock2d.runs.engines import ENGINES
 from rock2d.schemas import SCHEMAS, file_schema
+from rock2d.warning_lines import print_warnings_in_one_line
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
@@ -130,6 +130,21 @@ def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **o
     answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, report=click.echo, **options)
     if answer.least is None:
         sys.exit(4)
+
+
+@cli.command()
+@click.option("--mass-kg", type=float, metavar="KG", help="Mass of a block; needs --size-m.")
+@click.option("--size-m", type=float, metavar="M",
+              help="Its size: the diameter of the circle with the area of its profile.")  # fmt: skip
+def soils(mass_kg, size_m) -> None:
+    """List the soil classes that the key soils of a scenario knows: restitution, friction, stiffness, their ranges and
+    sources. With --mass-kg and --size-m, print the parameters of both impact laws for that block.
+
+    Example: rock2d soils --mass-kg 2700 --size-m 1.2
+    """
+    from rock2d.runs.soils_command import list_soils
+
+    list_soils(mass_kg, size_m, report=click.echo)
 
 
 @cli.command()
@@ -341,26 +356,11 @@ def schema(kind) -> None:
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
-def _print_warnings_in_one_line() -> None:
-    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
-    from rock2d.errors import OldKeyWarning
-
-    show = warnings.showwarning
-
-    def print_warning(message, category, *arguments, **options) -> None:
-        if issubclass(category, OldKeyWarning):
-            click.echo(f"warning: {message}", err=True)
-        else:
-            show(message, category, *arguments, **options)
-
-    warnings.showwarning = print_warning
-
-
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
     from rock2d.errors import InputError
 
-    _print_warnings_in_one_line()
+    print_warnings_in_one_line()
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)

@@ -152,8 +152,8 @@ def prepared_run(
         "gravity_m_s2": scenario.gravity_m_s2,
         "time_limit_s": scenario.longest_release_s(),
     }
-    table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
-    law = scenario.rebound_parameters(block_name)
+    table = parameter_table(scenario.contact_parameters(block), cross_section.zone_names)
+    law = scenario.rebound_parameters(block)
     ensemble = Ensemble([block], [cross_section], [table])
 
     def run(number: int = number) -> None:

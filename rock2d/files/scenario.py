@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError, ParameterError
+from rock2d.errors import InputError
+from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
 from rock2d.files.distributions import Variation
 from rock2d.files.experiment import Experiment, load_experiment
@@ -142,40 +142,13 @@ class Scenario(Checked):
         """The block's own incident states, else the default's."""
         return self.incident.get(block) or self.incident["default"]
 
-    def contact_parameters(self) -> dict[str, ContactParameters]:
-        """Zone name -> parameters of the deterministic law; "default" serves every other zone."""
-        from rock2d.laws.contact import ContactParameters
+    def contact_parameters(self, block: Block) -> dict[str, ContactParameters]:
+        """Zone name -> parameters of the deterministic law for `block`; "default" serves every other zone."""
+        return law_parameters.contact_parameters(self, block)
 
-        if self.model.deterministic is None:
-            message = "missing key 'deterministic', which the engines pymunk and batch need"
-            raise self.error(message, "model", code="missing_key", key="deterministic")
-        table = self.model.deterministic.named()
-        start: dict[str, Any] = {"rolling_cap": False, "rolling_in_indentation": False}
-        out = {}
-        for zone, keys in table.items():
-            values = _merged(start, table["default"], keys)
-            out[zone] = self._parameters(ContactParameters, values, ("model", "deterministic", zone))
-        return out
-
-    def rebound_parameters(self, block: str) -> dict[str, ReboundParameters]:
+    def rebound_parameters(self, block: Block) -> dict[str, ReboundParameters]:
         """Zone name -> parameters of the probabilistic law for `block`; "default" serves every other zone."""
-        from rock2d.laws.rebound import ReboundParameters
-
-        if self.model.probabilistic is None:
-            message = "missing key 'probabilistic', which engine point_mass needs"
-            raise self.error(message, "model", code="missing_key", key="probabilistic")
-        blocks = self.model.probabilistic.named()
-        common = blocks["default"].named()
-        owner = block if block in blocks else "default"
-        own = blocks[owner].named()
-        start: dict[str, Any] = {"slope_reduction_deg": 0.0, "slope_reduction": "constant"}
-        out = {}
-        for zone in {**common, **own}:
-            layers = [common["default"], common.get(zone), own["default"], own.get(zone)]
-            values = _merged(start, *(layer for layer in layers if layer is not None))
-            path = (owner, zone) if zone in own else ("default", zone)
-            out[zone] = self._parameters(ReboundParameters, values, ("model", "probabilistic", *path))
-        return out
+        return law_parameters.rebound_parameters(self, block)
 
     @property
     def _file(self) -> Path | None:
@@ -187,23 +160,6 @@ class Scenario(Checked):
         if self._document is None:
             return InputError(f"{'.'.join(map(str, path))}: {message}", code=code, **fields)
         return self._document.error(message, *path, at=at, code=code, **fields)
-
-    def _parameters(self, kind: Any, values: dict[str, Any], path: tuple[str, ...]) -> Any:
-        for name in kind.__dataclass_fields__:
-            if name not in values:
-                message = f"{name} is given neither here nor under default"
-                raise self.error(message, *path, at="key", code="missing_key", key=name)
-        try:
-            return kind(**values)
-        except ParameterError as error:
-            raise self.error(error.message, *path, error.key, code="bad_parameter", key=error.key) from None
-
-
-def _merged(start: Mapping[str, Any], *layers: Checked) -> dict[str, Any]:
-    values = dict(start)
-    for layer in layers:
-        values |= layer.model_dump(exclude_none=True)
-    return values
 
 
 def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scenario:

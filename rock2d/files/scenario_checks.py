@@ -11,9 +11,11 @@ from rock2d.files.places import number_at
 from rock2d.files.scatter_keys import SCATTERED
 from rock2d.scene.cross_section import CrossSectionError
 from rock2d.scene.earthworks import EarthworkError
+from rock2d.scene.soils import SOIL_CLASSES
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
+    from rock2d.files.scenario_keys import Soil
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -57,6 +59,9 @@ def _check_names(scenario: Scenario) -> None:
         raise scenario.error("a zone must not be called default", "cross_section", "zones")
     if "default" in scenario.make_blocks():
         raise scenario.error("a block must not be called default", "blocks", "default", at="key")
+    if laws.soils is not None:
+        known(laws.soils, zones, "zone", "model", "soils")
+        _check_soil_classes(scenario, laws.soils)
     if laws.deterministic is not None:
         known(laws.deterministic.named(), zones, "zone", "model", "deterministic")
     if laws.probabilistic is not None:
@@ -70,12 +75,21 @@ def _check_names(scenario: Scenario) -> None:
             raise scenario.error(message, "incident", at="key", code="missing_key", key=name)
 
 
+def _check_soil_classes(scenario: Scenario, soils: dict[str, Soil]) -> None:
+    for zone, given in soils.items():
+        name, place = (given, (zone,)) if isinstance(given, str) else (given.like, (zone, "like"))
+        if name not in SOIL_CLASSES:
+            message = f"unknown soil class {shown(name)}{did_you_mean(name, SOIL_CLASSES)}; soil classes: "
+            message += ", ".join(SOIL_CLASSES)
+            raise scenario.error(message, "model", "soils", *place, code="unknown_name", name=name)
+
+
 def _check_parameters(scenario: Scenario) -> None:
     laws = scenario.model
-    if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
-        scenario.contact_parameters()
-    if laws.probabilistic is not None or scenario.engine == "point_mass":
-        for block in scenario.make_blocks():
+    for block in scenario.make_blocks().values():
+        if laws.deterministic is not None or scenario.engine in ("pymunk", "batch"):
+            scenario.contact_parameters(block)
+        if laws.probabilistic is not None or scenario.engine == "point_mass":
             scenario.rebound_parameters(block)
 
 

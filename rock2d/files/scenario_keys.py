@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from rock2d.files.checked_yaml import Checked, Table, mistake
+from rock2d.files.checked_yaml import Checked, Table, mistake, shown
 from rock2d.files.distributions import Draw, Lognormal, Normal, Uniform, farthest
-from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Point
+from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Name, Point
+from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 LONGEST_VIDEO_S = 20.0  # of a release, if the file does not say how slow it is shown
 PACES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
+SoilName = Annotated[str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})]  # `scenario` checks it
 
 
 class ContactKeys(Checked):
@@ -64,9 +66,13 @@ class ReboundKeys(Checked):
 
 
 class ContactTable(Table):
-    """Zone name, or default, -> parameters; a zone may give some of them, the rest come from default."""
+    """Zone name, or default, -> parameters; a zone may give some of them, the rest come from its soil class, then from
+    default, then from the soil class of default."""
 
-    default: ContactKeys = Field(description="Parameters of every zone that does not give its own")
+    default: ContactKeys = Field(
+        default_factory=ContactKeys,
+        description="Parameters of every zone that does not give its own; required without soils",
+    )
     __pydantic_extra__: dict[str, ContactKeys] = Field(init=False)
 
 
@@ -79,21 +85,76 @@ class ReboundTable(Table):
 
 class BlockReboundTable(Table):
     """Block name, or default, -> zone -> parameters. A block and zone may give some; the rest come from the
-    block's default, then default's zone, then default's default."""
+    block's default, then default's zone, then the zone's soil class, then default's default, then the soil class of
+    default."""
 
-    default: ReboundTable = Field(description="Zones of every block that does not give its own")
+    default: ReboundTable = Field(
+        default_factory=ReboundTable,
+        description="Zones of every block that does not give its own; required without soils",
+    )
     __pydantic_extra__: dict[str, ReboundTable] = Field(init=False)
 
 
-class Laws(Checked):
-    """Parameters of either impact law, or of both."""
+class SoilKeys(Checked):
+    """A soil class with numbers of your own, which hold for blocks of all sizes."""
 
+    like: SoilName = Field(description="The soil class that gives what is not given here")
+    restitution: float | None = Field(
+        default=None, ge=0.01, lt=1, description="Normal restitution at the reference impact, without unit"
+    )
+    friction_angle_deg: float | None = Field(
+        default=None, ge=0, lt=90, description="Friction angle of both laws in degrees"
+    )
+    stiffness: float | None = Field(
+        default=None, gt=0, le=1.0e6, description="k_l x size / (mass x gravity), without unit"
+    )
+    tangential_restitution: float | None = Field(
+        default=None, ge=0, le=1, description="r_t of the rebound law, without unit"
+    )
+    slope_reduction_deg: float | None = Field(
+        default=None,
+        ge=0,
+        lt=90,
+        description="Roughness of the ground: the rebound law draws from U(0, this)",
+    )
+
+
+def _known_soil(value: Any) -> Any:
+    if isinstance(value, (str, dict, SoilKeys)):
+        return value
+    raise mistake(f"expected the name of a soil class or a mapping with the key like, found {shown(value)}")
+
+
+Soil = Annotated[
+    Annotated[SoilName, Tag("<name>")] | Annotated[SoilKeys, Tag("<keys>")],
+    Discriminator(lambda value: "<name>" if isinstance(value, str) else "<keys>"),
+    BeforeValidator(_known_soil),
+]
+
+
+class Laws(Checked):
+    """Soil classes, or parameters of either impact law, or of both. A file's numbers come before its classes."""
+
+    soils: dict[Name, Soil] | None = Field(
+        default=None,
+        min_length=1,
+        description="Zone name, or default, -> soil class, or {like: soil class, and numbers of your own}; gives the "
+        "parameters of both laws for each block. `rock2d soils` lists the classes",
+    )
     deterministic: ContactTable | None = Field(
         default=None, description="Elasto-plastic contact (engine pymunk)"
     )
     probabilistic: BlockReboundTable | None = Field(
         default=None, description="Bourrier-Hungr rebound (engine point_mass)"
     )
+
+    @model_validator(mode="after")
+    def _default_without_soils(self) -> Laws:
+        for law in ("deterministic", "probabilistic"):
+            table = getattr(self, law)
+            if self.soils is None and table is not None and "default" not in table.model_fields_set:
+                raise mistake("missing key 'default'", law, at="key", code="missing_key", key="default")
+        return self
 
 
 class Fixed(Checked):

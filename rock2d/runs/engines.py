@@ -79,11 +79,11 @@ def engine_named(name: str) -> Engine:
 
 
 def _contact_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
-    return scenario.contact_parameters()  # the same for every block
+    return scenario.contact_parameters(block)
 
 
 def _rebound_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
-    return scenario.rebound_parameters(block.name)
+    return scenario.rebound_parameters(block)
 
 
 def _pymunk_track(given: ReleaseInputs) -> Track:

@@ -55,9 +55,10 @@ def scenario_of(name):
 def ensemble_of(scenario, block_name):
     """The ensemble of one block, and what its runs share."""
     cross_section = scenario.make_cross_section()
-    table = parameter_table(scenario.contact_parameters(), cross_section.zone_names)
+    block = scenario.make_blocks()[block_name]
+    table = parameter_table(scenario.contact_parameters(block), cross_section.zone_names)
     shared = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.time_limit_s}
-    return Ensemble([scenario.make_blocks()[block_name]], [cross_section], [table]), shared
+    return Ensemble([block], [cross_section], [table]), shared
 
 
 def row(what, values, unit="", note=""):
@@ -73,8 +74,9 @@ def row(what, values, unit="", note=""):
 def test_releases(benchmark, name, block_name):
     scenario, states = scenario_of(name)
     ensemble, shared = ensemble_of(scenario, block_name)
-    block, cross_section, law = ensemble.blocks[0], ensemble.cross_sections[0], scenario.contact_parameters()
-    rebound, threads = scenario.rebound_parameters(block_name), numba.get_num_threads()
+    block, cross_section = ensemble.blocks[0], ensemble.cross_sections[0]
+    law, rebound = scenario.contact_parameters(block), scenario.rebound_parameters(block)
+    threads = numba.get_num_threads()
     few = states[block_name][:DETERMINISTIC]
     many, seeds = np.resize(states[block_name], (POINT_MASS, 6)), np.arange(POINT_MASS, dtype=np.uint64)
 

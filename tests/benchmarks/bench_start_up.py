@@ -21,12 +21,12 @@ states = np.array([s.state for s in incident_states(scenario, 1, 10) if s.block 
 BATCH = """
 from rock2d.laws.contact import parameter_table
 from rock2d.engines.batch import Ensemble, run_batch
-table = parameter_table(scenario.contact_parameters(), ground.zone_names)
+table = parameter_table(scenario.contact_parameters(block), ground.zone_names)
 print(run_batch(Ensemble([block], [ground], [table]), states).ends[0])
 """
 POINT_MASS = """
 from rock2d.engines.point_mass_batch import run_point_mass_batch
-law = scenario.rebound_parameters("cube")
+law = scenario.rebound_parameters(block)
 print(run_point_mass_batch(block, ground, law, states, np.arange(10), time_limit_s=3.0).ends[0])
 """
 

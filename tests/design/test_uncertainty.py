@@ -135,5 +135,5 @@ def test_drawn_sites_are_scenarios_with_these_values(tmp_path):
     )
     assert sites.values[:, 0].min() > 0.7 * 2.4e7 and sites.values[:, 0].max() < 1.3 * 2.4e7
     for i, own in enumerate(variants_of(scenario, sites)):
-        law = own.contact_parameters()["default"]
+        law = own.contact_parameters(next(iter(own.make_blocks().values())))["default"]
         assert [law.k_ul_N_m, law.friction_angle_deg] == sites.values[i].tolist()

@@ -8,6 +8,7 @@ import re
 import pytest
 
 from rock2d.effects import catalogue
+from rock2d.scene.soils import SOIL_CLASSES
 from rock2d.schemas import SCHEMAS, file_schema
 from tests.docs.sources import DOCS, ROOT, generator, pages
 
@@ -31,6 +32,23 @@ def test_effect_is_documented(name):
     assert list(generator().equations(effect)), f"{name}: neither its law nor `apply` says its equation"
     for parameter in effect.parameters:
         assert f"`{parameter.name}`" in section
+
+
+@pytest.mark.parametrize("soil", SOIL_CLASSES.values(), ids=list(SOIL_CLASSES))
+def test_soil_class_is_documented_with_its_numbers(soil):
+    page = (DOCS / "theory" / "soil-classes.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\| `{soil.name}` \|(.*)\|$", page, re.MULTILINE)
+    numbers = [[float(n) for n in re.findall(r"[\d.]+", cell)] for cell in row.split("|")[1:]]
+    assert numbers == [
+        [soil.restitution, *soil.restitution_range],
+        [soil.friction_angle_deg, *soil.friction_range_deg],
+        [soil.stiffness, *soil.stiffness_range],
+        [soil.rolling_share],
+        [soil.tangential_restitution],
+        [soil.slope_reduction_deg],
+    ]
+    guide = (DOCS / "guide" / "own-slope.md").read_text(encoding="utf-8")
+    assert f"`{soil.name}`" in guide
 
 
 def test_every_scenario_is_in_the_gallery():

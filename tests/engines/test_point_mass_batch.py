@@ -28,7 +28,7 @@ def ensemble(name, block_name, n, cross_section=None, **more):
     block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.make_cross_section()
     states = np.array([s.state for s in incident_states(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
-    law = scenario.rebound_parameters(block_name)
+    law = scenario.rebound_parameters(block)
     options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.longest_release_s(), **more}
     given = block, cross_section, law, states, seeds
     return given, options, run_point_mass_batch(*given, **options, impact_room=40)
@@ -140,9 +140,10 @@ def test_results_do_not_depend_on_the_number_of_threads():
 )
 def test_impossible_input_is_refused(wrong, said):
     scenario = load_scenario(FOLDER / "paper_setup.yaml")
+    cube = scenario.make_blocks()["cube"]
     given = {
-        "parameters": scenario.rebound_parameters("cube"), "states": [[0, 1, 0, 0, 0, 0]], "seeds": [1],
+        "parameters": scenario.rebound_parameters(cube), "states": [[0, 1, 0, 0, 0, 0]], "seeds": [1],
         "time_limit_s": 1.0,
     } | wrong  # fmt: skip
     with pytest.raises(ValueError, match=said):
-        run_point_mass_batch(scenario.make_blocks()["cube"], scenario.make_cross_section(), **given)
+        run_point_mass_batch(cube, scenario.make_cross_section(), **given)

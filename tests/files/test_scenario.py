@@ -50,6 +50,9 @@ incident:
     distribution: {x_m: 0.1, y_m: {normal: {mean: 0.4, sd: 0.01}}, vx_m_s: {uniform: {low: 1, high: 2}}, vy_m_s: 0}
 outputs: {fps: 100}
 """
+WITH_SOILS = SMALL.replace(
+    "model:\n", "model:\n  soils: {default: medium_scree, ditch: {like: swamp, restitution: 0.1}}\n"
+)
 FILMED = """\
 name: filmed
 model: {deterministic: {default: {k_l_N_m: 1.0e4, k_ul_N_m: 6.0e4, k_t_N_m: 0, friction_angle_deg: 30, k_r_Nm_rad: 0}}}
@@ -84,10 +87,11 @@ def refusal(path, **options) -> str:
 
 def test_parameters_a_zone_does_not_give_come_from_the_defaults(write):
     scenario = load_scenario(write(SMALL))
-    contact = scenario.contact_parameters()
+    blocks = scenario.make_blocks()
+    contact = scenario.contact_parameters(blocks["cube"])
     assert (contact["ditch"].friction_angle_deg, contact["ditch"].k_ul_N_m) == (20, 6.0e4)
     assert (contact["default"].friction_angle_deg, contact["default"].rolling_cap) == (30, False)
-    sphere, cube = scenario.rebound_parameters("sphere"), scenario.rebound_parameters("cube")
+    sphere, cube = (scenario.rebound_parameters(blocks[name]) for name in ("sphere", "cube"))
     assert sphere["ditch"].friction_angle_deg == cube["ditch"].friction_angle_deg == 11
     assert (sphere["ditch"].momentum_half_kg_m_s, cube["ditch"].momentum_half_kg_m_s) == (0.025, 0.04)
     assert (sphere["ditch"].slope_reduction_deg, cube["ditch"].slope_reduction_deg) == (0, 6)
@@ -168,14 +172,16 @@ def test_aliases_that_repeat_each_other_are_refused_before_they_are_repeated(wri
     once = SMALL.replace("half_kg_m_s: 0.025", "half_kg_m_s: &m 0.025").replace(
         "half_kg_m_s: 0.04", "half_kg_m_s: *m"
     )
-    assert load_scenario(write(once)).rebound_parameters("cube")["ditch"].momentum_half_kg_m_s == 0.025
+    scenario = load_scenario(write(once))
+    law = scenario.rebound_parameters(scenario.make_blocks()["cube"])
+    assert law["ditch"].momentum_half_kg_m_s == 0.025
 
 
 def test_a_former_key_is_read_with_a_warning_that_names_its_place_and_the_key(write):
     file = write(SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true}"))
     with pytest.warns(OldKeyWarning) as caught:
         scenario = load_scenario(file)
-    contact = scenario.contact_parameters()
+    contact = scenario.contact_parameters(scenario.make_blocks()["cube"])
     assert contact["ditch"].rolling_in_indentation and not contact["default"].rolling_in_indentation
     (warning,) = (entry.message for entry in caught)
     line = SMALL[: SMALL.index("    ditch: {friction")].count("\n") + 1
@@ -226,7 +232,7 @@ def test_the_engine_of_the_scenario_needs_its_law(write):
     only_deterministic = SMALL[:start] + SMALL[end:]
     scenario = load_scenario(write(only_deterministic))
     with pytest.raises(InputError, match=r"probabilistic.*point_mass"):
-        scenario.rebound_parameters("cube")
+        scenario.rebound_parameters(scenario.make_blocks()["cube"])
     assert "point_mass" in refusal(write(only_deterministic.replace("engine: pymunk", "engine: point_mass")))
 
 
@@ -261,7 +267,7 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
 def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
     rng = random.Random(seed)
     file = tmp_path_factory.mktemp("damaged") / "s.yaml"
-    text = rng.choice([SMALL, *(path.read_text() for path in SHIPPED.glob("*.yaml"))])
+    text = rng.choice([SMALL, WITH_SOILS, *(path.read_text() for path in SHIPPED.glob("*.yaml"))])
     if rng.random() < 0.5:
         with file.open("w") as out:
             YAML(typ="safe").dump(mutate_data(YAML(typ="safe").load(text), rng), out)
@@ -281,8 +287,8 @@ def test_shipped_scenarios_are_whole_and_say_what_is_assumed(path):
     assert scenario.name == path.stem and scenario.about and scenario.assumed
     zones = set(scenario.make_cross_section().zone_names)
     assert len(zones) == 1 or {"ditch", "uphill_face", "crest"} <= zones
-    assert scenario.contact_parameters()
-    for block in scenario.make_blocks():
+    for block in scenario.make_blocks().values():
+        assert scenario.contact_parameters(block)
         assert scenario.rebound_parameters(block)
 
 
@@ -292,7 +298,7 @@ def test_the_paper_setup_has_the_paper_s_values():
     assert {name: block.mass_kg for name, block in blocks.items()} == {
         "sphere": 0.022, "cube": 0.0233, "parallelepiped": 0.0231
     }  # fmt: skip
-    law = scenario.contact_parameters()["default"]
+    law = scenario.contact_parameters(blocks["cube"])["default"]
     assert (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m) == (1e4, 6e4, 2.5e3)
     assert (law.friction_angle_deg, law.k_r_Nm_rad) == (30, 0.025)
     for block, alpha in (("sphere", 0), ("cube", 6), ("parallelepiped", 40)):
@@ -300,7 +306,7 @@ def test_the_paper_setup_has_the_paper_s_values():
             "ditch": (0, 0.025, 0.85),
             "uphill_face": (11, 0.04, 0.89),
         }.items():
-            row = scenario.rebound_parameters(block)[zone]
+            row = scenario.rebound_parameters(blocks[block])[zone]
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
     points = scenario.make_cross_section().points_m

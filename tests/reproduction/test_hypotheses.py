@@ -160,11 +160,12 @@ def test_the_scenario_of_a_hypothesis_is_that_hypothesis(tmp_path, model, values
     scenario = load_scenario(path)
     ground = hypothesis_cross_section(values, 3, KNOWN)
     assert scenario.make_cross_section().points_m == pytest.approx(ground.points_m)
+    cube = scenario.make_blocks()["cube"]
     if model == "deterministic":
-        law = scenario.contact_parameters()["default"]
+        law = scenario.contact_parameters(cube)["default"]
         assert law.k_l_N_m / law.k_ul_N_m == pytest.approx(values["restitution"][3] ** 2)
     else:
-        facing = scenario.rebound_parameters("cube")["uphill_face"]
+        facing = scenario.rebound_parameters(cube)["uphill_face"]
         assert facing.slope_reduction_deg == 6.0
         assert facing.momentum_half_kg_m_s == pytest.approx(values["facing.momentum_half_kg_m_s"][3])
     drawn = drawn_states(scenario.incident_of("cube"), 1, 1, 0, 4000)

@@ -1,0 +1,92 @@
+"""The command `rock2d soils`: the soil classes, and what they are for a block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from rock2d.errors import InputError
+from rock2d.scene.soils import SOIL_CLASSES, Range, SoilClass
+
+CLASS_HEADER = ("class", "restitution", "friction in °", "stiffness κ", "r_t", "α in °")
+CONTACT_HEADER = ("deterministic", "k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad",
+                  "contact in s", "penetration in m")  # fmt: skip
+REBOUND_HEADER = ("probabilistic", "friction_angle_deg", "momentum_half_kg_m_s", "tangential_restitution",
+                  "slope_reduction_deg")  # fmt: skip
+
+
+def list_soils(
+    mass_kg: float | None = None, size_m: float | None = None, report: Callable[[str], Any] = print
+) -> None:
+    """Report the table of classes, or their parameters for a block of this mass and size.
+
+    Raises InputError if only one of the two is given, or if one is not positive.
+    """
+    if (mass_kg is None) != (size_m is None):
+        raise InputError("the parameters of a block need its --mass-kg and its --size-m", code="wrong_kind")
+    if mass_kg is None or size_m is None:
+        lines = _classes()
+    else:
+        for option, value in (("--mass-kg", mass_kg), ("--size-m", size_m)):
+            if not 0 < value < float("inf"):
+                raise InputError(f"{option}: expected a positive number, found {value:g}")
+        lines = _for_block(mass_kg, size_m)
+    for line in lines:
+        report(line)
+
+
+def _classes() -> list[str]:
+    soils = SOIL_CLASSES.values()
+    rows = [
+        (
+            soil.name,
+            _with_range(soil.restitution, soil.restitution_range, ".2f"),
+            _with_range(soil.friction_angle_deg, soil.friction_range_deg, "g"),
+            _with_range(soil.stiffness, soil.stiffness_range, "g"),
+            f"{soil.tangential_restitution:.2f}",
+            f"{soil.slope_reduction_deg:g}",
+        )
+        for soil in soils
+    ]
+    return [*_table(CLASS_HEADER, rows), *(line for soil in soils for line in _words(soil))]
+
+
+def _words(soil: SoilClass) -> list[str]:
+    return ["", f"{soil.name}: {soil.description}", f"  source: {soil.source}", f"  assumed: {soil.assumed}"]
+
+
+def _for_block(mass_kg: float, size_m: float) -> list[str]:
+    from rock2d.laws.closed_forms import contact_time_s, penetration_m
+    from rock2d.laws.soil_scaling import reference_speed_m_s, soil_contact, soil_rebound
+
+    speed = reference_speed_m_s(size_m)
+    contacts, rebounds = [], []
+    for soil in SOIL_CLASSES.values():
+        law, point = soil_contact(soil, mass_kg, size_m), soil_rebound(soil, mass_kg, size_m)
+        numbers = (law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad,
+                   contact_time_s(law, mass_kg), penetration_m(law, mass_kg, speed))  # fmt: skip
+        contacts.append((soil.name, *(f"{value:.3g}" for value in numbers)))
+        short = (point.friction_angle_deg, point.momentum_half_kg_m_s, point.tangential_restitution,
+                 point.slope_reduction_deg)  # fmt: skip
+        rebounds.append((soil.name, *(f"{value:.3g}" for value in short)))
+    return [
+        f"block of {mass_kg:g} kg, {size_m:g} m; reference impact: {speed:.3g} m/s into the ground",
+        "",
+        *_table(CONTACT_HEADER, contacts),
+        "",
+        *_table(REBOUND_HEADER, rebounds),
+    ]
+
+
+def _with_range(value: float, bounds: Range, form: str) -> str:
+    low, high = (format(bound, form) for bound in bounds)
+    return f"{value:{form}} ({low} to {high})"
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = [header, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    ]

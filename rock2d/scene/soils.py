@@ -1,0 +1,189 @@
+"""Soil classes: what an engineer can name, with the numbers of both impact laws in a form that no block size enters.
+
+`rock2d.laws.soil_scaling` turns a class into the parameters of a law for a block. docs/theory/soil-classes.md derives
+the numbers and says which of them are assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+ROCKYFOR3D = "Dorren (2016), Rockyfor3D (v5.2) revealed, soil type {}"
+PAPER = "the paper, Tables 3 and 4"
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SoilClass:
+    """A class of ground.
+
+    Attributes
+    ----------
+    name : in scenario files
+    description : what it looks like
+    restitution, restitution_range : normal restitution at the reference impact, in (0, 1); least and greatest
+    friction_angle_deg, friction_range_deg : friction angle of both laws; least and greatest
+    stiffness, stiffness_range : κ = k_l d / (m g), without unit; least and greatest
+    tangential_restitution : r_t of the rebound law, in [0, 1]
+    slope_reduction_deg : roughness, for the rebound law: α, drawn from U(0, α) at every impact
+    rolling_share : k_r / (k_l d²), without unit
+    source : of description and restitution
+    assumed : what no source gives
+    """
+
+    name: str
+    description: str
+    restitution: float
+    restitution_range: Range
+    friction_angle_deg: float
+    friction_range_deg: Range
+    stiffness: float
+    stiffness_range: Range
+    tangential_restitution: float
+    slope_reduction_deg: float
+    rolling_share: float
+    source: str
+    assumed: str
+
+
+_ALL = (
+    SoilClass(
+        name="swamp",
+        description="river, swamp, anything that a block sinks into",
+        restitution=0.05,
+        restitution_range=(0.03, 0.1),
+        friction_angle_deg=20.0,
+        friction_range_deg=(10.0, 30.0),
+        stiffness=50.0,
+        stiffness_range=(25.0, 100.0),
+        tangential_restitution=0.5,
+        slope_reduction_deg=0.0,
+        rolling_share=0.004,
+        source=ROCKYFOR3D.format(0),
+        assumed="restitution (0 in the source, which no law allows) and all other numbers",
+    ),
+    SoilClass(
+        name="deep_soil",
+        description="fine soil, deeper than about 1 m",
+        restitution=0.23,
+        restitution_range=(0.21, 0.25),
+        friction_angle_deg=30.0,
+        friction_range_deg=(26.0, 35.0),
+        stiffness=100.0,
+        stiffness_range=(40.0, 250.0),
+        tangential_restitution=0.8,
+        slope_reduction_deg=8.0,
+        rolling_share=0.004,
+        source=ROCKYFOR3D.format(1),
+        assumed="stiffness, friction, tangential restitution, roughness",
+    ),
+    SoilClass(
+        name="shallow_soil",
+        description="fine soil, less than about 1 m deep, or a mix of sand and gravel",
+        restitution=0.28,
+        restitution_range=(0.25, 0.31),
+        friction_angle_deg=32.0,
+        friction_range_deg=(30.0, 35.0),
+        stiffness=200.0,
+        stiffness_range=(80.0, 400.0),
+        tangential_restitution=0.83,
+        slope_reduction_deg=10.0,
+        rolling_share=0.004,
+        source=ROCKYFOR3D.format(2),
+        assumed="stiffness, friction, tangential restitution, roughness",
+    ),
+    SoilClass(
+        name="medium_scree",
+        description="scree of stones up to about 10 cm, medium compact soil with small stones, forest road",
+        restitution=0.33,
+        restitution_range=(0.3, 0.36),
+        friction_angle_deg=35.0,
+        friction_range_deg=(32.0, 40.0),
+        stiffness=350.0,
+        stiffness_range=(150.0, 700.0),
+        tangential_restitution=0.85,
+        slope_reduction_deg=14.0,
+        rolling_share=0.004,
+        source=ROCKYFOR3D.format(3),
+        assumed="stiffness, friction, tangential restitution, roughness",
+    ),
+    SoilClass(
+        name="coarse_talus",
+        description="talus of stones above about 10 cm, compact soil with large stones",
+        restitution=0.38,
+        restitution_range=(0.34, 0.42),
+        friction_angle_deg=38.0,
+        friction_range_deg=(34.0, 45.0),
+        stiffness=600.0,
+        stiffness_range=(300.0, 1200.0),
+        tangential_restitution=0.87,
+        slope_reduction_deg=20.0,
+        rolling_share=0.004,
+        source=ROCKYFOR3D.format(4),
+        assumed="stiffness, friction, tangential restitution, roughness",
+    ),
+    SoilClass(
+        name="covered_bedrock",
+        description="bedrock with a thin layer of weathered material or soil",
+        restitution=0.43,
+        restitution_range=(0.39, 0.47),
+        friction_angle_deg=33.0,
+        friction_range_deg=(28.0, 40.0),
+        stiffness=1000.0,
+        stiffness_range=(500.0, 2000.0),
+        tangential_restitution=0.88,
+        slope_reduction_deg=14.0,
+        rolling_share=0.002,
+        source=ROCKYFOR3D.format(5),
+        assumed="stiffness, friction, tangential restitution, roughness, rolling",
+    ),
+    SoilClass(
+        name="bedrock",
+        description="bedrock",
+        restitution=0.53,
+        restitution_range=(0.48, 0.58),
+        friction_angle_deg=30.0,
+        friction_range_deg=(25.0, 40.0),
+        stiffness=1700.0,
+        stiffness_range=(900.0, 3200.0),
+        tangential_restitution=0.9,
+        slope_reduction_deg=18.0,
+        rolling_share=0.001,
+        source=ROCKYFOR3D.format(6),
+        assumed="friction, tangential restitution, roughness, rolling",
+    ),
+    SoilClass(
+        name="asphalt",
+        description="asphalt road",
+        restitution=0.35,
+        restitution_range=(0.32, 0.39),
+        friction_angle_deg=35.0,
+        friction_range_deg=(30.0, 40.0),
+        stiffness=1000.0,
+        stiffness_range=(500.0, 2000.0),
+        tangential_restitution=0.9,
+        slope_reduction_deg=0.0,
+        rolling_share=0.001,
+        source=ROCKYFOR3D.format(7),
+        assumed="stiffness, friction, tangential restitution, roughness, rolling",
+    ),
+    SoilClass(
+        name="compacted_fill",
+        description="embankment of sand and gravel, compacted in layers",
+        restitution=0.38,
+        restitution_range=(0.3, 0.42),
+        friction_angle_deg=30.0,
+        friction_range_deg=(28.0, 40.0),
+        stiffness=600.0,
+        stiffness_range=(200.0, 1160.0),
+        tangential_restitution=0.87,
+        slope_reduction_deg=0.0,
+        rolling_share=0.004,
+        source=f"{PAPER}; restitution: {ROCKYFOR3D.format('3 to 4')}",
+        assumed="stiffness (its greatest value is that of Table 4), range of friction",
+    ),
+)
+SOIL_CLASSES: Mapping[str, SoilClass] = MappingProxyType({soil.name: soil for soil in _ALL})

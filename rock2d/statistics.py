@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -62,6 +63,7 @@ def _percentile_rank(n: int, percentile: float) -> tuple[int, float]:
     return int(at), at - int(at)
 
 
+@cache
 def _interval_ranks(n: int, percentile: float, confidence: float = 0.95) -> tuple[int, int]:
     """Ranks (from 0) of the bounds of `percentile_interval`; -1 and n where there is none."""
     from scipy import stats

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from pydantic import Field, PrivateAttr
 
 from rock2d.errors import InputError
@@ -19,7 +20,7 @@ from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario
-from rock2d.files.scenario_keys import FromExperiment, Incident, Laws, Outputs
+from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
@@ -89,6 +90,9 @@ class Scenario(Checked):
     uncertainty: Uncertainty | None = Field(
         default=None, description="What is not known about the site: distributions of numbers of this file"
     )
+    design_values: DesignValueKeys = Field(
+        default_factory=DesignValueKeys, description="Partial factors of the norms in a report"
+    )
     outputs: Outputs = Field(default_factory=Outputs, description="How the releases are recorded")
 
     _document: Document | None = PrivateAttr(default=None)
@@ -137,6 +141,12 @@ class Scenario(Checked):
         if self._experiment is None:
             raise InputError("missing key 'blocks'", self._file, code="missing_key", key="blocks")
         return dict(self._experiment.blocks)
+
+    def design_block(self, name: str) -> Block:
+        """The block of that name; of a population the one that is larger than 95 % of them."""
+        if name in self.populations:
+            return self.populations[name].block(name, np.array([0.95, 0.5, 0.0, 0.5]))
+        return self.make_blocks()[name]
 
     def incident_of(self, block: str) -> Incident:
         """The block's own incident states, else the default's."""

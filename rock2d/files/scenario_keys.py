@@ -289,6 +289,35 @@ def _points_along(points_m: Any, share: Any) -> Any:
     return np.column_stack([np.interp(share * length[-1], length, side) for side in points_m.T])
 
 
+Factor = Annotated[float, Field(ge=1, le=10)]
+
+
+class UniKeys(Checked):
+    """Partial factors of UNI 11211-4."""
+
+    gamma_tr: Factor = Field(
+        default=1.10, description="Simulation: 1.02 calibrated on site, 1.10 parameters from literature"
+    )
+    gamma_dp: Factor = Field(default=1.10, description="Topographic survey: 1.02 good, 1.10 poor")
+    gamma_vol: Factor = Field(default=1.10, description="Survey of block volumes: 1.02 good, 1.10 poor")
+    gamma_gamma: Factor = Field(default=1.00, description="Unit weight of the rock: 1.00")
+    gamma_r: Factor = Field(default=1.00, description="Risk: 1.00 to 1.20")
+
+
+class OnrKeys(Checked):
+    """Partial factors of ONR 24810; the defaults are those of consequence class CC2."""
+
+    gamma_e: Factor = Field(default=1.05, description="Energy: CC1 1.00, CC2 1.05, CC3 1.15")
+    gamma_h: Factor = Field(default=1.10, description="Passing height: CC1 1.05, CC2 1.10, CC3 1.30")
+
+
+class DesignValueKeys(Checked):
+    """Partial factors of the norms by which design values are given."""
+
+    uni_11211_4: UniKeys = Field(default_factory=UniKeys, description="Factors of UNI 11211-4")
+    onr_24810: OnrKeys = Field(default_factory=OnrKeys, description="Factors of ONR 24810")
+
+
 class Outputs(Checked):
     """How the simulated releases are recorded."""
 

@@ -30,20 +30,29 @@ STOP_MARKERS = {
 }
 
 
-def trajectories_figure(
-    cross_section: CrossSection, blocks: Mapping[str, Block], tracks: Sequence[Track], title: str = ""
-) -> Figure:
-    """The cross-section with zones and measure lines, and the way of every release; a panel a block.
+MOST_WAYS = 200  # of a block, in a figure
 
+
+def trajectories_figure(
+    cross_section: CrossSection,
+    blocks: Mapping[str, Block],
+    tracks: Sequence[Track],
+    title: str = "",
+    window: Limits | None = None,
+) -> Figure:
+    """The cross-section with zones and measure lines, and the ways of the first MOST_WAYS releases; a panel a block.
+
+    `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
     Raises InputError if there are no tracks.
     """
     names = [n for n in blocks if any(t.block == n for t in tracks)]
     if not names:
         raise InputError("a figure of trajectories needs at least one track of a known block")
-    ways = {n: [positions_of(t) for t in tracks if t.block == n] for n in names}
+    of_block = {n: [t for t in tracks if t.block == n] for n in names}
+    ways = {n: [positions_of(t) for t in own[:MOST_WAYS]] for n, own in of_block.items()}
     every = np.vstack([w for ws in ways.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
-    limits = motion_limits(cross_section, every[:, 0], every[:, 1], radius)
+    limits = window or motion_limits(cross_section, every[:, 0], every[:, 1], radius)
 
     wide_in, axis_in, page_in = 7.5, 6.85, 9.6
     high_in = axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.1 + 0.45
@@ -55,7 +64,7 @@ def trajectories_figure(
     stops: set[str] = set()
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
         draw_cross_section(axis, cross_section, view, np.vstack(ways[name]), axis_in)
-        own = [t for t in tracks if t.block == name]
+        own = of_block[name][:MOST_WAYS]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
         for track, way in zip(own, ways[name], strict=True):
             axis.plot(way[:, 0], way[:, 1], color=colours[name], lw=0.9, alpha=alpha, zorder=3)
@@ -64,8 +73,10 @@ def trajectories_figure(
                 *way[-1], marker=STOP_MARKERS[track.stop][0], ms=4, mfc=colours[name], mec="white", mew=0.5,
                 ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
-        plural = "release" if len(own) == 1 else "releases"
-        axis.set_title(f"{name.replace('_', ' ')}, {len(own)} {plural}", loc="left", fontsize=TEXT_PT)
+        count = len(of_block[name])
+        said = f"{count} release{'s' if count > 1 else ''}"
+        said = said if count <= MOST_WAYS else f"the first {MOST_WAYS} of {said}"
+        axis.set_title(f"{name.replace('_', ' ')}, {said}", loc="left", fontsize=TEXT_PT)
         axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:
             axis.set_xlabel(f"x ({length_unit(view.limits_m)[0]})")

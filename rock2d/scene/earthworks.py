@@ -15,7 +15,7 @@ from rock2d.scene.cross_section import SHORTEST_FACET, CrossSection, CrossSectio
 Array = np.ndarray
 
 FACING_ZONE, CREST_ZONE, BACK_ZONE, DITCH_ZONE = "uphill_face", "crest", "downhill_face", "ditch"
-CREST_LINE, FACING_LINES = "crest", ("facing_1_3", "facing_2_3")
+ARRIVAL_LINE, CREST_LINE, FACING_LINES = "arrival", "crest", ("facing_1_3", "facing_2_3")
 STEEPEST_WITH_LINES_DEG = 80.0  # in front of a steeper facing no centroid comes near lines on it
 
 
@@ -67,8 +67,10 @@ def with_earthworks(
 ) -> CrossSection:
     """The ground with an embankment, and a ditch before it.
 
-    New zones are `uphill_face`, `crest`, `downhill_face` and `ditch`. New measure lines rise from the uphill edge of
-    the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's height.
+    New zones are `uphill_face`, `crest`, `downhill_face` and `ditch`. New measure lines rise from the natural
+    ground before the earthworks (`arrival`: at the ditch's uphill edge, or the embankment's height before its foot),
+    from the uphill edge of the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's
+    height.
 
     Raises EarthworkError if the parts do not meet the ground, CrossSectionError if a measure line has their names.
     """
@@ -93,9 +95,10 @@ def with_earthworks(
     made = [*before, crest, edge]
     zones = [*[DITCH_ZONE] * len(before), FACING_ZONE, CREST_ZONE, BACK_ZONE]
     points, zones = _replaced(ground, start, made, back, zones)
-    return CrossSection(
-        points, zones, _lines(ground, points, crest, before[-1] if before else foot, embankment)
-    )
+    arrival_x = start[0] if before else max(foot[0] - embankment.height_m, ground.points_m[:, 0].min())
+    arrival = np.array([arrival_x, ground.height_m(np.array([arrival_x]))[0]])
+    lines = _lines(ground, points, arrival, crest, before[-1] if before else foot, embankment)
+    return CrossSection(points, zones, lines)
 
 
 def _run(height: float, slope_deg: float) -> float:
@@ -147,10 +150,15 @@ def _replaced(
 
 
 def _lines(
-    ground: CrossSection, points: Array, crest: Array, foot: Array, embankment: EmbankmentSizes
+    ground: CrossSection,
+    points: Array,
+    arrival: Array,
+    crest: Array,
+    foot: Array,
+    embankment: EmbankmentSizes,
 ) -> dict[str, Array]:
     top = points[:, 1].max() + embankment.height_m  # no block that falls on this ground rises higher
-    feet = {CREST_LINE: crest}
+    feet = {ARRIVAL_LINE: arrival, CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:
         for share, name in zip((1 / 3, 2 / 3), FACING_LINES, strict=True):
             feet[name] = foot + share * (crest - foot)

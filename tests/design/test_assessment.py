@@ -28,7 +28,7 @@ def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases,
     folder = tmp_path / "out" / "small_batch"
     assert {path.name for path in folder.iterdir()} >= FILES
     table = pd.read_csv(folder / "uncertainty.csv").set_index(["line", "quantity"])
-    assert set(table.index.get_level_values("line")) == {"facing_1_3", "facing_2_3", "crest"}
+    assert set(table.index.get_level_values("line")) == {"arrival", "facing_1_3", "facing_2_3", "crest"}
     row = table.loc[("facing_1_3", "frequency")]
     assert row["low95"] < row["value"] < row["high95"]
     assert row["share_not_known"] + row["share_sampling"] == pytest.approx(1.0)

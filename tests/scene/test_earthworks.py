@@ -71,7 +71,16 @@ def test_measure_lines_rise_from_the_facing_and_the_crest():
         low, high = ground.measure_lines[name]
         assert low == pytest.approx([80.0 + share * run, 8.0 + share * 4.0])
         assert high[0] == low[0] and high[1] > ground.points_m[:, 1].max()
-    assert list(with_earthworks(SLOPE, sizes(uphill_deg=90.0)).measure_lines) == ["crest"]
+    assert list(with_earthworks(SLOPE, sizes(uphill_deg=90.0)).measure_lines) == ["arrival", "crest"]
+
+
+def test_the_arrival_line_rises_from_the_natural_ground_before_the_earthworks():
+    low, high = with_earthworks(SLOPE, sizes()).measure_lines["arrival"]
+    assert low == pytest.approx([76.0, SLOPE.height_m(np.array([76.0]))[0]])
+    assert high[0] == low[0]
+    ground = with_earthworks(SLOPE, sizes(), DitchSizes(6.0, 1.0, 45.0))
+    first = ground.points_m[list(ground.zones).index("ditch")]
+    assert ground.measure_lines["arrival"][0] == pytest.approx(first)
 
 
 @pytest.mark.parametrize(

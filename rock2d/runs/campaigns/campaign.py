@@ -33,7 +33,16 @@ BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
 EXTRA = "pip install 'rock2d[scale]'"
 # keys that change no chunk file and no table, or that the manifest stores outside the scenario
-NOT_DETERMINING = {"about", "assumed", "engine", "seed", "releases", "outputs", "uncertainty"}
+NOT_DETERMINING = {
+    "about",
+    "assumed",
+    "engine",
+    "seed",
+    "releases",
+    "outputs",
+    "uncertainty",
+    "design_values",
+}
 
 
 def is_campaign(scenario: Scenario, releases: int | None = None) -> bool:

@@ -1,4 +1,4 @@
-"""Percentiles of what passes a measure line: kinetic energy and passing height."""
+"""Percentiles of what passes a measure line: kinetic energy, passing height and speed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERCENTILE_COLUMNS = ("block", "line", "quantity", "percentile", "passed", "value", "low95", "high95")
-QUANTITIES = ("kinetic_J", "passing_height_m")  # columns of a crossing of which percentiles are taken
+QUANTITIES = (
+    "kinetic_J",
+    "passing_height_m",
+    "speed_m_s",
+)  # columns of a crossing of which percentiles are taken
 PERCENTILES = (95.0, 99.0)
 
 

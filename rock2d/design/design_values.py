@@ -1,0 +1,68 @@
+"""Design values of a scenario at its measure lines, by the norms of `rock2d.design.norms`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rock2d.design.norms import (
+    CHARACTERISTIC_PERCENTILE,
+    Estimate,
+    OnrFactors,
+    UniFactors,
+    onr_24810,
+    uni_11211_4,
+)
+from rock2d.files.scenario import Scenario
+from rock2d.runs.indicators.percentiles import QUANTITIES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DESIGN_COLUMNS = (
+    "block", "line", "norm", "quantity", "characteristic", "characteristic_low95", "characteristic_high95", "factors",
+    "design", "low95", "high95",
+)  # fmt: skip
+
+
+def design_table(
+    scenario: Scenario, percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Design values of every block at every line that it passes; DESIGN_COLUMNS.
+
+    `percentiles` is the table of a run or a campaign, whose intervals are those of sampling. Where there is a table of
+    the possible sites (`uncertain`), its values and intervals take their place. The mass is that of
+    `Scenario.design_block`.
+    """
+    import pandas as pd
+
+    factors = scenario.design_values
+    uni, onr = UniFactors(**factors.uni_11211_4.model_dump()), OnrFactors(**factors.onr_24810.model_dump())
+    rows = []
+    for (name, line), at_line in characteristic_values(percentiles, uncertain).items():
+        block = scenario.design_block(name)
+        for found in (
+            *uni_11211_4(at_line, block.mass_kg, block.size_m, uni), *onr_24810(at_line, onr)
+        ):  # fmt: skip
+            rows.append(
+                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design)
+            )
+    return pd.DataFrame(rows, columns=list(DESIGN_COLUMNS))
+
+
+def characteristic_values(
+    percentiles: pd.DataFrame, uncertain: pd.DataFrame | None
+) -> dict[tuple[str, str], dict[str, Estimate]]:
+    """(block, line) -> quantity -> 95th percentile, where there are all of them; see `design_table`."""
+    if uncertain is None:
+        own = percentiles[percentiles["percentile"] == CHARACTERISTIC_PERCENTILE]
+    else:
+        suffix = f"_{CHARACTERISTIC_PERCENTILE:g}"
+        own = uncertain[uncertain["quantity"].isin([f"{q}{suffix}" for q in QUANTITIES])].dropna(
+            subset="value"
+        )
+        own = own.assign(quantity=own["quantity"].str.removesuffix(suffix))
+    found: dict[tuple[str, str], dict[str, Estimate]] = {}
+    columns = ("block", "line", "quantity", "value", "low95", "high95")
+    for name, line, quantity, *numbers in own[list(columns)].itertuples(index=False):
+        found.setdefault((name, line), {})[quantity] = Estimate(*map(float, numbers))
+    return {key: of for key, of in found.items() if len(of) == len(QUANTITIES)}

@@ -1,0 +1,133 @@
+"""Figures of what blocks do along a slope: envelopes, stops, and distributions at the measure lines."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rock2d.graphics.canvas import fitted_view
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.graphics.palette import block_colours
+from rock2d.graphics.trajectories import draw_cross_section
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WIDE_IN, AXIS_IN, PANEL_IN = 7.5, 6.85, 1.5
+PERCENTILE_STYLES: dict[float, Any] = {50.0: (0, (1.5, 1.2)), 95.0: "-", 99.0: (0, (5, 1.6))}
+STOP_BINS, LINE_BINS = 60, 30
+LARGE_ENERGY_J = 1000.0  # from here on energies are shown in kJ
+
+
+def envelopes_figure(cross_section: CrossSection, envelopes: pd.DataFrame) -> Figure:
+    """Height above the ground, speed and energy along the slope, below the cross-section: the percentiles of
+    `indicators.envelopes`, a colour for each block, a line for each percentile, a band for the interval of the 95th."""
+    names = list(envelopes["block"].unique())
+    scale, unit = energy_unit(
+        envelopes.loc[envelopes["quantity"] == "kinetic_J", "value"].max() if len(names) else 0.0
+    )
+    panels = (("height_m", 1.0, "height (m)"), ("speed_m_s", 1.0, "speed (m/s)"), ("kinetic_J", scale, unit))
+    figure, axes, _ = _below_section(cross_section, len(panels))
+    colours = block_colours(names)
+    for axis, (quantity, factor, label) in zip(axes, panels, strict=True):
+        of_quantity = envelopes[envelopes["quantity"] == quantity]
+        for name, percentile in itertools.product(names, PERCENTILE_STYLES):
+            own = of_quantity[(of_quantity["block"] == name) & (of_quantity["percentile"] == percentile)]
+            axis.plot(
+                own["x_m"],
+                factor * own["value"],
+                color=colours[name],
+                lw=1.1,
+                ls=PERCENTILE_STYLES[percentile],
+            )
+            if percentile == 95.0:
+                low, high = factor * own["low95"], factor * own["high95"]
+                axis.fill_between(own["x_m"], low, high, color=colours[name], alpha=0.18, lw=0)
+        axis.set_ylabel(label)
+        axis.set_ylim(bottom=0)
+        axis.grid(lw=0.4, color="#dddddd")
+    handles = [handle(name.replace("_", " "), color=colours[name]) for name in names]
+    handles += [handle(f"{p:g} %", color="#555555", ls=style) for p, style in PERCENTILE_STYLES.items()]
+    figure.legend(handles=handles, loc="outside lower right", ncols=6, frameon=False, fontsize=SMALL_PT)
+    axes[-1].set_xlabel("x (m)")
+    finish(figure, "Envelopes: exceeded by 50, 5 and 1 % of the blocks that come past")
+    return figure
+
+
+def stops_figure(cross_section: CrossSection, stops: pd.DataFrame) -> Figure:
+    """How many releases of each block ended where, below the cross-section; `stops` as the indicator gives them."""
+    names = list(stops["block"].unique())
+    figure, axes, (left, right) = _below_section(cross_section, 1)
+    colours = block_colours(names)
+    inside = [stops[(stops["block"] == name) & (stops["stop"] != "exit")]["x_m"] for name in names]
+    axes[0].hist(
+        inside, np.linspace(left, right, STOP_BINS + 1), stacked=True, color=[colours[n] for n in names]
+    )
+    axes[0].set_ylabel("releases")
+    axes[0].set_xlabel("x (m)")
+    for i, name in enumerate(names):
+        own = stops[stops["block"] == name]["stop"].value_counts()
+        text = f"{name.replace('_', ' ')}: " + ", ".join(f"{n} {stop}" for stop, n in own.items())
+        axes[0].text(0.01, 0.95 - 0.13 * i, text, transform=axes[0].transAxes, fontsize=SMALL_PT, va="top",
+                     color=colours[name])  # fmt: skip
+    finish(figure, "Where releases end")
+    return figure
+
+
+def distributions_figure(
+    crossings: pd.DataFrame, lines: Sequence[str], blocks: Mapping[str, Block]
+) -> Figure:
+    """Histograms of energy, passing height and speed of the blocks that pass each line, a row for each line."""
+    scale, unit = energy_unit(crossings["kinetic_J"].max() if len(crossings) else 0.0)
+    panels = (
+        ("kinetic_J", scale, unit), ("passing_height_m", 1.0, "passing height (m)"), ("speed_m_s", 1.0, "speed (m/s)"),
+    )  # fmt: skip
+    figure = blank_figure(WIDE_IN, 0.8 + PANEL_IN * len(lines))
+    axes = figure.subplots(len(lines), len(panels), squeeze=False, sharex="col")
+    colours = block_colours(blocks)
+    for row, line in zip(axes, lines, strict=True):
+        for axis, (quantity, factor, label) in zip(row, panels, strict=True):
+            edges = (
+                np.histogram_bin_edges(factor * crossings[quantity], LINE_BINS)
+                if len(crossings)
+                else LINE_BINS
+            )
+            for name in blocks:
+                own = crossings[(crossings["line"] == line) & (crossings["block"] == name)]
+                axis.hist(factor * own[quantity], edges, histtype="step", color=colours[name], lw=1.2)
+            if line == lines[-1]:
+                axis.set_xlabel(label)
+        row[0].set_ylabel(f"{line}\nreleases")
+    handles = [handle(name.replace("_", " "), color=colours[name]) for name in blocks]
+    figure.legend(handles=handles, loc="outside lower right", ncols=6, frameon=False, fontsize=SMALL_PT)
+    finish(figure, "Blocks that pass the measure lines")
+    return figure
+
+
+def energy_unit(largest_J: float) -> tuple[float, str]:
+    """Factor on energies in J and the label that goes with it: kJ where kJ are usual."""
+    return (1e-3, "energy (kJ)") if largest_J >= LARGE_ENERGY_J else (1.0, "energy (J)")
+
+
+def _below_section(cross_section: CrossSection, panels: int) -> tuple[Figure, list[Any], tuple[float, float]]:
+    """A figure with the cross-section on top, axes below it that share its x, and the limits of x."""
+    points = cross_section.points_m
+    limits = (points[:, 0].min(), points[:, 0].max(), points[:, 1].min(), points[:, 1].max())
+    high_in = float(np.clip(AXIS_IN * (limits[3] - limits[2]) / (limits[1] - limits[0]) + 0.3, 0.9, 3.6))
+    figure = blank_figure(WIDE_IN, high_in + panels * PANEL_IN + 0.9)
+    top, *axes = figure.subplots(1 + panels, 1, sharex=True, height_ratios=[high_in, *[PANEL_IN] * panels])
+    view = fitted_view(limits, 1500, round(1500 * high_in / AXIS_IN))
+    draw_cross_section(top, cross_section, view, points, AXIS_IN)
+    top.set(
+        xlim=limits[:2],
+        ylim=(limits[2] - 0.18 * (limits[3] - limits[2]) - 0.01, limits[3] * 1.02),
+        aspect="auto",
+    )
+    top.set_ylabel("y (m)")
+    return figure, axes, limits[:2]

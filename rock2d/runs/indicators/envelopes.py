@@ -1,0 +1,92 @@
+"""Envelopes along the slope: height above the ground, speed and energy that few of the blocks exceed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.records.columns import TIME
+from rock2d.records.track import Track
+from rock2d.runs.indicators.indicator import Indicator
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
+from rock2d.statistics import percentile_estimate, percentile_ranks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+
+ENVELOPE_COLUMNS = (
+    "block", "x_m", "quantity", "percentile", "passed", "value", "low95", "high95",
+)  # fmt: skip
+QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")
+PERCENTILES = (50.0, 95.0, 99.0)
+STATIONS = 61
+INSTANTS = 400  # of a track between which positions are taken as straight lines, beside its knots
+FEWEST_PASSED = 5  # at a station, for percentiles
+
+
+def envelope_table(
+    tracks: Iterable[Track],
+    cross_section: CrossSection,
+    blocks: Mapping[str, Block],
+    own_blocks: Mapping[int, Block],
+) -> pd.DataFrame:
+    """Percentiles over the blocks that come past each station, in the direction of x; ENVELOPE_COLUMNS.
+
+    - x_m: stations, evenly spread over the cross-section; those that fewer than 5 blocks pass are left out
+    - height_m: of the centroid above the ground, vertically, at its first passing; speed_m_s and kinetic_J likewise
+    - low95, high95: distribution-free interval of the percentile; a bound that so few passings cannot give is NaN
+    """
+    import pandas as pd
+
+    ends = cross_section.points_m[:, 0]
+    stations = np.linspace(ends.min(), ends.max(), STATIONS)
+    ground = cross_section.height_m(stations)
+    values: dict[str, list[Array]] = {}
+    for track in tracks:
+        own = own_blocks.get(track.release, blocks[track.block])
+        values.setdefault(track.block, []).append(_at_stations(track, stations, ground, own))
+    rows = []
+    for block, found in values.items():
+        stacked = np.stack(found)  # (releases, stations, quantities)
+        for s, x in enumerate(stations.tolist()):
+            for q, quantity in enumerate(QUANTITIES):
+                ranked = np.sort(stacked[np.isfinite(stacked[:, s, q]), s, q])
+                if len(ranked) < FEWEST_PASSED:
+                    continue
+                for percentile in PERCENTILES:
+                    at = {rank: float(ranked[rank]) for rank in percentile_ranks(len(ranked), percentile)}
+                    estimate = percentile_estimate(at, len(ranked), percentile)
+                    rows.append((block, x, quantity, percentile, len(ranked), *estimate))
+    return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))
+
+
+def _at_stations(track: Track, stations: Array, ground: Array, block: Block) -> Array:
+    """(stations, 3) values of QUANTITIES where the track first comes past each station; NaN where it does not."""
+    knots = track.knots
+    times = np.union1d(np.linspace(knots[0, TIME], track.end_s, INSTANTS), knots[:, TIME])
+    states = track.states(times)
+    states[-1] = knots[-1, 1:]
+    farthest = np.maximum.accumulate(states[:, 0])
+    after = np.searchsorted(farthest, stations)
+    out = np.full((len(stations), len(QUANTITIES)), np.nan)
+    seen = (after > 0) & (after < len(times))
+    b = after[seen]
+    a = b - 1
+    share = ((stations[seen] - states[a, 0]) / (states[b, 0] - states[a, 0]))[:, None]
+    met = states[a] + share * (states[b] - states[a])
+    speed = np.hypot(met[:, 3], met[:, 4])
+    energy = 0.5 * block.mass_kg * speed**2 + 0.5 * block.inertia_kg_m2 * met[:, 5] ** 2
+    out[seen] = np.column_stack([met[:, 1] - ground[seen], speed, energy])
+    return out
+
+
+INDICATOR = Indicator(
+    "envelopes",
+    ENVELOPE_COLUMNS,
+    lambda run: envelope_table(run.tracks, run.cross_section, run.blocks, run.own_blocks),
+)

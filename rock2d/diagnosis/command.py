@@ -91,7 +91,9 @@ def _refuse_foreign(out: Path) -> None:
 
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
-    """The diagnosis in a few lines."""
+    """The diagnosis in a few lines, and what to do."""
+    from rock2d.diagnosis.report.what_to_do import what_to_do
+
     verdict = content["verdict"]
     lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
     if len(content["group"]) > 1:
@@ -111,7 +113,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
         )
     lines.append(f"next release: {content['next_release']}")
-    return lines
+    return lines + [f"what to do: {line}" for line in what_to_do(content, result.experiment)]
 
 
 def run_prediction(

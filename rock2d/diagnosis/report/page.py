@@ -23,6 +23,7 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
     table_quantities,
 )
+from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import write_whole
@@ -94,7 +95,7 @@ def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> di
         "kind": kind,
         "key_figures": [] if faulty else text.key_figures(content, effects, chain),
         "material": _material(result),
-        "advice": text.what_to_do(content) if faulty else [],
+        "advice": what_to_do(content, result.experiment),
         "diagnosed": not faulty,
     }
 

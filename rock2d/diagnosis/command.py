@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -64,7 +65,8 @@ def run_diagnosis(
             read, seed=seed, workers=processes, folder=out / FITS, on_progress=step, on_forecast=forecast
         )
     content = diagnosis_json(result)
-    write_report(result, content, out, progress=progress)
+    words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
+    write_report(result, content, out, progress=progress, command=shlex.join(words))
     write_whole(out / DIAGNOSIS, json.dumps(content, indent=1, allow_nan=False) + "\n")
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")

@@ -1,4 +1,4 @@
-"""Instructions after a diagnosis: following one undoes the effect, they name keys that exist, doubt corrects nothing."""
+"""Instructions after a diagnosis: following one undoes the effect; keys that it names exist; doubt corrects nothing."""
 
 from __future__ import annotations
 

@@ -84,6 +84,11 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
 
 
+def length(value_m: float) -> str:
+    """A length in the unit that suits it: "12.3 mm" or "1.23 m"."""
+    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
+
+
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
     """A value and its unit as shown: angles in degrees, pure numbers without a unit."""
     if parameter.unit == "rad":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from pathlib import Path
 
 import click
@@ -206,6 +205,23 @@ def predict(experiment, diagnosis, base_only, out) -> None:
     run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
 
 
+@cli.command()
+@click.argument("a", type=click.Path(path_type=Path))
+@click.argument("b", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True,
+              help="Folder for comparison.json and comparison.html.")  # fmt: skip
+def compare(a, b, out) -> None:
+    """Put two diagnoses A and B side by side; each is the folder of a diagnosis or its diagnosis.json.
+
+    Says where verdicts, probabilities, parameters and places agree, and what of them cannot be compared.
+
+    Example: rock2d compare before after --out comparison
+    """
+    from rock2d.diagnosis.command import run_comparison
+
+    run_comparison(a, b, out, report=click.echo)
+
+
 @cli.group()
 def blind() -> None:
     """Test the diagnosis on films with a hidden cause, which an independent engine makes."""
@@ -341,26 +357,11 @@ def schema(kind) -> None:
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
-def _print_warnings_in_one_line() -> None:
-    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
-    from rock2d.errors import OldKeyWarning
-
-    show = warnings.showwarning
-
-    def print_warning(message, category, *arguments, **options) -> None:
-        if issubclass(category, OldKeyWarning):
-            click.echo(f"warning: {message}", err=True)
-        else:
-            show(message, category, *arguments, **options)
-
-    warnings.showwarning = print_warning
-
-
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
-    from rock2d.errors import InputError
+    from rock2d.errors import InputError, print_old_keys_in_one_line
 
-    _print_warnings_in_one_line()
+    print_old_keys_in_one_line()
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)

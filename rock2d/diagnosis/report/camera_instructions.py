@@ -35,7 +35,7 @@ def _origin(fitted: Fitted) -> str:
 
 def _by_hand(fitted: Fitted, film: str, table: str) -> str:
     """How to correct the record where there is no film to track again: a film, or a table of impacts."""
-    return f"Without a set-up file: {table if fitted.experiment.impacts is not None else film}."
+    return f"\nWithout a set-up file: {table if fitted.experiment.impacts is not None else film}."
 
 
 def camera_tilt(fitted: Fitted) -> str:
@@ -50,7 +50,7 @@ def camera_tilt(fitted: Fitted) -> str:
     )
     return (
         f"The picture is turned by {text.number(abs(turn), width)}° {way} against the vertical. Set `tilt_deg: "
-        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {_origin(fitted)} {AGAIN} "
+        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {_origin(fitted)} {AGAIN}"
         f"{_by_hand(fitted, turned, f'{turned}; turn the velocities, too')} Level the camera before the next film."
     )
 
@@ -67,7 +67,7 @@ def scale_error(fitted: Fitted) -> str:
     return (
         f"The calibration length is stated {text.number(100 * abs(value - 1), 100 * half)} % too {way}: what is stated "
         f"as 1 m is {text.number(factor, width)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` in the "
-        f"set-up file, whichever is given there, by {plain(factor, width)}. {_origin(fitted)} {AGAIN} "
+        f"set-up file, whichever is given there, by {plain(factor, width)}. {_origin(fitted)} {AGAIN}"
         f"{_by_hand(fitted, scaled, f'{scaled}, and the velocities by the same factor')} Measure the calibration "
         "length again, in the plane of motion: one nearer to the camera gives too short lengths."
     )
@@ -84,7 +84,7 @@ def frame_rate_error(fitted: Fitted) -> str:
     table = f"divide all velocities and spins by {plain(value, half)}"
     return (
         f"The film was taken with {text.number(true, width)} frames/s, not with {stated:g}. Set "
-        f"`fps: {plain(true, width)}` in the set-up file. {AGAIN} {_by_hand(fitted, film, table)} Film a clock "
+        f"`fps: {plain(true, width)}` in the set-up file. {AGAIN}{_by_hand(fitted, film, table)} Film a clock "
         f"to check."
     )
 

@@ -46,9 +46,11 @@ class Made:
 
 
 def coded(line: str) -> Markup:
-    """A line of text as HTML: escaped, with what stands in backticks as code."""
+    """A text as HTML: escaped, with what stands in backticks as code and line breaks where it has them."""
     from markupsafe import Markup, escape
 
+    if "\n" in line:
+        return Markup("<br>").join(coded(part) for part in line.split("\n"))
     parts = line.split("`")
     out = [
         escape(part) if i % 2 == 0 else Markup("<code>{}</code>").format(part) for i, part in enumerate(parts)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from math import hypot
 from typing import Any
-
-import numpy as np
 
 from rock2d.diagnosis.comparison_file import KNOWN_SCHEMAS, DiagnosisFile, FittedValue
 from rock2d.diagnosis.model import BASE_NAMES
@@ -33,7 +32,7 @@ def agree(a: FittedValue, b: FittedValue) -> bool | None:
     if a.value == b.value:
         return True
     sides = [abs(own.ci95[own.value < other.value] - own.value) for own, other in ((a, b), (b, a))]
-    half = float(np.hypot(*sides))
+    half = hypot(sides[0], sides[1])
     return abs(a.value - b.value) <= AGREEMENT * half if half > 0 else None
 
 
@@ -109,9 +108,11 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
         said.append("The gaps have different units: compare only the share closed.")
     said += _one_sided("effects", a.probabilities, b.probabilities, "were not in the catalogue of the other")
     for key in ("zone", "block"):
-        names = [{getattr(place, key) for place in own.where} for own in (a, b)]
-        if all(names):
-            said += _one_sided(f"{key}s", *names, "have no share of the gap in the other, or are not there")
+        in_a, in_b = ({getattr(place, key) for place in own.where} for own in (a, b))
+        if in_a and in_b:
+            said += _one_sided(
+                f"{key}s", in_a, in_b, "have no share of the gap in the other, or are not there"
+            )
     return said
 
 

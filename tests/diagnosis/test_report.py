@@ -9,6 +9,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -78,18 +79,32 @@ def diagnosed() -> Diagnosis:
     return quick(experiment, **EFFECTS)
 
 
-@pytest.fixture
-def written(tmp_path, monkeypatch):
+def small_video(patch: pytest.MonkeyPatch) -> None:
+    """Let reports have a video that is quick to write."""
+    patch.setattr(side_by_side, "VIDEO_S", 0.5)
+    patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
+
+
+def write(result: Diagnosis, folder: Path) -> tuple[Page, str]:
     """Write the report of a diagnosis; returns the page and its text."""
-    monkeypatch.setattr(side_by_side, "VIDEO_S", 0.5)
-    monkeypatch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
+    with pytest.MonkeyPatch.context() as patch:
+        small_video(patch)
+        page.write_report(result, diagnosis_json(result), folder, progress=False)
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    return Page(text), text
 
-    def write(result: Diagnosis) -> tuple[Page, str]:
-        page.write_report(result, diagnosis_json(result), tmp_path, progress=False)
-        text = (tmp_path / "report.html").read_text(encoding="utf-8")
-        return Page(text), text
 
-    return write
+@pytest.fixture
+def written(tmp_path):
+    """Write the report of a diagnosis into a folder of its own; returns the page and its text."""
+    return lambda result: write(result, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def report(diagnosed, tmp_path_factory) -> tuple[Page, str, Path]:
+    """The report of `diagnosed`: page, text and folder. Tests must not change them."""
+    folder = tmp_path_factory.mktemp("report")
+    return *write(diagnosed, folder), folder
 
 
 def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
@@ -98,8 +113,8 @@ def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
     return replace(result, found=replace(result.found, probabilities=chances))
 
 
-def test_page_needs_no_network_and_runs_nothing(diagnosed, written, tmp_path):
-    page, text = written(diagnosed)
+def test_page_needs_no_network_and_runs_nothing(report):
+    page, text, _ = report
     assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
     assert page.references and all(ref.startswith("data:") for ref in page.references)
     assert "http://" not in text and "https://" not in text and "url(" not in text
@@ -108,8 +123,8 @@ def test_page_needs_no_network_and_runs_nothing(diagnosed, written, tmp_path):
     assert len(text) < 8e6
 
 
-def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
-    page, text = written(diagnosed)
+def test_page_says_cause_place_and_closure(diagnosed, report):
+    page, text, folder = report
     content = diagnosis_json(diagnosed)
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
@@ -124,12 +139,12 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
     ):
         assert words in page.text
     assert page.tags.count("img") == 8  # the cross-section, six impacts, the still of the video
-    video = (tmp_path / "side_by_side.webm").read_bytes()
+    video = (folder / "side_by_side.webm").read_bytes()
     assert base64.b64encode(video).decode() in text
 
 
-def test_headings_language_and_title_are_those_of_one_document(diagnosed, written):
-    page, text = written(diagnosed)
+def test_headings_language_and_title_are_those_of_one_document(report):
+    page, text, _ = report
     levels = [int(tag[1]) for tag in page.tags if tag in ("h1", "h2", "h3", "h4", "h5", "h6")]
     assert levels[0] == 1 and levels.count(1) == 1 and max(levels) == 3
     assert all(below <= above + 1 for above, below in pairwise(levels))
@@ -137,8 +152,8 @@ def test_headings_language_and_title_are_those_of_one_document(diagnosed, writte
     assert "<title>Diagnosis of &lt;script&gt;" in text and ": Camera tilt</title>" in text
 
 
-def test_every_figure_says_what_it_shows(diagnosed, written):
-    page, _ = written(diagnosed)
+def test_every_figure_says_what_it_shows(diagnosed, report):
+    page, _, _ = report
     section, *impacts, still = [image["alt"] for image in page.of("img")]
     content = diagnosis_json(diagnosed)
     shares = {}
@@ -155,8 +170,8 @@ def test_every_figure_says_what_it_shows(diagnosed, written):
         assert strip.get("aria-label") or strip.get("aria-hidden") or "overflow" in strip
 
 
-def test_the_video_has_a_still_and_a_text(diagnosed, written):
-    page, text = written(diagnosed)
+def test_the_video_has_a_still_and_a_text(report):
+    page, text, _ = report
     [video] = page.of("video")
     kind, still = video["poster"].split(",")
     assert kind == "data:image/png;base64" and base64.b64decode(still).startswith(b"\x89PNG")
@@ -164,8 +179,8 @@ def test_the_video_has_a_still_and_a_text(diagnosed, written):
     assert "times slower than the film: measured, base law, with camera tilt" in page.text
 
 
-def test_the_data_of_every_figure_can_be_downloaded(diagnosed, written):
-    page, _ = written(diagnosed)
+def test_the_data_of_every_figure_can_be_downloaded(diagnosed, report):
+    page, _, _ = report
     tables = {}
     for link in page.of("a"):
         kind, coded = link["href"].split(",", 1)
@@ -192,7 +207,7 @@ def test_a_cell_is_no_formula_of_a_spreadsheet():
 
 
 def test_page_says_when_and_how_it_was_made(diagnosed, monkeypatch, tmp_path):
-    monkeypatch.setattr(side_by_side, "VIDEO_S", 0.5)
+    small_video(monkeypatch)
     content = diagnosis_json(diagnosed)
     texts = []
     for name in ("a", "b"):
@@ -217,8 +232,8 @@ def test_a_date_that_is_none_is_refused(monkeypatch):
     assert Made.now("rock2d", None).date.endswith("UTC")
 
 
-def test_the_page_says_what_to_do(diagnosed, written):
-    _, text = written(diagnosed)
+def test_the_page_says_what_to_do(diagnosed, report):
+    _, text, _ = report
     tilt = np.rad2deg(diagnosis_json(diagnosed)["effects"]["camera_tilt"]["parameters"]["tilt_rad"]["value"])
     found = re.search(r"<code>tilt_deg: (-?[\d.]+)</code>", text)
     assert found and float(found.group(1)) == pytest.approx(tilt, abs=0.01)

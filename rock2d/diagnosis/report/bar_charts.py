@@ -113,7 +113,8 @@ def scale(axis: Axis) -> Markup:
     """The tick labels of the axis, as wide as a chart. Those that a phone has no room for are of class "tight"."""
     from markupsafe import Markup
 
-    labels, apart = [], []
+    labels: list[str] = []
+    apart: list[float] = []
     for tick in sorted(axis.ticks(), key=lambda t: t != 0):
         if all(abs(axis.at(tick) - other) >= NARROW_LABEL for other in apart):
             apart.append(axis.at(tick))

@@ -132,7 +132,7 @@ def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:
     known = {side: row[side] for side in SIDES if row[side] is not None}
     axis = axis_over([v for own in known.values() for v in (own["value"], *own["ci95"])], zero=False)
     marks = [
-        Mark(SIDES[side], own["value"], *own["ci95"], f"{side.upper()}: {_value(own)}")
+        Mark(SIDES[side], own["value"], own["ci95"][0], own["ci95"][1], f"{side.upper()}: {_value(own)}")
         for side, own in known.items()
     ]
     units = {own["unit"] for own in known.values()}

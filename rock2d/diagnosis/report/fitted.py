@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,6 +71,6 @@ def plain(value: float, half: float | None = None) -> str:
     return text.number(value, half).replace("−", "-").replace("\N{NO-BREAK SPACE}", "").replace(" ", "")
 
 
-def point(values: Sequence[float], half: Sequence[float]) -> str:
+def point(values: Array, half: Array) -> str:
     """A point for a file, "[x, y]"."""
     return f"[{', '.join(plain(v, h or None) for v, h in zip(values, half, strict=True))}]"

@@ -27,14 +27,14 @@ def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> st
 
 def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
     """Of one impact: how far each model is from the film at the last measured frame."""
-    t_s, *pose = segment.measured[-1]
+    seen = segment.measured[np.isfinite(segment.measured).all(axis=1)]
+    t_s, *pose = seen[-1]
     parts = []
     for name, rows in segment.models.items():
         x, y, theta = (float(np.interp(t_s, rows[:, 0], rows[:, i])) for i in (1, 2, 3))
         away, turn = float(np.hypot(x - pose[0], y - pose[1])), abs(float(np.rad2deg(theta - pose[2])))
         parts.append(f"{labels[name]} {text.length(away)} and {turn:.1f}°")
-    frames = int(np.isfinite(segment.measured[:, 1]).sum())
     return (
-        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {frames} measured frames and of the predictions; "
+        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the predictions; "
         f"distance from the film at the last frame: {', '.join(parts)}."
     )

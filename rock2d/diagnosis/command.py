@@ -38,7 +38,9 @@ def run_diagnosis(
     from tqdm import tqdm
 
     from rock2d.diagnosis.report.page import write_report
+    from rock2d.diagnosis.report.rendering import page_date
 
+    page_date()  # a date that is none is refused before the work, not after it
     read = load_experiment(experiment)
     _refuse_foreign(out)
     names = list(catalogue())

@@ -17,10 +17,12 @@ import pytest
 
 import rock2d
 from rock2d.diagnosis import fitting
+from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.report import page, side_by_side
+from rock2d.diagnosis.report.bar_charts import NARROW_LABEL, Axis, scale
 from rock2d.diagnosis.report.downloads import download
-from rock2d.diagnosis.report.rendering import Made
+from rock2d.diagnosis.report.rendering import Made, coded
 from rock2d.diagnosis.report.text import share_closed
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -224,10 +226,24 @@ def test_page_says_when_and_how_it_was_made(diagnosed, monkeypatch, tmp_path):
     assert "1970" not in json.dumps(content)
 
 
-def test_a_date_that_is_none_is_refused(monkeypatch):
+def test_backticks_become_code_and_everything_is_escaped():
+    assert coded("a `<b>` <i>\nx") == "a <code>&lt;b&gt;</code> &lt;i&gt;<br>x"
+
+
+def test_a_phone_shows_no_tick_labels_that_overlap():
+    labels = scale(Axis(-20.0, 6000.0, 10.0))
+    shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
+    assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
+    assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there
+
+
+def test_a_date_that_is_none_is_refused_before_the_work(monkeypatch, tmp_path):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH"):
-        Made.now("rock2d", None)
+        run_diagnosis(
+            tmp_path / "film", tmp_path / "out", seed=0, workers=1, progress=False, report=print
+        )  # fmt: skip
+    assert not list(tmp_path.iterdir())
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
     assert Made.now("rock2d", None).date.endswith("UTC")
 

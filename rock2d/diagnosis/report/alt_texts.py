@@ -35,6 +35,6 @@ def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
         away, turn = float(np.hypot(x - pose[0], y - pose[1])), abs(float(np.rad2deg(theta - pose[2])))
         parts.append(f"{labels[name]} {text.length(away)} and {turn:.1f}°")
     return (
-        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the predictions; "
-        f"distance from the film at the last frame: {', '.join(parts)}."
+        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the "
+        f"predictions; distance from the film at the last frame: {', '.join(parts)}."
     )

@@ -30,19 +30,24 @@ class Made:
 
     @classmethod
     def now(cls, command: str, seed: int | None) -> Made:
-        """By this version of rock2d; the date is that of the clock, or of SOURCE_DATE_EPOCH if that is set.
-
-        Raises `InputError` if SOURCE_DATE_EPOCH is no number of seconds.
-        """
+        """By this version of rock2d, at `page_date()`."""
         from rock2d import __version__
 
-        stated = os.environ.get(DATE_VARIABLE)
-        try:
-            instant = datetime.now(UTC) if stated is None else datetime.fromtimestamp(int(stated), UTC)
-        except (ValueError, OverflowError, OSError):
-            message = f"expected whole seconds since 1970 in {DATE_VARIABLE}, found {stated!r}"
-            raise InputError(message) from None
-        return cls(instant.strftime("%Y-%m-%d %H:%M UTC"), __version__, command, seed)
+        return cls(page_date(), __version__, command, seed)
+
+
+def page_date() -> str:
+    """Now in UTC, or the instant of SOURCE_DATE_EPOCH if that is set.
+
+    Raises `InputError` if SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    stated = os.environ.get(DATE_VARIABLE)
+    try:
+        instant = datetime.now(UTC) if stated is None else datetime.fromtimestamp(int(stated), UTC)
+    except (ValueError, OverflowError, OSError):
+        message = f"expected whole seconds since 1970 in {DATE_VARIABLE}, found {stated!r}"
+        raise InputError(message) from None
+    return instant.strftime("%Y-%m-%d %H:%M UTC")
 
 
 def coded(line: str) -> Markup:

@@ -78,21 +78,20 @@ def notes(a: DiagnosisFile, b: DiagnosisFile) -> list[str]:
             )
     if a.experiment == b.experiment:
         said.append(
-            "Both state the same name of the experiment. The files do not say whether they are of the same "
-            "film: if they "
-            "are not, read them as different experiments."
+            "Both state the same name of the experiment. The files do not say whether they are of the same film: if "
+            "they are not, read them as different experiments."
         )
     else:
         said.append(
-            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its own film "
-            "shows. Parameters need not agree: those of the camera belong to a set-up, those of the soil to its state. "
-            "Base, augmented and noise floor cannot be compared: each is in units of its own noise and scatter."
+            "The experiments differ. Verdicts, probabilities and shares can be compared: each says what its own "
+            "film shows. Parameters need not agree: those of the camera belong to a set-up, those of the soil to "
+            "its state. Base, augmented and noise floor cannot be compared: each is in units of its own noise and "
+            "scatter."
         )
     if a.schema_ != b.schema_:
         said.append(
             f"The files have different schemas, {a.schema_} and {b.schema_}. Only what both have is compared; "
-            f"causes, what "
-            "lies outside the catalogue and the kinds of noise floor are left out."
+            "causes, what lies outside the catalogue and the kinds of noise floor are left out."
         )
     newer = [own.schema_ for own in (a, b) if own.schema_ not in KNOWN_SCHEMAS]
     if newer:

@@ -28,8 +28,7 @@ def _origin(fitted: Fitted) -> str:
     x, y = fitted.world().view.centre_m
     return (
         f"Set `origin_m: {point(at, half)}` if it was [0, 0]: the record changes about the camera's axis, which "
-        f"meets the "
-        f"plane at ({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
+        f"meets the plane at ({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
     )
 
 
@@ -50,8 +49,9 @@ def camera_tilt(fitted: Fitted) -> str:
     )
     return (
         f"The picture is turned by {text.number(abs(turn), width)}° {way} against the vertical. Set `tilt_deg: "
-        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {_origin(fitted)} {AGAIN}"
-        f"{_by_hand(fitted, turned, f'{turned}; turn the velocities, too')} Level the camera before the next film."
+        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {_origin(fitted)} "
+        f"{AGAIN}{_by_hand(fitted, turned, f'{turned}; turn the velocities, too')} Level the camera before the next "
+        "film."
     )
 
 
@@ -65,11 +65,11 @@ def scale_error(fitted: Fitted) -> str:
         f"multiply the distance of every position from ({plain(x)}, {plain(y)}) m by {plain(factor, width)}"
     )
     return (
-        f"The calibration length is stated {text.number(100 * abs(value - 1), 100 * half)} % too {way}: what is stated "
-        f"as 1 m is {text.number(factor, width)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` in the "
-        f"set-up file, whichever is given there, by {plain(factor, width)}. {_origin(fitted)} {AGAIN}"
-        f"{_by_hand(fitted, scaled, f'{scaled}, and the velocities by the same factor')} Measure the calibration "
-        "length again, in the plane of motion: one nearer to the camera gives too short lengths."
+        f"The calibration length is stated {text.number(100 * abs(value - 1), 100 * half)} % too {way}: what is "
+        f"stated as 1 m is {text.number(factor, width)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` "
+        f"in the set-up file, whichever is given there, by {plain(factor, width)}. {_origin(fitted)} "
+        f"{AGAIN}{_by_hand(fitted, scaled, f'{scaled}, and the velocities by the same factor')} Measure the "
+        "calibration length again, in the plane of motion: one nearer to the camera gives too short lengths."
     )
 
 
@@ -83,9 +83,8 @@ def frame_rate_error(fitted: Fitted) -> str:
     )
     table = f"divide all velocities and spins by {plain(value, half)}"
     return (
-        f"The film was taken with {text.number(true, width)} frames/s, not with {stated:g}. Set "
-        f"`fps: {plain(true, width)}` in the set-up file. {AGAIN}{_by_hand(fitted, film, table)} Film a clock "
-        f"to check."
+        f"The film was taken with {text.number(true, width)} frames/s, not with {stated:g}. Set `fps: "
+        f"{plain(true, width)}` in the set-up file. {AGAIN}{_by_hand(fitted, film, table)} Film a clock to check."
     )
 
 
@@ -99,10 +98,9 @@ def lens_distortion(fitted: Fitted) -> str:
     x, y = view.centre_m
     return (
         f"The lens moves points {way}. Set `distortion: {{k: K}}` in the set-up file with K = "
-        f"{plain(per_m2, width or None)} × D², where D is half the picture's diagonal in m; `centre_px` is the "
-        f"pixel that "
-        f"shows ({plain(x)}, {plain(y)}) m. {AGAIN} Better: film a checkerboard "
-        "at the edge of the picture and measure k."
+        f"{plain(per_m2, width or None)} × D², where D is half the picture's diagonal in m; `centre_px` is the pixel "
+        f"that shows ({plain(x)}, {plain(y)}) m. {AGAIN} Better: film a checkerboard at the edge of the picture and "
+        "measure k."
     )
 
 
@@ -113,8 +111,8 @@ def angle_offset(fitted: Fitted) -> str:
     way = "counter-clockwise" if value > 0 else "clockwise"
     return (
         f"Add {plain(-value, half)} to every `theta_rad` ({text.number(-degrees, width)}°) and diagnose again. The "
-        f"tracked angle lies {text.number(abs(degrees), width)}° {way} of the block's own x axis. If it comes from two "
-        "marks, choose marks on a line along that axis."
+        f"tracked angle lies {text.number(abs(degrees), width)}° {way} of the block's own x axis. If it comes from "
+        "two marks, choose marks on a line along that axis."
     )
 
 
@@ -129,11 +127,9 @@ def mirrored_axis(fitted: Fitted) -> str:
         else f"`{place}`"
     )
     return (
-        f"Change the sign of every {column} and diagnose again. Then look for the cause: y grows upward, x to "
-        f"the right, "
-        "angles counter-clockwise. In the set-up file, `up` turns y and the angle together; in `rock2d import`, "
-        "so does "
-        "`--y`."
+        f"Change the sign of every {column} and diagnose again. Then look for the cause: y grows upward, x to the "
+        "right, angles counter-clockwise. In the set-up file, `up` turns y and the angle together; in `rock2d "
+        "import`, so does `--y`."
     )
 
 

@@ -26,9 +26,8 @@ def mass_eccentricity(fitted: Fitted) -> str:
     )
     return (
         f"Balance the blocks on an edge: the centre of mass should lie {along} mm along the block's own x and "
-        f"{across} mm "
-        "along its own y from the centroid. No key of experiment.yaml states it. Make the blocks of one material, or "
-        "track the centre of mass instead of the centroid."
+        f"{across} mm along its own y from the centroid. No key of experiment.yaml states it. Make the blocks of one "
+        "material, or track the centre of mass instead of the centroid."
     )
 
 
@@ -53,9 +52,8 @@ def rounded_edges(fitted: Fitted) -> str:
     most = 1e3 * min(sizes, default=0.0)
     radius = text.number(most * fitted.values["radius"], most * fitted.half["radius"] or None)
     return (
-        f"Measure the corners with a radius gauge: {radius} mm are expected. Then state blocks as `shape: "
-        f"polygon` with "
-        "`vertices_m` along the rounded outline, four or more to a corner, and diagnose again."
+        f"Measure the corners with a radius gauge: {radius} mm are expected. Then state blocks as `shape: polygon` "
+        "with `vertices_m` along the rounded outline, four or more to a corner, and diagnose again."
     )
 
 
@@ -74,8 +72,8 @@ def geometry_error(fitted: Fitted) -> str:
     return (
         f"Survey the cross-section again. Expected: {what[0]} is {text.number(abs(turn), width)}° "
         f"{more if turn > 0 else less} and {what[1]} lies {text.number(abs(level), fine)} mm "
-        f"{'higher' if level > 0 else 'lower'} than stated. If the survey confirms it, set `points_m: "
-        f"[{points}]` in the cross-section and diagnose again."
+        f"{'higher' if level > 0 else 'lower'} than stated. If the survey confirms it, set `points_m: [{points}]` in "
+        "the cross-section and diagnose again."
     )
 
 
@@ -90,10 +88,10 @@ def zone_contrast(fitted: Fitted) -> str:
     angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))
     return (
         f"Give the embankment its own soil in the scenario: `k_l_N_m: {plain(k_l)}`, `k_ul_N_m: {plain(k_ul)}`, "
-        f"`friction_angle_deg: {angle:.3g}` for the zones {zones} under `deterministic`, and "
-        f"`k_l_N_m: {plain(law['k_l_N_m'])}`, `k_ul_N_m: {plain(law['k_ul_N_m'])}`, "
-        f"`friction_angle_deg: {law['friction_angle_deg']:.3g}` under `default`. To check, drop blocks "
-        "vertically on both soils and compare the rebound."
+        f"`friction_angle_deg: {angle:.3g}` for the zones {zones} under `deterministic`, and `k_l_N_m: "
+        f"{plain(law['k_l_N_m'])}`, `k_ul_N_m: {plain(law['k_ul_N_m'])}`, `friction_angle_deg: "
+        f"{law['friction_angle_deg']:.3g}` under `default`. To check, drop blocks vertically on both soils and "
+        "compare the rebound."
     )
 
 
@@ -102,10 +100,8 @@ def soil_compaction(fitted: Fitted) -> str:
     value, half = fitted.values["rate"], fitted.half["rate"]
     return (
         f"The stiffness grows by {text.number(100 * value, 100 * half or None)} % of its first value with each "
-        f"release of "
-        "the same block. Loosen and level the soil before every release, and film the blocks in random order. "
-        "To check, "
-        "repeat the first release at the end of the series: it should rebound otherwise."
+        "release of the same block. Loosen and level the soil before every release, and film the blocks in random "
+        "order. To check, repeat the first release at the end of the series: it should rebound otherwise."
     )
 
 
@@ -122,9 +118,9 @@ def surface_roughness(fitted: Fitted) -> str:
     """A scatter: no mean to correct."""
     slope = np.rad2deg(fitted.values["sd_rad"])
     return (
-        f"There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of the "
-        f"slope of {text.number(slope)}° is expected. Level it before every release, or count the scatter as part of "
-        "the soil and film more releases."
+        "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "
+        f"the slope of {text.number(slope)}° is expected. Level it before every release, or count the scatter as "
+        "part of the soil and film more releases."
     )
 
 
@@ -140,12 +136,10 @@ def air_drag(fitted: Fitted) -> str:
     }
     drag = ", ".join(f"{text.spoken(name)} {text.number(c)}" for name, c in area.items())
     return (
-        f"Blocks lose {text.number(100 * value, 100 * half)} % of their speed on a metre of flight. In air this "
-        f"is a drag "
-        f"coefficient of {drag} (with the block's size squared as its area); 0.5 to 2 is usual. If it is, the "
-        f"model lacks "
-        "the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free fall, and a heavier "
-        "block of the same shape, which air slows less."
+        f"Blocks lose {text.number(100 * value, 100 * half)} % of their speed on a metre of flight. In air this is a "
+        f"drag coefficient of {drag} (with the block's size squared as its area); 0.5 to 2 is usual. If it is, the "
+        "model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
+        "fall, and a heavier block of the same shape, which air slows less."
     )
 
 
@@ -153,11 +147,9 @@ def flight_damping(fitted: Fitted) -> str:
     """Share of velocity and spin that is lost in a second."""
     value, half = fitted.values["rate_1_s"], fitted.half["rate_1_s"]
     return (
-        f"Velocity and spin decay by {text.number(100 * value, 100 * half)} % a second in flight. If the film "
-        f"was simulated, "
-        "switch off the global damping of that program. If not, film a spinning block in a long flight: only "
-        "this effect "
-        "slows the spin, too."
+        f"Velocity and spin decay by {text.number(100 * value, 100 * half)} % a second in flight. If the film was "
+        "simulated, switch off the global damping of that program. If not, film a spinning block in a long flight: "
+        "only this effect slows the spin, too."
     )
 
 
@@ -166,11 +158,9 @@ def magnus_lift(fitted: Fitted) -> str:
     value, half = fitted.values["lift_per_mass"], fitted.half["lift_per_mass"]
     way = "counter-clockwise" if value > 0 else "clockwise"
     return (
-        f"The path of a block with counter-clockwise spin turns {way}, at {text.number(abs(value), half)} times "
-        f"the spin. Film "
-        "the same throw with forward spin and with backspin: the paths must bend to opposite sides. If they do "
-        "not, look "
-        "for wind."
+        f"The path of a block with counter-clockwise spin turns {way}, at {text.number(abs(value), half)} times the "
+        "spin. Film the same throw with forward spin and with backspin: the paths must bend to opposite sides. If "
+        "they do not, look for wind."
     )
 
 
@@ -179,10 +169,9 @@ def out_of_plane(fitted: Fitted) -> str:
     value, half = fitted.values["angle_rad"], fitted.half["angle_rad"]
     degrees, width = np.rad2deg([value, half])
     return (
-        f"Film from above as well: the horizontal velocity should turn by about {text.number(degrees, width)}° "
-        f"at an impact, "
-        f"which takes {text.number(100 * (1 - np.cos(value)))} % of it out of the plane. Guide the blocks between two "
-        "plates, use cylinders, or leave out releases that swerve."
+        f"Film from above as well: the horizontal velocity should turn by about {text.number(degrees, width)}° at an "
+        f"impact, which takes {text.number(100 * (1 - np.cos(value)))} % of it out of the plane. Guide the blocks "
+        "between two plates, use cylinders, or leave out releases that swerve."
     )
 
 
@@ -191,10 +180,9 @@ def viscous_damping(fitted: Fitted) -> str:
     constant = fitted.values["rate_1_s"] * fitted.mass_kg
     deep = fitted.values["deep_rate_1_s"] * fitted.mass_kg / fitted.size_m
     return (
-        "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the "
-        "lighter one "
-        "should rebound less. If so, add a dashpot beside the normal spring: "
-        f"F = (c + h δ) dδ/dt with c = {text.number(constant)} N s/m and h = {text.number(deep)} N s/m²."
+        "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
+        "one should rebound less. If so, add a dashpot beside the normal spring: F = (c + h δ) dδ/dt with c = "
+        f"{text.number(constant)} N s/m and h = {text.number(deep)} N s/m²."
     )
 
 
@@ -203,10 +191,9 @@ def adhesion(fitted: Fitted) -> str:
     pull = fitted.values["pull_per_weight"] * fitted.mass_kg * STANDARD_GRAVITY_M_S2
     half = fitted.half["pull_per_weight"] * fitted.mass_kg * STANDARD_GRAVITY_M_S2
     return (
-        f"Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
-        f"{text.number(pull, half or None)} N is expected. Dry the soil or clean the blocks and film again, or "
-        f"add the pull to "
-        "the contact law while the block leaves."
+        "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
+        f"{text.number(pull, half or None)} N is expected. Dry the soil or clean the blocks and film again, or add "
+        "the pull to the contact law while the block leaves."
     )
 
 
@@ -214,10 +201,9 @@ def ploughing_drag(fitted: Fitted) -> str:
     """The drag coefficient of the ploughed front."""
     drag = fitted.values["rate_1_s"] * fitted.mass_kg / fitted.size_m
     return (
-        "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. Then "
-        f"add a tangential force F = c δ u against the slip u, with c = {text.number(drag)} N s/m² and the "
-        f"depth δ. Shallow "
-        "throws at two speeds separate it from friction, which does not grow with the speed."
+        "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "
+        f"Then add a tangential force F = c δ u against the slip u, with c = {text.number(drag)} N s/m² and the "
+        "depth δ. Shallow throws at two speeds separate it from friction, which does not grow with the speed."
     )
 
 
@@ -227,11 +213,9 @@ def slip_dependent_friction(fitted: Fitted) -> str:
     rest = float(fitted.law["friction_angle_deg"])
     fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(0.05, 1.0 + change)))
     return (
-        f"Drag a block over the soil at speeds well below and above {text.number(speed)} m/s: the friction "
-        f"angle should "
-        f"{'grow' if change > 0 else 'fall'} from {text.number(rest)}° to {text.number(float(fast))}°. If it "
-        f"does, make the "
-        "friction of the contact law depend on the sliding speed."
+        f"Drag a block over the soil at speeds well below and above {text.number(speed)} m/s: the friction angle "
+        f"should {'grow' if change > 0 else 'fall'} from {text.number(rest)}° to {text.number(float(fast))}°. If it "
+        "does, make the friction of the contact law depend on the sliding speed."
     )
 
 

@@ -60,8 +60,8 @@ def video_section(
     )
     said = (
         f"{len(shown)} pictures side by side, {slow_motion:g} times slower than the film: {', '.join(shown)}. "
-        f"{chosen}, simulated from its first measured flight to the end of the film with the mean soil. The grey block "
-        "beside a simulated one is that of the film. "
+        f"{chosen}, simulated from its first measured flight to the end of the film with the mean soil. The grey "
+        "block beside a simulated one is that of the film. "
     )
     return {
         "video": base64.b64encode(path.read_bytes()).decode(),

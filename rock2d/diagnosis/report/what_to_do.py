@@ -68,8 +68,8 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
     beside = [entry["effect"] for entry in content.get("beside", [])]
     if beside:
         lines.append(
-            f"{text.listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct "
-            "one cause at a time, and diagnose again after each: these numbers hold only together."
+            f"{text.listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct one "
+            "cause at a time, and diagnose again after each: these numbers hold only together."
         )
         lines += [instruction(name, content["beside"][-1], experiment) for name in beside]
     if not all(name in CAMERA_INSTRUCTIONS for name in (verdict, *beside)):

@@ -11,13 +11,9 @@ from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
 from rock2d.interrupts import answer_signals, ignore_signals
-from rock2d.runs.campaigns.outputs import OUTPUTS
-from rock2d.runs.engines import ENGINES
 from rock2d.schemas import SCHEMAS, file_schema
-from rock2d.warning_lines import print_warnings_in_one_line
+from rock2d.site_commands import SITE_COMMANDS
 
-ENGINE = click.Choice(list(ENGINES))
-OUTPUT = click.Choice(list(OUTPUTS))
 LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
 
 
@@ -27,124 +23,8 @@ def cli() -> None:
     """Rockfall against embankments in 2D: simulate, film, compare."""
 
 
-@cli.command()
-@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--engine", "engines", multiple=True, type=ENGINE, help="Engine; may be given twice.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
-@click.option("--releases", type=click.IntRange(1), help="Releases of each block instead of the scenario's.")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out"), show_default=True,
-              help="Folder under which each run gets its own.")  # fmt: skip
-@click.option("--data", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
-              help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
-@click.option("--video", is_flag=True, help="Also film the first releases.")
-@click.option("--workers", type=click.IntRange(1),
-              help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS",
-              help="Campaign on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one "
-              "thread each, and must share a file system with this process: they write the files.")  # fmt: skip
-@click.option("--keep", multiple=True, type=OUTPUT,
-              help="What a campaign keeps of each release; may be given several times. Default: ends and "
-              "crossings. With crossings alone a release stops once it can reach no other line; samples "
-              "(at the scenario's frame rate) are large.")  # fmt: skip
-@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, out, data, video, overwrite, quiet, **options) -> None:
-    """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
-
-    More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
-    10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
-    same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
-
-    If more than 1 % of the releases of a block ran out of time or sank into the ground, the end says so, and the
-    exit code is 4.
-    """
-    from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-    from rock2d.runs.command import run_scenarios
-
-    campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
-    workers = Workers(options["workers"], options["scheduler"])
-    resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
-                             overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
-    if not resolved:
-        sys.exit(4)
-
-
-@cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--line", nargs=4, type=float, metavar="X0 Y0 X1 Y1",
-              help="Of a terrain model: the section between two points.")  # fmt: skip
-@click.option("--fall-line", "start", nargs=2, type=float, metavar="X Y",
-              help="Of a terrain model: the section down the steepest slope from a point.")  # fmt: skip
-@click.option("--layer", help="Of a drawing: only its lines are read.")
-@click.option("--zones", type=click.Path(path_type=Path), help="Table (CSV) of start, end and name of zones.")
-@click.option("--tolerance", "tolerance_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
-              metavar="M", help="Leave out points that change the surface by less.")  # fmt: skip
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Scenario file (.yaml) to write.")
-@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
-def profile(file, out, **options) -> None:
-    """Write a scenario that runs, and a picture, from the slope profile in FILE.
-
-    FILE is a table (CSV: station and height, or x, y, z), a drawing (DXF: its longest polyline) or a terrain model
-    (GeoTIFF, ESRI ASCII grid). Drawings and terrain models need pip install 'rock2d[profile]'.
-
-    Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml
-    """
-    from rock2d.profiles.command import write_profile
-
-    write_profile(file, out, report=click.echo, **options)
-
-
-@cli.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--vary", "place", default="embankment.height_m", show_default=True,
-              help="Place of the number in the scenario whose least value is sought.")  # fmt: skip
-@click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
-              help="Least and greatest value, in the unit of the number.")  # fmt: skip
-@click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
-@click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
-              help="Largest share of the releases of each block that may pass.")  # fmt: skip
-@click.option("--confidence", type=float, default=95.0, show_default=True, metavar="PERCENT",
-              help="With which the target is met, over sampling and all that is not known.")  # fmt: skip
-@click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
-              help="To which the least value is found. Default: 1/50 of the range.")  # fmt: skip
-@click.option(
-    "--engine", type=ENGINE, help="Engine instead of the scenario's; pymunk is computed with batch."
-)
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
-              help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
-@click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
-def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **options) -> None:
-    """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
-
-    Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
-    value of the range meets the target, the exit code is 4.
-
-    Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
-    """
-    from rock2d.design.command import run_design
-    from rock2d.design.least_size import Target
-
-    aim = Target(line, target / 100.0, confidence / 100.0)
-    answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, report=click.echo, **options)
-    if answer.least is None:
-        sys.exit(4)
-
-
-@cli.command()
-@click.option("--mass-kg", type=float, metavar="KG", help="Mass of a block; needs --size-m.")
-@click.option("--size-m", type=float, metavar="M",
-              help="Its size: the diameter of the circle with the area of its profile.")  # fmt: skip
-def soils(mass_kg, size_m) -> None:
-    """List the soil classes that the key soils of a scenario knows: restitution, friction, stiffness, their ranges and
-    sources. With --mass-kg and --size-m, print the parameters of both impact laws for that block.
-
-    Example: rock2d soils --mass-kg 2700 --size-m 1.2
-    """
-    from rock2d.runs.soils_command import list_soils
-
-    list_soils(mass_kg, size_m, report=click.echo)
+for command in SITE_COMMANDS:
+    cli.add_command(command)
 
 
 @cli.command()
@@ -219,6 +99,23 @@ def predict(experiment, diagnosis, base_only, out) -> None:
     from rock2d.diagnosis.command import run_prediction
 
     run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
+
+
+@cli.command()
+@click.argument("a", type=click.Path(path_type=Path))
+@click.argument("b", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True,
+              help="Folder for comparison.json and comparison.html.")  # fmt: skip
+def compare(a, b, out) -> None:
+    """Put two diagnoses A and B side by side; each is the folder of a diagnosis or its diagnosis.json.
+
+    Says where verdicts, probabilities, parameters and places agree, and what of them cannot be compared.
+
+    Example: rock2d compare before after --out comparison
+    """
+    from rock2d.diagnosis.command import run_comparison
+
+    run_comparison(a, b, out, report=click.echo)
 
 
 @cli.group()
@@ -358,9 +255,9 @@ def schema(kind) -> None:
 
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
-    from rock2d.errors import InputError
+    from rock2d.errors import InputError, print_old_keys_in_one_line
 
-    print_warnings_in_one_line()
+    print_old_keys_in_one_line()
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)

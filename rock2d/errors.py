@@ -38,6 +38,8 @@ code                    meaning; fields beside file, line and column
 
 from __future__ import annotations
 
+import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +106,19 @@ class OldKeyWarning(FutureWarning):
     def __init__(self, message: str, file: str | Path | None, line: int | None, old: str, key: str) -> None:
         super().__init__(message)
         self.file, self.line, self.old, self.key = file, line, old, key
+
+
+def print_old_keys_in_one_line() -> None:
+    """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
+    show = warnings.showwarning
+
+    def print_warning(message: Any, category: type[Warning], *arguments: Any, **options: Any) -> None:
+        if issubclass(category, OldKeyWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            show(message, category, *arguments, **options)
+
+    warnings.showwarning = print_warning
 
 
 class ParameterError(ValueError):

@@ -1,9 +1,10 @@
-"""The commands `rock2d diagnose` and `rock2d predict`: files in, files out."""
+"""The commands `rock2d diagnose`, `rock2d predict` and `rock2d compare`: files in, files out."""
 
 from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -16,10 +17,11 @@ from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-from rock2d.files.folders import check_file, make_folder, write_whole
+from rock2d.files.folders import atomic_folder, check_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
 
 DIAGNOSIS = "diagnosis.json"
+COMPARISON, COMPARISON_PAGE = "comparison.json", "comparison.html"
 FITS = ".fits"  # folder of finished fits, removed at the end
 
 
@@ -36,7 +38,9 @@ def run_diagnosis(
     from tqdm import tqdm
 
     from rock2d.diagnosis.report.page import write_report
+    from rock2d.diagnosis.report.rendering import page_date
 
+    page_date()  # a date that is none is refused before the work, not after it
     read = load_experiment(experiment)
     _refuse_foreign(out)
     names = list(catalogue())
@@ -64,7 +68,8 @@ def run_diagnosis(
             read, seed=seed, workers=processes, folder=out / FITS, on_progress=step, on_forecast=forecast
         )
     content = diagnosis_json(result)
-    write_report(result, content, out, progress=progress)
+    words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
+    write_report(result, content, out, progress=progress, command=shlex.join(words))
     write_whole(out / DIAGNOSIS, json.dumps(content, indent=1, allow_nan=False) + "\n")
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
@@ -91,7 +96,9 @@ def _refuse_foreign(out: Path) -> None:
 
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
-    """The diagnosis in a few lines."""
+    """The diagnosis in a few lines, and what to do."""
+    from rock2d.diagnosis.report.what_to_do import what_to_do
+
     verdict = content["verdict"]
     lines = [f"verdict: {verdict} (p = {content['probabilities'][verdict]:.2f})"]
     if len(content["group"]) > 1:
@@ -111,7 +118,30 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
         )
     lines.append(f"next release: {content['next_release']}")
-    return lines
+    advice = what_to_do(content, result.experiment)
+    return lines + [f"what to do: {line}".replace("\n", " ") for line in advice]
+
+
+def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[str], None]) -> dict[str, Any]:
+    """Compare two diagnoses (folders or files); writes comparison.json and comparison.html, returns the first."""
+    from rock2d.diagnosis.comparison import comparison
+    from rock2d.diagnosis.comparison_file import read_diagnosis
+    from rock2d.diagnosis.report.comparison_page import comparison_lines, comparison_page
+    from rock2d.diagnosis.report.rendering import Made
+
+    (file_a, a), (file_b, b) = read_diagnosis(first), read_diagnosis(second)
+    files = {"a": str(file_a), "b": str(file_b)}
+    content = {**comparison(a, b), "files": files}
+    words = ["rock2d", "compare", str(first), str(second), "--out", str(out)]
+    with atomic_folder(out) as partial:
+        page = comparison_page(content, files, Made.now(shlex.join(words), None))
+        (partial / COMPARISON_PAGE).write_text(page, encoding="utf-8")
+        text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+        (partial / COMPARISON).write_text(text, encoding="utf-8")
+    for line in comparison_lines(content):
+        report(line)
+    report(f"written: {out / COMPARISON}, {out / COMPARISON_PAGE}")
+    return content
 
 
 def run_prediction(

@@ -54,7 +54,10 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 
 @dataclass
 class Diagnosis:
-    """Everything found about an experiment. From `data` on, fields are None if it could not be diagnosed."""
+    """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
+
+    `seed` is that of the bootstrap; None if nothing was drawn.
+    """
 
     experiment: Experiment
     sanity: Sanity
@@ -63,6 +66,7 @@ class Diagnosis:
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
     cells: list[Cell] | None = None
+    seed: int | None = None
 
     @property
     def verdict(self) -> str:
@@ -111,7 +115,7 @@ def diagnose(
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered)
         on_progress("base")
         found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=on_progress)
-    result.data, result.found = data, found
+    result.data, result.found, result.seed = data, found, seed
     result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
     result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
     result.cells = locate(experiment, data, found, setup)

@@ -76,7 +76,7 @@ def read_model(path: str | Path) -> dict[str, Any]:
     try:
         checked = _Diagnosis.model_validate(content)
     except ValidationError as error:
-        raise _first(error, path) from None
+        raise first_mistake(error, path) from None
     _check_effects(checked, path)
     return content
 
@@ -103,7 +103,8 @@ def _check_effects(checked: _Diagnosis, path: Path) -> None:
                 raise InputError(message, path, code="missing_key", key=parameter.name)
 
 
-def _first(error: ValidationError, path: Path) -> InputError:
+def first_mistake(error: ValidationError, path: Path) -> InputError:
+    """The first thing that is wrong in a JSON file, with its place in the object."""
     item = error.errors(include_url=False)[0]
     where = ".".join(map(key_shown, item["loc"]))
     if item["type"] == "missing":

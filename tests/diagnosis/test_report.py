@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import base64
+import io
+import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import rock2d
 from rock2d.diagnosis import fitting
+from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
-from rock2d.diagnosis.report import page
+from rock2d.diagnosis.report import page, side_by_side
+from rock2d.diagnosis.report.bar_charts import NARROW_LABEL, Axis, scale
+from rock2d.diagnosis.report.downloads import download
+from rock2d.diagnosis.report.rendering import Made, coded
 from rock2d.diagnosis.report.text import share_closed
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
+from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
@@ -33,19 +44,25 @@ class Page(HTMLParser):
     def __init__(self, text: str) -> None:
         super().__init__()
         self.tags: list[str] = []
+        self.attributes: list[tuple[str, dict[str, str | None]]] = []
         self.references: list[str] = []
         self.text = ""
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
+        self.attributes.append((tag, dict(attrs)))
         assert not [name for name, _ in attrs if name.startswith("on")], "a handler runs code"
         self.references += [
-            value for name, value in attrs if name in ("src", "href", "data", "action", "srcset")
+            value for name, value in attrs if name in ("src", "href", "data", "action", "srcset", "poster")
         ]
 
     def handle_data(self, data):
         self.text += data
+
+    def of(self, tag: str) -> list[dict[str, str | None]]:
+        """The attributes of every element of this kind."""
+        return [attributes for name, attributes in self.attributes if name == tag]
 
 
 def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
@@ -64,18 +81,32 @@ def diagnosed() -> Diagnosis:
     return quick(experiment, **EFFECTS)
 
 
-@pytest.fixture
-def written(tmp_path, monkeypatch):
+def small_video(patch: pytest.MonkeyPatch) -> None:
+    """Let reports have a video that is quick to write."""
+    patch.setattr(side_by_side, "VIDEO_S", 0.5)
+    patch.setattr(side_by_side, "VIDEO_SIZE", (480, 240))
+
+
+def write(result: Diagnosis, folder: Path) -> tuple[Page, str]:
     """Write the report of a diagnosis; returns the page and its text."""
-    monkeypatch.setattr(page, "VIDEO_S", 0.5)
-    monkeypatch.setattr(page, "VIDEO_SIZE", (480, 240))
+    with pytest.MonkeyPatch.context() as patch:
+        small_video(patch)
+        page.write_report(result, diagnosis_json(result), folder, progress=False)
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    return Page(text), text
 
-    def write(result: Diagnosis) -> tuple[Page, str]:
-        page.write_report(result, diagnosis_json(result), tmp_path, progress=False)
-        text = (tmp_path / "report.html").read_text(encoding="utf-8")
-        return Page(text), text
 
-    return write
+@pytest.fixture
+def written(tmp_path):
+    """Write the report of a diagnosis into a folder of its own; returns the page and its text."""
+    return lambda result: write(result, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def report(diagnosed, tmp_path_factory) -> tuple[Page, str, Path]:
+    """The report of `diagnosed`: page, text and folder. Tests must not change them."""
+    folder = tmp_path_factory.mktemp("report")
+    return *write(diagnosed, folder), folder
 
 
 def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
@@ -84,8 +115,8 @@ def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
     return replace(result, found=replace(result.found, probabilities=chances))
 
 
-def test_page_needs_no_network_and_runs_nothing(diagnosed, written, tmp_path):
-    page, text = written(diagnosed)
+def test_page_needs_no_network_and_runs_nothing(report):
+    page, text, _ = report
     assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
     assert page.references and all(ref.startswith("data:") for ref in page.references)
     assert "http://" not in text and "https://" not in text and "url(" not in text
@@ -94,8 +125,8 @@ def test_page_needs_no_network_and_runs_nothing(diagnosed, written, tmp_path):
     assert len(text) < 8e6
 
 
-def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
-    page, text = written(diagnosed)
+def test_page_says_cause_place_and_closure(diagnosed, report):
+    page, text, folder = report
     content = diagnosis_json(diagnosed)
     assert content["verdict"] == "camera_tilt"
     assert "Camera tilt" in page.text and EFFECTS["camera_tilt"].summary in page.text
@@ -109,9 +140,120 @@ def test_page_says_cause_place_and_closure(diagnosed, written, tmp_path):
         "Assumptions of this diagnosis",
     ):
         assert words in page.text
-    assert page.tags.count("img") == 7  # the cross-section and six impacts
-    video = (tmp_path / "side_by_side.webm").read_bytes()
+    assert page.tags.count("img") == 8  # the cross-section, six impacts, the still of the video
+    video = (folder / "side_by_side.webm").read_bytes()
     assert base64.b64encode(video).decode() in text
+
+
+def test_headings_language_and_title_are_those_of_one_document(report):
+    page, text, _ = report
+    levels = [int(tag[1]) for tag in page.tags if tag in ("h1", "h2", "h3", "h4", "h5", "h6")]
+    assert levels[0] == 1 and levels.count(1) == 1 and max(levels) == 3
+    assert all(below <= above + 1 for above, below in pairwise(levels))
+    assert page.of("html") == [{"lang": "en"}]
+    assert "<title>Diagnosis of &lt;script&gt;" in text and ": Camera tilt</title>" in text
+
+
+def test_every_figure_says_what_it_shows(diagnosed, report):
+    page, _, _ = report
+    section, *impacts, still = [image["alt"] for image in page.of("img")]
+    content = diagnosis_json(diagnosed)
+    shares = {}
+    for cell in content["where"]:
+        if cell["z"] >= 2.0:
+            shares[cell["zone"]] = shares.get(cell["zone"], 0.0) + cell["share"]
+    largest = max(shares, key=shares.get)
+    assert f"{largest.replace('_', ' ')} {100 * shares[largest]:.0f} %" in section
+    assert len(set(impacts)) == 6
+    for alt in impacts:
+        assert re.search(r"base law \d+\.\d mm and \d+\.\d°, with camera tilt \d+\.\d mm", alt)
+    assert still.startswith("Still of the video") and "from the film" in still
+    for strip in page.of("svg"):
+        assert strip.get("aria-label") or strip.get("aria-hidden") or "overflow" in strip
+
+
+def test_the_video_has_a_still_and_a_text(report):
+    page, text, _ = report
+    [video] = page.of("video")
+    kind, still = video["poster"].split(",")
+    assert kind == "data:image/png;base64" and base64.b64decode(still).startswith(b"\x89PNG")
+    assert f'id="{video["aria-describedby"]}"' in text
+    assert "times slower than the film: measured, base law, with camera tilt" in page.text
+
+
+def test_the_data_of_every_figure_can_be_downloaded(diagnosed, report):
+    page, _, _ = report
+    tables = {}
+    for link in page.of("a"):
+        kind, coded = link["href"].split(",", 1)
+        assert kind == "data:text/csv;charset=utf-8;base64"
+        tables[link["download"]] = pd.read_csv(io.BytesIO(base64.b64decode(coded)))
+    content = diagnosis_json(diagnosed)
+    chances = tables["probabilities.csv"].set_index("answer")["probability"]
+    assert chances.to_dict() == pytest.approx(content["probabilities"], rel=1e-5)
+    assert tables["gap.csv"]["base"][0] == pytest.approx(content["gap"]["base"], rel=1e-5)
+    assert len(tables["where.csv"]) == len(content["where"])
+    assert len(tables["impacts.csv"]) == len(diagnosed.data.impact_release)
+    assert len([name for name in tables if re.fullmatch(r"impact_\d\.csv", name)]) == 6
+    assert {"base law", "with camera tilt", "measured"} == set(tables["impact_1.csv"]["series"])
+    fitted = tables["parameters.csv"].set_index(["model", "parameter"])["value"]
+    tilt = content["effects"]["camera_tilt"]["parameters"]["tilt_rad"]["value"]
+    assert fitted["camera_tilt", "tilt_rad"] == pytest.approx(tilt, rel=1e-5)
+    assert {"passing_frequency.csv", "flights.csv", "video.csv", "gains.csv"} <= set(tables)
+
+
+def test_a_cell_is_no_formula_of_a_spreadsheet():
+    link = download("x.csv", ("a", "b", "c"), [("=1+1", 2.0, None), ("-cube", float("nan"), 3)])
+    text = base64.b64decode(link.href.split(",")[1]).decode()
+    assert text == "a,b,c\n'=1+1,2,\n'-cube,,3\n" and link.rows == 2
+
+
+def test_page_says_when_and_how_it_was_made(diagnosed, monkeypatch, tmp_path):
+    small_video(monkeypatch)
+    content = diagnosis_json(diagnosed)
+    texts = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+        command = "rock2d diagnose <x> --out y"
+        page.write_report(diagnosed, content, tmp_path / name, progress=False, command=command)
+        text = (tmp_path / name / "report.html").read_text(encoding="utf-8")
+        texts.append(re.sub(r"data:video/webm;base64,[^\"]*", "", text))  # a video has numbers of its own
+    assert texts[0] == texts[1]
+    said = Page(texts[0]).text
+    assert "1970-01-02 00:00 UTC" in said and "rock2d diagnose <x> --out y" in said
+    assert rock2d.__version__ in said and "0 (of the bootstrap intervals)" in said
+    assert "1970" not in json.dumps(content)
+
+
+def test_backticks_become_code_and_everything_is_escaped():
+    assert coded("a `<b>` <i>\nx") == "a <code>&lt;b&gt;</code> &lt;i&gt;<br>x"
+
+
+def test_a_phone_shows_no_tick_labels_that_overlap():
+    labels = scale(Axis(-20.0, 6000.0, 10.0))
+    shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
+    assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
+    assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there
+
+
+def test_a_date_that_is_none_is_refused_before_the_work(monkeypatch, tmp_path):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    with pytest.raises(InputError, match="SOURCE_DATE_EPOCH"):
+        run_diagnosis(
+            tmp_path / "film", tmp_path / "out", seed=0, workers=1, progress=False, report=print
+        )  # fmt: skip
+    assert not list(tmp_path.iterdir())
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    assert Made.now("rock2d", None).date.endswith("UTC")
+
+
+def test_the_page_says_what_to_do(diagnosed, report):
+    _, text, _ = report
+    tilt = np.rad2deg(diagnosis_json(diagnosed)["effects"]["camera_tilt"]["parameters"]["tilt_rad"]["value"])
+    found = re.search(r"<code>tilt_deg: (-?[\d.]+)</code>", text)
+    assert found and float(found.group(1)) == pytest.approx(tilt, abs=0.01)
+    assert text.index("What to do") < text.index("Where the simulation is wrong")
 
 
 @pytest.mark.parametrize(("verdict", "words"), [("none", "No gap"), ("unknown", "Unknown cause")])

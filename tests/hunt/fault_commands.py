@@ -86,6 +86,7 @@ COMMANDS = (
             kept=(".fits",)),
     Command("predict", "predict {here}/trial/cases/000/heldout --diagnosis {here}/diagnosis/diagnosis.json "
             "--out {out}/predictions.csv"),
+    Command("compare", "compare {here}/diagnosis {here}/diagnosis/diagnosis.json --out {out}/comparison"),
     Command("blind make", "blind make --quiet --cases 2 --seed 1 --workers 2 --out {out}/trial"),
     Command("blind run", "blind run {out}/trial --quiet --workers 2", _copied_trial),
     Command("blind train", "blind train --seed 1 --quiet --workers 2 --work {out}/training --out {out}/weights.json",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MARK_HEIGHT_PX = 12
+NARROW_LABEL = 24.0  # distance of tick labels on a phone, in % of the width
 # drawn about the origin; every model has another shape, so the chart can be read without colour
 SHAPES = {
     "measured": "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
@@ -109,13 +110,18 @@ def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
 
 
 def scale(axis: Axis) -> Markup:
-    """The tick labels of the axis, as wide as a chart."""
+    """The tick labels of the axis, as wide as a chart. Those that a phone has no room for are of class "tight"."""
     from markupsafe import Markup
 
-    labels = []
+    labels: list[str] = []
+    apart: list[float] = []
+    for tick in sorted(axis.ticks(), key=lambda t: t != 0):
+        if all(abs(axis.at(tick) - other) >= NARROW_LABEL for other in apart):
+            apart.append(axis.at(tick))
     for tick in axis.ticks():
         at = axis.at(tick)
+        kind = "" if at in apart else ' class="tight"'
         anchor = "start" if at < 4 else "end" if at > 96 else "middle"
         text = f"{tick:,.4g}".replace(",", " ").replace("-", "−")  # no-break space, minus
-        labels.append(f'<text x="{at:.2f}%" y="12" text-anchor="{anchor}">{text}</text>')
+        labels.append(f'<text{kind} x="{at:.2f}%" y="12" text-anchor="{anchor}">{text}</text>')
     return Markup(f'<svg class="strip" aria-hidden="true" width="100%" height="16">{"".join(labels)}</svg>')

@@ -53,16 +53,22 @@ def section_figure(
     flights: Sequence[Array],
     misses: Misses,
     shares: Mapping[str, float],
+    *,
+    narrow: bool = False,
 ) -> Figure:
     """The cross-section with the measured flights (each (k, 2) m) and the size of the residuals of every impact. Zones
-    are labelled with their share of the gap."""
+    are labelled with their share of the gap. `narrow`: for a phone, with the same size of text."""
     from matplotlib.collections import LineCollection
 
     ways = np.vstack([*flights, misses.place_m])
     radius = max(b.radius_m for b in blocks.values())
     limits = motion_limits(cross_section, ways[:, 0], ways[:, 1], radius)
-    wide_in, axis_in = 6.6, 6.0
-    high_in = float(np.clip(axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 2.0, 4.6))
+    wide_in, axis_in = (3.7, 3.1) if narrow else (6.6, 6.0)
+    high_in = float(
+        np.clip(
+            axis_in * (limits[3] - limits[2]) / (limits[1] - limits[0]) * 1.18, 1.6 if narrow else 2.0, 4.6
+        )
+    )
     figure = blank_figure(wide_in, high_in + 0.95)
     axis = figure.subplots()
     view = fitted_view(limits, 1400, round(1400 * high_in / axis_in))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,9 @@ import numpy as np
 
 from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.replay import Releases, measured_releases, simulated_releases
-from rock2d.diagnosis.report import parameters, tables, text
+from rock2d.diagnosis.replay import measured_releases, simulated_releases
+from rock2d.diagnosis.report import downloads, parameters, tables, text
+from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.practical_indicators import (
@@ -23,8 +23,10 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
     table_quantities,
 )
+from rock2d.diagnosis.report.rendering import IN_PYTHON, Made, rendered
+from rock2d.diagnosis.report.side_by_side import video_section
+from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.effects import catalogue
-from rock2d.errors import InputError
 from rock2d.files.folders import write_whole
 
 if TYPE_CHECKING:
@@ -33,52 +35,52 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Progress = Callable[[str], None]
 
-PAGE, VIDEO = "report.html", "side_by_side.webm"
+PAGE = "report.html"
 FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
 SHOWN_CELLS = 8  # places; the others are folded away
 MOST_REPORTED_FRAMES = 150_000  # of the film for the practical indicators
 MOST_REPORTED_RELEASES = 4_000  # simulated for them
 LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
-VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
 
 
-def write_report(result: Diagnosis, content: dict[str, Any], folder: Path, *, progress: bool) -> None:
+def write_report(
+    result: Diagnosis, content: dict[str, Any], folder: Path, *, progress: bool, command: str = IN_PYTHON
+) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
-    `content` is that of diagnosis.json.
+    `content` is that of diagnosis.json, `command` what the page says it was made with.
     """
     from tqdm import tqdm
 
+    made = Made.now(command, result.seed)
     with tqdm(desc="report", unit="part", disable=not progress) as bar:
 
         def on_progress(part: str) -> None:
             bar.set_postfix_str(part)
             bar.update()
 
-        page = report_page(result, content, folder, on_progress)
+        page = report_page(result, content, folder, made, on_progress)
     write_whole(folder / PAGE, page)
 
 
 def report_page(
-    result: Diagnosis, content: dict[str, Any], folder: Path, on_progress: Progress = lambda part: None
+    result: Diagnosis,
+    content: dict[str, Any],
+    folder: Path,
+    made: Made,
+    on_progress: Progress = lambda part: None,
 ) -> str:
     """The page as text; the video is written into `folder` and into the page."""
-    import jinja2
     import matplotlib
 
-    template = files("rock2d.diagnosis.report").joinpath("page.html.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
-    environment.filters |= {"spoken": text.spoken, "percent": text.percent, "number": text.number}
-    context: dict[str, Any] = {"content": content, "sanity": content["sanity"]}
+    context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
     chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
     context |= _verdict(result, content, chain)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
-    return environment.from_string(template).render(context)
+    return rendered("page.html.j2", context)
 
 
 def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
@@ -94,7 +96,7 @@ def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> di
         "kind": kind,
         "key_figures": [] if faulty else text.key_figures(content, effects, chain),
         "material": _material(result),
-        "advice": text.what_to_do(content) if faulty else [],
+        "advice": what_to_do(content, result.experiment),
         "diagnosed": not faulty,
     }
 
@@ -140,6 +142,7 @@ def _sections(
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
         "assumptions": text.assumptions(result, content, chain),
+        "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
     }  # fmt: skip
     context |= {"segments": [], "video": "", "video_missing": "", "repetitions": 0, "line_note": ""}
     if isinstance(result.data, FilmData):
@@ -166,9 +169,13 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
     misses = tables.misses_of(result, models.base_out)
-    figure = section_figure(experiment.cross_section, experiment.blocks, flights, misses, shares)
+    parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
-        "section": _inline(figure),
+        "section": _inline(section_figure(*parts)),
+        "narrow_section": _inline(section_figure(*parts, narrow=True)),
+        "section_alt": section_alt(misses, len(flights), shares),
+        "section_data": downloads.section_data(misses, list(experiment.blocks)),
+        "flights_data": downloads.flights_data(flights) if flights else None,
         "where_sentence": text.where_sentence(content),
         "cells": shown_cells if shares else [],
         "few_cells": SHOWN_CELLS,
@@ -271,46 +278,20 @@ def _film(
         "practice": [_practice_chart(q, labels) for q in quantities],
         "line_note": line_note,
         "repetitions": repetitions,
-        "segments": [_inline(segment_figure(experiment.cross_section, s)) for s in segments],
+        "segments": [
+            {
+                "image": _inline(segment_figure(experiment.cross_section, s)),
+                "alt": segment_alt(s, labels),
+                "data": downloads.segment_data(s, i, labels),
+            }
+            for i, s in enumerate(segments, 1)
+        ],
         "improves": improves,
-        "apart": {name: f"{1e3 * v:.1f} mm" if v < 1 else f"{v:.2f} m" for name, v in apart.items()},
+        "apart": {name: text.length(v) for name, v in apart.items()},
         "releases": len(film),
     }
     on_progress("video")
-    return context | _video(result, film, plain, labels, improves, folder)
-
-
-def _video(
-    result: Diagnosis,
-    film: Releases,
-    poses: dict[str, Array],
-    labels: Mapping[str, str],
-    improves: bool,
-    folder: Path,
-) -> dict[str, str]:
-    from rock2d.graphics.video import compare_video
-    from rock2d.graphics.video_options import VideoOptions
-
-    scenes, titles = tables.scenes_of(result, film, poses, improves)
-    shown_s = sum(float(np.ptp(scene[0][0].t_s)) for scene in scenes)
-    cross_section, radius = (
-        result.experiment.cross_section,
-        max(b.radius_m for b in result.experiment.blocks.values()),
-    )
-    pace = VIDEO_S / max(shown_s, 1e-6)
-    view = tables.scenes_view(scenes, cross_section, radius)
-    path = folder / VIDEO
-    try:
-        compare_video(
-            path, cross_section, result.experiment.blocks, scenes, [labels[m] for m in ("measured", *poses)],
-            VideoOptions(
-                fps_video=VIDEO_FPS, slow_motion=float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace),
-                size_px=VIDEO_SIZE, view=view, titles=titles, hold_s=0.8, quick=True,
-            ),
-        )  # fmt: skip
-    except InputError as error:  # an OpenCV without the codec
-        return {"video_missing": error.message}
-    return {"video": base64.b64encode(path.read_bytes()).decode(), "video_name": VIDEO}
+    return context | video_section(result, film, plain, labels, improves, folder)
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
@@ -326,11 +307,11 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
             if not own:
                 continue
             said = ", ".join(f"{text.number(e.value)} ({text.interval(e.low, e.high)})" for e in own)
-            label = f"{labels[model]}: {said} {quantity.unit}"
+            tip = f"{label}, {labels[model]}: {said} {quantity.unit}"
             if quantity.percentiles:
-                marks.append(Mark(model, own[1].value, own[0].value, own[2].value, label, "span"))
+                marks.append(Mark(model, own[1].value, own[0].value, own[2].value, tip, "span"))
             else:
-                marks.append(Mark(model, own[0].value, own[0].low, own[0].high, label))
+                marks.append(Mark(model, own[0].value, own[0].low, own[0].high, tip))
             table.append((label, labels[model], [
                 (text.number(e.value), text.interval(e.low, e.high)) for e in own
             ], own[0].count))  # fmt: skip
@@ -341,6 +322,7 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
     return {
         "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": scale(axis), "table": table,
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
+        "data": downloads.quantity_data(quantity, labels),
     }  # fmt: skip
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.kinematics import sanity
 from rock2d.scene.cross_section import embankment_facets
 
 # effects that are hard to separate with such data
@@ -34,13 +33,6 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
     "flight": "blocks in flight are accelerated",
 }
 SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
-UNIT_FAULTS = {
-    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.CONSTANT_ANGLE, sanity.NO_MOTION,
-    sanity.WRONG_GRAVITY,
-}  # fmt: skip
-AXIS_FAULTS = {
-    sanity.BELOW_GROUND, sanity.ABOVE_GROUND, sanity.BESIDE_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN
-}  # fmt: skip
 
 
 def spoken(name: str) -> str:
@@ -90,6 +82,11 @@ def share_closed(value: float, ci95: Sequence[float]) -> str:
         return "no gap to close"
     text = f"{round(100 * value)} %"
     return (text if low == high else f"{text} ({low} to {high} %)").replace("-", "−")
+
+
+def length(value_m: float) -> str:
+    """A length in the unit that suits it: "12.3 mm" or "1.23 m"."""
+    return f"{1e3 * value_m:.1f} mm" if value_m < 1 else f"{value_m:.2f} m"
 
 
 def in_degrees(parameter: Parameter, value: float) -> tuple[float, str]:
@@ -222,24 +219,6 @@ def ranking(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> list[s
     tried = [name for name in content["effects"] if name in effects]
     gains, chances = content["effects"], content["probabilities"]
     return sorted(tried, key=lambda n: (-round(chances[n], 6), -gains[n]["heldout_score_gain"]))
-
-
-def what_to_do(content: Mapping[str, Any]) -> list[str]:
-    """Advice for an experiment that could not be diagnosed."""
-    codes = set(content["sanity"].get("fault_codes", []))
-    advice = []
-    if codes & {sanity.FEW_RELEASES, sanity.FEW_IMPACTS}:
-        advice.append(
-            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts "
-            "between two flights are needed to separate causes; about 30 of each block are comfortable."
-        )
-    if codes & UNIT_FAULTS:
-        advice.append("Check the units in the CSV (m, s, rad) and the frame rate in experiment.yaml.")
-    if codes & AXIS_FAULTS:
-        advice.append(
-            "Check that y points up and x towards the embankment, and that film and cross-section have the same origin."
-        )
-    return [*advice, "Then diagnose again. This diagnosis draws no conclusions from these data."]
 
 
 def where_sentence(content: Mapping[str, Any]) -> str:

@@ -1,0 +1,182 @@
+"""The page that shows two diagnoses side by side, and the same as a table for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rock2d.diagnosis.report import text
+from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
+from rock2d.diagnosis.report.downloads import Download, download
+from rock2d.diagnosis.report.rendering import Made, rendered
+
+SIDES = {"a": "base", "b": "effect"}  # side -> the mark and colour that it has in charts
+FOLDED_PROBABILITY = 0.005  # answers with a smaller one in both are folded away
+SHOWN_PLACES = 10
+TERMINAL_PLACES, TERMINAL_PROBABILITY = 5, 0.01
+NOTHING = "–"
+JUDGED = {True: "agree", False: "differ", None: NOTHING}
+
+
+def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: Made) -> str:
+    """The page as text; `content` is that of comparison.json, `files` the path of each side."""
+    shown = [p for p in content["probabilities"] if _largest(p) >= FOLDED_PROBABILITY]
+    folded = [p for p in content["probabilities"] if _largest(p) < FOLDED_PROBABILITY]
+    axis = Axis(0.0, 1.0)
+    closures = [_closure_row(row) for row in content["closures"]]
+    closure_axis = axis_over(
+        [v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0]
+    )
+    parameters = [_parameter_row(row) for row in content["parameters"]]
+    return rendered("comparison.html.j2", {
+        "content": content, "files": files, "made": made, "shapes": SHAPES, "sides": SIDES,
+        "verdicts": {side: _verdict(content, side) for side in SIDES},
+        "gaps": {side: _gap(content["gap"][side]) for side in SIDES},
+        "bars": [_probability_row(axis, p) for p in shown],
+        "folded": [_probability_row(axis, p) for p in folded],
+        "probability_scale": scale(Axis(0.0, 100.0)),
+        "closures": [(row["name"], chart(closure_axis, row["marks"]), row["text"]) for row in closures if row["marks"]],
+        "closure_scale": scale(closure_axis),
+        "wanted": [row for row in parameters if row["of_interest"]],
+        "others": [row for row in parameters if not row["of_interest"]],
+        "base": [(pair["name"], _plain(pair["a"]), _plain(pair["b"]), _ratio(pair)) for pair in content["base"]],
+        "places": content["where"][:SHOWN_PLACES],
+        "more_places": content["where"][SHOWN_PLACES:],
+        "data": _downloads(content),
+    })  # fmt: skip
+
+
+def comparison_lines(content: Mapping[str, Any]) -> list[str]:
+    """The comparison as lines for a terminal: verdicts, gap, probabilities, parameters, places, what cannot be "
+    "compared."""
+    both = ("a", "b")
+    rows: list[tuple[str, ...]] = [
+        ("", "A", "B"),
+        ("experiment", *(content["experiment"][side] for side in both)),
+        ("verdict", *(_verdict(content, side) for side in both)),
+        ("group", *(", ".join(content["group"][side]) or NOTHING for side in both)),
+        ("gap closed", *(_gap(content["gap"][side])["closed"] for side in both)),
+    ]
+    for pair in content["probabilities"]:
+        if _largest(pair) >= TERMINAL_PROBABILITY:
+            rows.append((f"p({pair['name']})", *(_chance(pair[side]) for side in both)))
+    for row in content["parameters"]:
+        if row["of_interest"]:
+            shown = _parameter_row(row)
+            rows.append((f"{row['effect']}.{row['parameter']}", shown["a"], shown["b"], JUDGED[row["agree"]]))
+    for place in content["where"][:TERMINAL_PLACES]:
+        name = ", ".join(place[key] for key in ("phase", "zone", "block", "channel"))
+        rows.append((name, *(f"{100 * place[side]:.0f} %" for side in both)))
+    cells = [[_printable(cell) for cell in row] for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(3)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=False)).rstrip()
+        for row in cells
+    ]
+    return [*lines, *(_printable(f"note: {note}") for note in content["notes"])]
+
+
+def _printable(said: str) -> str:
+    """Without control characters, which a terminal would obey."""
+    return "".join(sign if sign.isprintable() else "?" for sign in said)
+
+
+def _largest(pair: Mapping[str, Any]) -> float:
+    return max(pair["a"] or 0.0, pair["b"] or 0.0)
+
+
+def _chance(value: float | None) -> str:
+    return NOTHING if value is None else text.percent(value)
+
+
+def _verdict(content: Mapping[str, Any], side: str) -> str:
+    if not content["diagnosed"][side]:
+        return "not diagnosed"
+    verdict = content["verdict"][side]
+    chance = next(pair[side] for pair in content["probabilities"] if pair["name"] == verdict)
+    return f"{text.spoken(verdict)} ({text.percent(chance)})"
+
+
+def _gap(gap: Mapping[str, Any]) -> dict[str, str]:
+    """Base, with the effect, floor, and the share closed, as text."""
+    numbers = {
+        key: NOTHING if gap[key] is None else f"{gap[key]:.3g}"
+        for key in ("base", "augmented", "noise_floor")
+    }
+    known = gap["closure"] is not None and gap["closure_ci95"] is not None
+    return numbers | {"closed": text.share_closed(gap["closure"], gap["closure_ci95"]) if known else NOTHING}
+
+
+def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str, str]:
+    marks = [
+        Mark(mark, p, p, p, f"{side.upper()}, {text.spoken(pair['name'])}: {text.percent(p)}", "bar")
+        for side, mark in SIDES.items()
+        if (p := pair[side]) is not None
+    ]
+    return pair["name"], chart(axis, marks), _chance(pair["a"]), _chance(pair["b"])
+
+
+def _closure_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    marks, said = [], []
+    for side, mark in SIDES.items():
+        own = row[side]
+        said.append(NOTHING if own is None else text.share_closed(own["closure"], own["ci95"]))
+        if own is not None:
+            value, low, high = (100 * v for v in (own["closure"], *own["ci95"]))
+            marks.append(Mark(mark, value, low, high, f"{side.upper()}: {said[-1]}"))
+    return {"name": row["effect"], "marks": marks, "text": said}
+
+
+def _parameter_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Texts, and a chart on an axis of its own."""
+    known = {side: row[side] for side in SIDES if row[side] is not None}
+    axis = axis_over([v for own in known.values() for v in (own["value"], *own["ci95"])], zero=False)
+    marks = [
+        Mark(SIDES[side], own["value"], own["ci95"][0], own["ci95"][1], f"{side.upper()}: {_value(own)}")
+        for side, own in known.items()
+    ]
+    units = {own["unit"] for own in known.values()}
+    return {
+        **row, "a": _value(row["a"]), "b": _value(row["b"]), "chart": chart(axis, marks),
+        "judged": JUDGED[row["agree"]], "unit": " / ".join(sorted(units - {"1", "choice"})),
+    }  # fmt: skip
+
+
+def _value(own: Mapping[str, Any] | None) -> str:
+    if own is None:
+        return NOTHING
+    low, high = own["ci95"]
+    half = 0.5 * abs(high - low)
+    return f"{text.number(own['value'], half or None)}" + (f" ({text.interval(low, high)})" if half else "")
+
+
+def _plain(value: float | None) -> str:
+    return NOTHING if value is None else f"{value:.4g}"
+
+
+def _ratio(pair: Mapping[str, Any]) -> str:
+    return f"{pair['b'] / pair['a']:.3g}" if pair["a"] and pair["b"] is not None else NOTHING
+
+
+def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:
+    """The tables of the page as CSV."""
+
+    def fitted(own: Mapping[str, Any] | None) -> tuple[Any, ...]:
+        return (None, None, None) if own is None else (own["value"], *own["ci95"])
+
+    def closed(own: Mapping[str, Any] | None) -> tuple[Any, ...]:
+        return (None, None, None) if own is None else (own["closure"], *own["ci95"])
+
+    ends = ("a", "a_low95", "a_high95", "b", "b_low95", "b_high95")
+    places = ("phase", "zone", "block", "channel", "a", "b")
+    return {
+        "probabilities": download("probabilities.csv", ("answer", "a", "b"), [
+            (p["name"], p["a"], p["b"]) for p in content["probabilities"]]),
+        "parameters": download("parameters.csv", ("effect", "parameter", *ends, "agree"), [
+            (r["effect"], r["parameter"], *fitted(r["a"]), *fitted(r["b"]), r["agree"])
+            for r in content["parameters"]]),
+        "base": download("law.csv", ("parameter", "a", "b"), [(p["name"], p["a"], p["b"]) for p in content["base"]]),
+        "closures": download("closures.csv", ("effect", *ends), [
+            (r["effect"], *closed(r["a"]), *closed(r["b"])) for r in content["closures"]]),
+        "places": download("where.csv", places, [[place[key] for key in places] for place in content["where"]]),
+    }  # fmt: skip

@@ -1,0 +1,229 @@
+"""What to do about the effects of blocks, ground and forces: what to measure, what to state, what to add to the model.
+
+Keys of files stand in backticks.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.diagnosis.report import text
+from rock2d.diagnosis.report.fitted import Fitted, plain
+from rock2d.effects.effect import STANDARD_GRAVITY_M_S2
+from rock2d.scene.cross_section import embankment_facets, facet_zones
+
+AIR_KG_M3 = 1.2  # density of air
+
+
+# --- the blocks and the ground: measure, then state it --------------------------------------------------
+
+
+def mass_eccentricity(fitted: Fitted) -> str:
+    """Centre of mass less centroid, in the block's own axes."""
+    size = 1e3 * fitted.size_m
+    along, across = (
+        text.number(size * fitted.values[k], size * fitted.half[k] or None) for k in ("along", "across")
+    )
+    return (
+        f"Balance the blocks on an edge: the centre of mass should lie {along} mm along the block's own x and "
+        f"{across} mm along its own y from the centroid. No key of experiment.yaml states it. Make the blocks of one "
+        "material, or track the centre of mass instead of the centroid."
+    )
+
+
+def inertia_error(fitted: Fitted) -> str:
+    """I true = factor × I stated."""
+    value, half = fitted.values["factor"], fitted.half["factor"]
+    blocks = fitted.experiment.blocks.items()
+    stated = ", ".join(
+        f"{name} `inertia: {value * block.inertia_kg_m2:.4g}`"
+        for name, block in blocks  # kg m²
+    )
+    return (
+        f"The moment of inertia is {text.number(value, half)} times the stated one. Set in experiment.yaml: {stated} "
+        "(kg m²), and diagnose again. Measure it, for example as a pendulum: are the blocks hollow, cored or of two "
+        "materials?"
+    )
+
+
+def rounded_edges(fitted: Fitted) -> str:
+    """The radius is a share of the largest that fits into every block with corners."""
+    sizes = [b.largest_rounding_m for b in fitted.experiment.blocks.values() if not b.smooth]
+    most = 1e3 * min(sizes, default=0.0)
+    radius = text.number(most * fitted.values["radius"], most * fitted.half["radius"] or None)
+    return (
+        f"Measure the corners with a radius gauge: {radius} mm are expected. Then state blocks as `shape: polygon` "
+        "with `vertices_m` along the rounded outline, four or more to a corner, and diagnose again."
+    )
+
+
+def geometry_error(fitted: Fitted) -> str:
+    """The cross-section as built, from the fitted turn and rise."""
+    built = fitted.world().cross_section
+    turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])
+    more, less = "steeper", "flatter"
+    rise = fitted.experiment.cross_section.embankment
+    height = 1e3 * (rise.height_m if rise is not None else fitted.size_m)
+    level, fine = height * fitted.values["ditch_level"], height * fitted.half["ditch_level"]
+    what = "the facing", "the ditch"
+    if rise is None:
+        what, more, less = ("the ground", "it"), "turned, up to the right", "turned, down to the right"
+    points = ", ".join(f"[{x:.4g}, {y:.4g}]" for x, y in built.points_m)
+    return (
+        f"Survey the cross-section again. Expected: {what[0]} is {text.number(abs(turn), width)}° "
+        f"{more if turn > 0 else less} and {what[1]} lies {text.number(abs(level), fine)} mm "
+        f"{'higher' if level > 0 else 'lower'} than stated. If the survey confirms it, set `points_m: [{points}]` in "
+        "the cross-section and diagnose again."
+    )
+
+
+def zone_contrast(fitted: Fitted) -> str:
+    """The law of the embankment's zones, as a scenario states it."""
+    stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
+    section, law = fitted.experiment.cross_section, fitted.law
+    embankment = facet_zones(section, embankment_facets(section))
+    zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, embankment, strict=True) if own)
+    k_l = law["k_l_N_m"] * stiffness
+    k_ul = max(k_l, law["k_ul_N_m"] * stiffness / restitution**2)
+    angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))
+    return (
+        f"Give the embankment its own soil in the scenario: `k_l_N_m: {plain(k_l)}`, `k_ul_N_m: {plain(k_ul)}`, "
+        f"`friction_angle_deg: {angle:.3g}` for the zones {zones} under `deterministic`, and `k_l_N_m: "
+        f"{plain(law['k_l_N_m'])}`, `k_ul_N_m: {plain(law['k_ul_N_m'])}`, `friction_angle_deg: "
+        f"{law['friction_angle_deg']:.3g}` under `default`. To check, drop blocks vertically on both soils and "
+        "compare the rebound."
+    )
+
+
+def soil_compaction(fitted: Fitted) -> str:
+    """Growth of the stiffness with each release of the same block."""
+    value, half = fitted.values["rate"], fitted.half["rate"]
+    return (
+        f"The stiffness grows by {text.number(100 * value, 100 * half or None)} % of its first value with each "
+        "release of the same block. Loosen and level the soil before every release, and film the blocks in random "
+        "order. To check, repeat the first release at the end of the series: it should rebound otherwise."
+    )
+
+
+def embankment_yield(fitted: Fitted) -> str:
+    """The mass ratio gives the mass that moves."""
+    moving = fitted.mass_kg / max(fitted.values["mass_ratio"], 1e-9)
+    return (
+        f"Look whether the embankment slides: film a mark on its crest. A moving mass of {text.number(moving)} kg is "
+        "expected. Fix the embankment to its base and film again, or weigh it and state that it moves."
+    )
+
+
+def surface_roughness(fitted: Fitted) -> str:
+    """A scatter: no mean to correct."""
+    slope = np.rad2deg(fitted.values["sd_rad"])
+    return (
+        "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "
+        f"the slope of {text.number(slope)}° is expected. Level it before every release, or count the scatter as "
+        "part of the soil and film more releases."
+    )
+
+
+# --- forces: measure them, or add them to the model -----------------------------------------------------
+
+
+def air_drag(fitted: Fitted) -> str:
+    """c / m: the share of the speed that is lost on a metre."""
+    value, half = fitted.values["drag_per_mass_1_m"], fitted.half["drag_per_mass_1_m"]
+    area = {
+        name: 2.0 * value * block.mass_kg / (AIR_KG_M3 * block.size_m**2)
+        for name, block in fitted.experiment.blocks.items()
+    }
+    drag = ", ".join(f"{text.spoken(name)} {text.number(c)}" for name, c in area.items())
+    return (
+        f"Blocks lose {text.number(100 * value, 100 * half)} % of their speed on a metre of flight. In air this is a "
+        f"drag coefficient of {drag} (with the block's size squared as its area); 0.5 to 2 is usual. If it is, the "
+        "model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
+        "fall, and a heavier block of the same shape, which air slows less."
+    )
+
+
+def flight_damping(fitted: Fitted) -> str:
+    """Share of velocity and spin that is lost in a second."""
+    value, half = fitted.values["rate_1_s"], fitted.half["rate_1_s"]
+    return (
+        f"Velocity and spin decay by {text.number(100 * value, 100 * half)} % a second in flight. If the film was "
+        "simulated, switch off the global damping of that program. If not, film a spinning block in a long flight: "
+        "only this effect slows the spin, too."
+    )
+
+
+def magnus_lift(fitted: Fitted) -> str:
+    """The path turns at this share of the spin."""
+    value, half = fitted.values["lift_per_mass"], fitted.half["lift_per_mass"]
+    way = "counter-clockwise" if value > 0 else "clockwise"
+    return (
+        f"The path of a block with counter-clockwise spin turns {way}, at {text.number(abs(value), half)} times the "
+        "spin. Film the same throw with forward spin and with backspin: the paths must bend to opposite sides. If "
+        "they do not, look for wind."
+    )
+
+
+def out_of_plane(fitted: Fitted) -> str:
+    """cos(angle) of the horizontal velocity stays in the plane."""
+    value, half = fitted.values["angle_rad"], fitted.half["angle_rad"]
+    degrees, width = np.rad2deg([value, half])
+    return (
+        f"Film from above as well: the horizontal velocity should turn by about {text.number(degrees, width)}° at an "
+        f"impact, which takes {text.number(100 * (1 - np.cos(value)))} % of it out of the plane. Guide the blocks "
+        "between two plates, use cylinders, or leave out releases that swerve."
+    )
+
+
+def viscous_damping(fitted: Fitted) -> str:
+    """Dashpots, the same for every block, so that light blocks feel them more."""
+    constant = fitted.values["rate_1_s"] * fitted.mass_kg
+    deep = fitted.values["deep_rate_1_s"] * fitted.mass_kg / fitted.size_m
+    return (
+        "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
+        "one should rebound less. If so, add a dashpot beside the normal spring: F = (c + h δ) dδ/dt with c = "
+        f"{text.number(constant)} N s/m and h = {text.number(deep)} N s/m²."
+    )
+
+
+def adhesion(fitted: Fitted) -> str:
+    """The pull in N."""
+    pull = fitted.values["pull_per_weight"] * fitted.mass_kg * STANDARD_GRAVITY_M_S2
+    half = fitted.half["pull_per_weight"] * fitted.mass_kg * STANDARD_GRAVITY_M_S2
+    return (
+        "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
+        f"{text.number(pull, half or None)} N is expected. Dry the soil or clean the blocks and film again, or add "
+        "the pull to the contact law while the block leaves."
+    )
+
+
+def ploughing_drag(fitted: Fitted) -> str:
+    """The drag coefficient of the ploughed front."""
+    drag = fitted.values["rate_1_s"] * fitted.mass_kg / fitted.size_m
+    return (
+        "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "
+        f"Then add a tangential force F = c δ u against the slip u, with c = {text.number(drag)} N s/m² and the "
+        "depth δ. Shallow throws at two speeds separate it from friction, which does not grow with the speed."
+    )
+
+
+def slip_dependent_friction(fitted: Fitted) -> str:
+    """The friction angle at rest and at high speed."""
+    change, speed = fitted.values["change"], fitted.values["speed_m_s"]
+    rest = float(fitted.law["friction_angle_deg"])
+    fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(0.05, 1.0 + change)))
+    return (
+        f"Drag a block over the soil at speeds well below and above {text.number(speed)} m/s: the friction angle "
+        f"should {'grow' if change > 0 else 'fall'} from {text.number(rest)}° to {text.number(float(fast))}°. If it "
+        "does, make the friction of the contact law depend on the sliding speed."
+    )
+
+
+PHYSICAL_INSTRUCTIONS = {
+    rule.__name__: rule
+    for rule in (
+        mass_eccentricity, inertia_error, rounded_edges, geometry_error, zone_contrast, soil_compaction,
+        embankment_yield, surface_roughness, air_drag, flight_damping, magnus_lift, out_of_plane, viscous_damping,
+        adhesion, ploughing_drag, slip_dependent_friction,
+    )
+}  # fmt: skip

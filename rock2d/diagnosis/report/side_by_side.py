@@ -1,0 +1,104 @@
+"""The video of a report: film and simulations side by side, with a still and a text that says what is seen."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.replay import Releases
+from rock2d.diagnosis.report import tables, text
+from rock2d.diagnosis.report.downloads import video_data
+from rock2d.errors import InputError
+from rock2d.graphics.clips import Clip
+
+Array = np.ndarray
+Scenes = Sequence[Sequence[Sequence[Clip]]]
+
+VIDEO = "side_by_side.webm"
+VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses
+HOLD_S = 0.8  # for which the end of a scene stays
+
+
+def video_section(
+    result: Diagnosis,
+    film: Releases,
+    poses: dict[str, Array],
+    labels: Mapping[str, str],
+    improves: bool,
+    folder: Path,
+) -> dict[str, Any]:
+    """What the page says and shows of the video, which is written into `folder`."""
+    from rock2d.graphics.video import compare_video
+    from rock2d.graphics.video_options import VideoOptions
+
+    scenes, titles = tables.scenes_of(result, film, poses, improves)
+    spans_s = [float(np.ptp(scene[0][0].t_s)) for scene in scenes]
+    cross_section, blocks = result.experiment.cross_section, result.experiment.blocks
+    pace = VIDEO_S / max(sum(spans_s), 1e-6)
+    slow_motion = float(round(pace)) if pace >= 1 else 1.0 / round(1.0 / pace)
+    view = tables.scenes_view(scenes, cross_section, max(b.radius_m for b in blocks.values()))
+    shown = [labels[m] for m in ("measured", *poses)]
+    path = folder / VIDEO
+    try:
+        compare_video(
+            path, cross_section, blocks, scenes, shown,
+            VideoOptions(fps_video=VIDEO_FPS, slow_motion=slow_motion, size_px=VIDEO_SIZE, view=view,
+                         titles=titles, hold_s=HOLD_S, quick=True),
+        )  # fmt: skip
+    except InputError as error:  # an OpenCV without the codec
+        return {"video_missing": error.message}
+    first = scene_sentence(scenes[0], titles[0], shown)
+    chosen = (
+        "For each block it is the release that the effect brings nearest to the film"
+        if improves
+        else "For each block it is the release with the median distance to the base law"
+    )
+    said = (
+        f"{len(shown)} pictures side by side, {slow_motion:g} times slower than the film: {', '.join(shown)}. "
+        f"{chosen}, simulated from its first measured flight to the end of the film with the mean soil. The grey "
+        "block beside a simulated one is that of the film. "
+    )
+    return {
+        "video": base64.b64encode(path.read_bytes()).decode(),
+        "video_name": VIDEO,
+        "still": still(path, spans_s[0] * slow_motion + 0.5 * HOLD_S),
+        "still_alt": f"Still of the video at the end of its first scene. {first}",
+        "video_text": said + " ".join(scene_sentence(s, t, shown) for s, t in zip(scenes, titles, strict=True)),
+        "video_data": video_data(scenes, titles),
+    }  # fmt: skip
+
+
+def scene_sentence(scene: Sequence[Sequence[Clip]], title: str, labels: Sequence[str]) -> str:
+    """How far the simulated blocks of a scene end from the filmed one."""
+    measured, *simulated = (panel[0] for panel in scene)
+    parts = []
+    for label, clip in zip(labels[1:], simulated, strict=True):
+        away = float(np.hypot(clip.x_m[-1] - measured.x_m[-1], clip.y_m[-1] - measured.y_m[-1]))
+        parts.append(
+            f"{text.length(away)} from the film {label if label.startswith('with') else f'in the {label}'}"
+        )
+    return f"{title[0].upper()}{title[1:]}: the block ends {', '.join(parts)}."
+
+
+def still(path: Path, at_s: float) -> str:
+    """The picture of a video at an instant, or its last one before, as PNG in base64."""
+    import cv2
+
+    reader = cv2.VideoCapture(str(path))
+    try:
+        picture = None
+        for _ in range(max(1, round(at_s * VIDEO_FPS))):
+            found, frame = reader.read()
+            if not found:
+                break
+            picture = frame
+    finally:
+        reader.release()
+    if picture is None:
+        raise InputError("the video that was written cannot be read", path, code="unreadable")
+    return base64.b64encode(cv2.imencode(".png", picture)[1].tobytes()).decode()

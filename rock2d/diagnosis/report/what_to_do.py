@@ -1,0 +1,132 @@
+"""What to do after a diagnosis: correct the record, measure, change the model, film another release, or nothing.
+
+Keys of files and commands stand in backticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rock2d.diagnosis.report import text
+from rock2d.diagnosis.report.camera_instructions import CAMERA_INSTRUCTIONS
+from rock2d.diagnosis.report.fitted import Fitted
+from rock2d.diagnosis.report.physical_instructions import PHYSICAL_INSTRUCTIONS
+from rock2d.effects import catalogue
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics import sanity
+
+INSTRUCTIONS = {**CAMERA_INSTRUCTIONS, **PHYSICAL_INSTRUCTIONS}
+LEAST_PROBABILITY = 0.5  # of a verdict on which one should act
+UNIT_FAULTS = {
+    sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.CONSTANT_ANGLE, sanity.NO_MOTION,
+    sanity.WRONG_GRAVITY,
+}  # fmt: skip
+AXIS_FAULTS = {
+    sanity.BELOW_GROUND, sanity.ABOVE_GROUND, sanity.BESIDE_GROUND, sanity.UPWARD_GRAVITY, sanity.ENERGY_GAIN
+}  # fmt: skip
+
+
+def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
+    """Sentences about the next step, from the content of diagnosis.json; the first one is the most important."""
+    verdict = content["verdict"]
+    if content["sanity"]["faults"]:
+        return _after_faults(content)
+    if verdict == "none":
+        return [
+            "Correct nothing. Go on with the law as it was refitted (`base` in diagnosis.json).",
+            "A weak effect may still hide in noise and soil. More releases, or the one below, would show it.",
+            *_next_release(content),
+        ]
+    if verdict not in catalogue():
+        return [
+            "Do not correct anything: no effect of the catalogue explains the gap, and the best one would be a wrong "
+            "correction.",
+            "Look at the places with the largest share of the gap and at the impacts with the largest residuals in the "
+            "film. If you find the cause, add it to the catalogue as an effect (one file, see CONTRIBUTING.md).",
+            *_next_release(content),
+        ]
+    return _after_effect(content, experiment)
+
+
+def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
+    """For a verdict that is an effect: what to do about it, about those it is confused with, and beside it."""
+    verdict, chance = content["verdict"], content["probabilities"][content["verdict"]]
+    lines = []
+    rivals = [name for name in content["group"] if name != verdict]
+    if rivals or chance < LEAST_PROBABILITY:
+        doubt = f"cannot tell {text.listed([verdict, *rivals])} apart" if rivals else "leave it open"
+        lines.append(
+            f"Do not correct anything yet: these data {doubt} ({text.spoken(verdict)}: {text.percent(chance)}). "
+            "First film the next release, and diagnose again with it."
+        )
+        lines += _next_release(content)
+        lines += [f"If it is {text.spoken(name)}: {_alone(content, name, experiment)}" for name in (verdict, *rivals)
+                  if name in content["effects"]]  # fmt: skip
+    else:
+        lines.append(_alone(content, verdict, experiment))
+    beside = [entry["effect"] for entry in content.get("beside", [])]
+    if beside:
+        lines.append(
+            f"{text.listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct one "
+            "cause at a time, and diagnose again after each: these numbers hold only together."
+        )
+        lines += [instruction(name, content["beside"][-1], experiment) for name in beside]
+    if not all(name in CAMERA_INSTRUCTIONS for name in (verdict, *beside)):
+        lines.append(
+            "Until then, `rock2d predict OTHER --diagnosis diagnosis.json --out predictions.csv` predicts other "
+            "films of this set-up with the effect."
+        )
+    return lines
+
+
+def _alone(content: Mapping[str, Any], name: str, experiment: Experiment) -> str:
+    """The instruction about an effect of the content: with the effects beside it, if it is the verdict."""
+    if name == content["verdict"] and content.get("beside"):
+        return instruction(name, content["beside"][-1], experiment)
+    own = content["effects"][name]
+    return instruction(
+        name, {"base": own.get("base", content["base"]), "parameters": {name: own["parameters"]}}, experiment
+    )
+
+
+def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> str:
+    """What to do about one effect; `fit` has `base` and `parameters` (effect -> its parameters)."""
+    fitted = Fitted.of(catalogue()[name], fit["parameters"][name], fit["base"], experiment)
+    return INSTRUCTIONS.get(name, generic)(fitted)
+
+
+def generic(fitted: Fitted) -> str:
+    """For an effect without an instruction of its own: what is missing, with the fitted values."""
+    parts = []
+    for parameter in fitted.effect.parameters:
+        value, unit = text.in_degrees(parameter, fitted.values[parameter.name])
+        half, _ = text.in_degrees(parameter, fitted.half[parameter.name])
+        parts.append(f"{parameter.meaning}: {text.number(value, half or None)}{f' {unit}' if unit else ''}")
+    found = f" ({'; '.join(parts)})" if parts else ""
+    return (
+        f"Look in the set-up for what this effect describes, {fitted.effect.summary}{found}, and measure it."
+    )
+
+
+def _next_release(content: Mapping[str, Any]) -> list[str]:
+    said = content["next_release"]
+    return [f"Film next: {said}"] if said else []
+
+
+def _after_faults(content: Mapping[str, Any]) -> list[str]:
+    """Advice for an experiment that could not be diagnosed."""
+    codes = set(content["sanity"].get("fault_codes", []))
+    advice = []
+    if codes & {sanity.FEW_RELEASES, sanity.FEW_IMPACTS}:
+        advice.append(
+            f"Film more releases. At least {sanity.FEWEST_RELEASES} releases with {sanity.FEWEST_IMPACTS} impacts "
+            "between two flights are needed to separate causes; about 30 of each block are comfortable."
+        )
+    if codes & UNIT_FAULTS:
+        advice.append("Check the units in the CSV (m, s, rad) and the frame rate in experiment.yaml.")
+    if codes & AXIS_FAULTS:
+        advice.append(
+            "Check that y points up and x towards the embankment, and that film and cross-section have the same origin."
+        )
+    return [*advice, "Then diagnose again. This diagnosis draws no conclusions from these data."]

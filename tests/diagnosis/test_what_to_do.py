@@ -1,0 +1,270 @@
+"""Instructions after a diagnosis: following one undoes the effect; keys that it names exist; doubt corrects nothing."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from rock2d_tracking.camera import PixelMap
+
+from rock2d.diagnosis.report import what_to_do as module
+from rock2d.diagnosis.report.what_to_do import INSTRUCTIONS, instruction, what_to_do
+from rock2d.effects import catalogue
+from rock2d.files.experiment import TRAJECTORY_COLUMNS, Experiment
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.laws.contact import K_L, K_UL, MU
+from rock2d.scene.cross_section import CrossSection
+from rock2d.schemas import SCHEMAS, file_schema
+from tests.kinematics.synthetic_films import BLOCKS, POINTS, ZONES
+
+FPS = 1000.0
+BASE = {
+    "k_l_N_m": 1.1e4,
+    "k_ul_N_m": 7.0e4,
+    "k_t_N_m": 3.0e3,
+    "friction_angle_deg": 32.0,
+    "k_r_Nm_rad": 0.03,
+}
+NUMBER = r"(-?\d+(?:\.\d+)?)"
+EXPERIMENT = Experiment("tests", 9.81, FPS, 3e-4, 0.02, CrossSection(POINTS, ZONES), dict(BLOCKS),
+                        trajectories=pd.DataFrame(columns=list(TRAJECTORY_COLUMNS)))  # fmt: skip
+# a camera that nobody has corrected yet: it is tilted, and the set-up file knows of a part of that
+STATED = PixelMap(2.5e-4, (212.0, 640.0), (0.0, 0.0), -1, np.deg2rad(1.5))
+
+
+def parameters(name: str, *values: float, half: float = 1e-6) -> dict:
+    """Parameters of an effect as diagnosis.json has them, known to `half`."""
+    known = catalogue()[name].parameters
+    return {
+        p.name: {"value": v, "ci95": [v - half, v + half], "unit": p.unit}
+        for p, v in zip(known, values, strict=True)
+    }
+
+
+def said(name: str, *values: float, experiment: Experiment = EXPERIMENT) -> str:
+    """The instruction about an effect with these values, digits as they are known."""
+    fit = {"base": BASE, "parameters": {name: parameters(name, *values)}}
+    return instruction(name, fit, experiment)
+
+
+def number(pattern: str, text: str) -> float:
+    """The number that stands for {} in `pattern`."""
+    found = re.search(re.escape(pattern).replace(r"\{\}", NUMBER), text)
+    assert found, f"{pattern!r} is not in {text!r}"
+    return float(found.group(1))
+
+
+def origin(text: str) -> tuple[float, float]:
+    return number("origin_m: [{},", text), float(re.search(rf"origin_m: \[[^,]*, {NUMBER}\]", text).group(1))
+
+
+def recorded(name: str, *values: float) -> tuple[np.ndarray, np.ndarray]:
+    """True poses (n, 3), and what a camera with the effect records of them."""
+    rng = np.random.default_rng(3)
+    true = np.column_stack([rng.uniform(-0.3, 0.5, 40), rng.uniform(0, 0.3, 40), rng.uniform(-2, 9, 40)])
+    return true, catalogue()[name].apply(setup_world(EXPERIMENT), values).view.record(true)
+
+
+@pytest.mark.parametrize("tilt", [-0.035, 0.06])
+@pytest.mark.parametrize("up", [-1, 1])
+def test_the_tilt_in_the_set_up_file_undoes_camera_tilt(tilt, up):
+    values = (tilt, 0.2, -0.3)
+    true, poses = recorded("camera_tilt", *values)
+    text = said("camera_tilt", *values)
+    stated = replace(STATED, up=up)
+    seen, angle = stated.to_pixel(poses[:, :2]), stated.angle_to_pixel(poses[:, 2])
+    turn = np.deg2rad(number("tilt_deg: {}", text))
+    tracked = replace(stated, tilt_rad=stated.tilt_rad + turn, origin_m=origin(text))
+    assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
+    assert np.allclose(tracked.angle_to_world(angle), true[:, 2], atol=1e-5)
+
+
+@pytest.mark.parametrize("tilt", [-0.035, 0.06])
+def test_turning_the_record_by_hand_undoes_camera_tilt(tilt):
+    values = (tilt, 0.2, -0.3)
+    true, poses = recorded("camera_tilt", *values)
+    text = said("camera_tilt", *values)
+    turn = np.deg2rad(number("turn every position by {}°", text))
+    centre = np.array(re.search(rf"about \({NUMBER}, {NUMBER}\) m, counter", text).groups(), float)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = (poses[:, :2] - centre) @ np.array([[c, s], [-s, c]]) + centre
+    assert np.allclose(turned, true[:, :2], atol=1e-4)
+    assert np.allclose(poses[:, 2] + number("add {} to every `theta_rad`", text), true[:, 2], atol=1e-5)
+
+
+@pytest.mark.parametrize("scale", [0.95, 1.04])
+def test_the_corrected_calibration_length_undoes_scale_error(scale):
+    values = (scale, -0.4, 0.1)
+    true, poses = recorded("scale_error", *values)
+    text = said("scale_error", *values)
+    assert f"too {'long' if scale > 1 else 'short'}" in text
+    seen = STATED.to_pixel(poses[:, :2])
+    factor = number("whichever is given there, by {}.", text)
+    tracked = replace(
+        STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text)
+    )  # distance_m and square_m give metres per pixel in proportion
+    assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
+
+
+@pytest.mark.parametrize("time_scale", [0.9, 1.08])
+def test_the_true_rate_undoes_frame_rate_error(time_scale):
+    true_s = (
+        np.arange(50) * time_scale / FPS
+    )  # frames that the camera took at another rate than the stated one
+    view = catalogue()["frame_rate_error"].apply(setup_world(EXPERIMENT), [time_scale]).view
+    recorded_s = true_s / view.time_scale  # see `View`
+    text = said("frame_rate_error", time_scale)
+    frames = recorded_s * FPS
+    assert np.allclose(frames / number("`fps: {}` in the set-up file", text), true_s, rtol=1e-5)
+    assert np.allclose(recorded_s * number("multiply every `t_s` by {}", text), true_s, rtol=1e-5)
+
+
+@pytest.mark.parametrize("offset", [-0.2, 0.31])
+def test_adding_the_number_undoes_angle_offset(offset):
+    true, poses = recorded("angle_offset", offset)
+    added = number("Add {} to every `theta_rad`", said("angle_offset", offset))
+    assert np.allclose(poses[:, 2] + added, true[:, 2], atol=1e-5)
+
+
+@pytest.mark.parametrize("edge", [-0.03, 0.04])
+def test_the_distortion_in_the_set_up_file_undoes_lens_distortion(edge):
+    values = (edge, 0.1, 0.2)
+    true, poses = recorded("lens_distortion", *values)
+    text = said("lens_distortion", *values)
+    level = replace(STATED, tilt_rad=0.0)
+    seen = level.to_pixel(poses[:, :2])
+    middle = np.array(re.search(rf"shows \({NUMBER}, {NUMBER}\) m", text).groups(), float)
+    centre, half = level.to_pixel(middle), 800.0  # px
+    k = number("K = {} × D²", text) * (half * level.metres_per_pixel) ** 2
+    origin_px = tuple(level.to_pixel(np.zeros(2)))
+    tracked = replace(level, k=k, centre_px=tuple(centre), half_px=half, origin_px=origin_px)
+    shift = (
+        tracked.to_world(centre) - middle
+    )  # the mapped origin moves, too; the shape of the record is what counts
+    assert np.allclose(tracked.to_world(seen) - shift, true[:, :2], atol=2e-5)
+    assert np.abs(poses[:, :2] - true[:, :2]).max() > 2e-4
+
+
+@pytest.mark.parametrize(("axis", "column"), [(1, "x_m"), (2, "y_m"), (3, "theta_rad")])
+def test_the_mirrored_column_is_named(axis, column):
+    true, poses = recorded("mirrored_axis", float(axis))
+    other = [i for i in range(3) if not np.allclose(poses[:, i], true[:, i])]
+    assert other == [axis - 1]
+    assert f"Change the sign of every `{column}`" in said("mirrored_axis", float(axis))
+    impacts = pd.DataFrame()
+    table = replace(EXPERIMENT, trajectories=None, impacts=impacts)
+    assert "_after_" in said("mirrored_axis", float(axis), experiment=table)
+
+
+def test_the_stated_inertia_is_that_of_the_effect():
+    true = catalogue()["inertia_error"].apply(setup_world(EXPERIMENT), [1.3])
+    text = said("inertia_error", 1.3)
+    for name, block in true.blocks.items():
+        written = re.search(rf"{name} `inertia: ([\d.e+-]+)`", text).group(1)
+        assert float(written) == pytest.approx(block.inertia_kg_m2, rel=1e-3)
+
+
+@pytest.mark.parametrize("points", [POINTS, [[-1.0, 0.5], [1.0, 0.0]]])
+def test_the_stated_cross_section_is_that_of_the_effect(points):
+    section = CrossSection(points, ZONES[: len(points) - 1])
+    experiment = replace(EXPERIMENT, cross_section=section)
+    true = catalogue()["geometry_error"].apply(setup_world(experiment), [0.05, -0.1]).cross_section
+    text = said("geometry_error", 0.05, -0.1, experiment=experiment)
+    written = json.loads(re.search(r"points_m: (\[\[.*?\]\])", text).group(1))
+    assert np.allclose(written, true.points_m, rtol=1e-3)
+    assert "lower" in text and ("steeper" if len(points) > 2 else "up to the right") in text
+
+
+def test_the_stated_soil_of_the_embankment_is_that_of_the_effect():
+    world = setup_world(EXPERIMENT)
+    world.contact[..., [K_L, K_UL, MU]] = 1.1e4, 7.0e4, np.tan(np.deg2rad(32.0))
+    row = catalogue()["zone_contrast"].apply(world, [2.0, 0.8, 1.2]).contact[0, ZONES.index("crest")]
+    text = said("zone_contrast", 2.0, 0.8, 1.2)
+    assert number("k_l_N_m: {}", text) == pytest.approx(row[K_L], rel=1e-3)
+    assert number("k_ul_N_m: {}", text) == pytest.approx(row[K_UL], rel=1e-3)
+    assert np.tan(np.deg2rad(number("friction_angle_deg: {}", text))) == pytest.approx(row[MU], rel=1e-2)
+    assert "`uphill_face`, `crest`, `downhill_face`" in text
+
+
+def known_keys() -> set[str]:
+    """Every key of scenario, experiment and set-up files, and the columns of the tables."""
+    schemas = " ".join(json.dumps(file_schema(kind)) for kind in SCHEMAS)
+    columns = {"t_s", "x_m", "y_m", "theta_rad"}
+    return set(re.findall(r'"(\w+)": \{', schemas)) | columns
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_an_instruction_names_only_keys_that_exist(name):
+    high = [p.choices[-1] if p.choices else 0.5 * (p.neutral + p.high) for p in catalogue()[name].parameters]
+    text = said(name, *high)
+    assert "nan" not in text and len(text) > 100
+    named = [words for words in re.findall(r"`([^`]+)`", text) if not words.startswith(("rock2d", "--"))]
+    zones_and_sections = {*ZONES, "deterministic", "default"}
+    for words in named:
+        for key in re.findall(r"(\w+)(?=:|$)", words.split("[")[0]):
+            if not re.fullmatch(r"[\d.e+-]+|K|polygon", key):
+                assert key in known_keys() | zones_and_sections, f"{name}: no key {key!r}"
+
+
+def test_instructions_are_about_effects_of_the_catalogue():
+    assert set(INSTRUCTIONS) <= set(catalogue())
+
+
+def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) -> dict:
+    names = [n for n in (verdict, *rivals) if n in catalogue()]
+    fitted = {
+        "camera_tilt": (-0.035, 0.0, 0.0),
+        "geometry_error": (0.05, 0.1),
+        "air_drag": (0.05,),
+    }
+    return {
+        "verdict": verdict,
+        "group": names,
+        "probabilities": {verdict: chance},
+        "base": BASE,
+        "effects": {n: {"base": BASE, "parameters": parameters(n, *fitted[n])} for n in names},
+        "next_release": "A cube that strikes the ditch.",
+        "sanity": {"faults": [], "remarks": []},
+    }
+
+
+@pytest.mark.parametrize("verdict", ["none", "unknown"])
+def test_without_a_cause_nothing_is_corrected(verdict):
+    lines = what_to_do(content(verdict), EXPERIMENT)
+    assert lines[0].startswith(("Correct nothing", "Do not correct anything"))
+    assert "Film next: A cube that strikes the ditch." in lines
+    assert not any("Set `" in line for line in lines)
+
+
+@pytest.mark.parametrize(("chance", "rivals"), [(0.6, ("geometry_error",)), (0.3, ())])
+def test_in_doubt_the_next_release_comes_before_any_correction(chance, rivals):
+    lines = what_to_do(content("camera_tilt", chance, rivals), EXPERIMENT)
+    assert lines[0].startswith("Do not correct anything yet")
+    assert lines[1].startswith("Film next")
+    assert [line for line in lines if line.startswith("If it is camera tilt: ")]
+    assert all(any(line.startswith(f"If it is {r.replace('_', ' ')}") for line in lines) for r in rivals)
+
+
+def test_a_clear_verdict_begins_with_its_instruction():
+    assert what_to_do(content("camera_tilt"), EXPERIMENT)[0].startswith("The picture is turned by 2.0")
+    assert any("rock2d predict" in line for line in what_to_do(content("air_drag"), EXPERIMENT))
+    assert not any("rock2d predict" in line for line in what_to_do(content("camera_tilt"), EXPERIMENT))
+
+
+def test_an_effect_beside_the_verdict_is_corrected_after_it():
+    both = content("camera_tilt")
+    fits = {"camera_tilt": parameters("camera_tilt", 0.01, 0, 0), "air_drag": parameters("air_drag", 0.07)}
+    both["beside"] = [{"effect": "air_drag", "base": BASE, "parameters": fits}]
+    lines = what_to_do(both, EXPERIMENT)
+    assert "0.57" in lines[0]  # degrees, of the joint fit
+    assert "one cause at a time" in lines[1] and "7.0" in lines[2]
+
+
+def test_an_effect_without_an_instruction_gets_a_sentence(monkeypatch):
+    monkeypatch.setattr(module, "INSTRUCTIONS", {})
+    text = said("air_drag", 0.05)
+    assert catalogue()["air_drag"].summary in text and "0.05" in text

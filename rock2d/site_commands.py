@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -14,6 +15,11 @@ ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
 
 
+def command_line() -> str:
+    """The command as it was given."""
+    return shlex.join(["rock2d", *sys.argv[1:]])
+
+
 @click.command()
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--engine", "engines", multiple=True, type=ENGINE, help="Engine; may be given twice.")
@@ -24,6 +30,7 @@ OUTPUT = click.Choice(list(OUTPUTS))
 @click.option("--data", type=click.Path(path_type=Path), envvar="ROCK2D_DATA",
               help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
 @click.option("--video", is_flag=True, help="Also film the first releases.")
+@click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
 @click.option("--workers", type=click.IntRange(1),
               help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS",
@@ -35,7 +42,7 @@ OUTPUT = click.Choice(list(OUTPUTS))
               "(at the scenario's frame rate) are large.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, out, data, video, overwrite, quiet, **options) -> None:
+def run(scenarios, engines, out, data, video, report, overwrite, quiet, **options) -> None:
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
@@ -51,6 +58,7 @@ def run(scenarios, engines, out, data, video, overwrite, quiet, **options) -> No
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
     workers = Workers(options["workers"], options["scheduler"])
     resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
+                             page_of=command_line() if report else None,
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
     if not resolved:
         sys.exit(4)
@@ -114,7 +122,8 @@ def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **o
     from rock2d.design.least_size import Target
 
     aim = Target(line, target / 100.0, confidence / 100.0)
-    answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, report=click.echo, **options)
+    answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, command=command_line(),
+                        report=click.echo, **options)  # fmt: skip
     if answer.least is None:
         sys.exit(4)
 

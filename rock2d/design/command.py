@@ -24,6 +24,8 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 
+MOST_SHOWN = 1000  # releases of each block on the page
+
 
 def run_design(
     path: Path,
@@ -37,9 +39,12 @@ def run_design(
     tolerance: float | None = None,
     overwrite: bool = False,
     progress: bool = True,
+    command: str = "rock2d.design in Python",
     report: Callable[[str], Any] = print,
 ) -> Answer:
-    """Find the least size, write the folder `out` (design.json, design.csv, design.png, least.yaml) and report.
+    """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
+
+    The page, report.html, shows the least size, or the largest if none meets the target; it names the `command`.
 
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
@@ -71,6 +76,7 @@ def run_design(
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
     with atomic_folder(out) as partial:
         _write(partial, scenario, answer, {"engine": engine, "seed": seed, "sites": sites})
+        _write_page(partial, scenario, answer, (engine, seed), command)
     shutil.rmtree(stages, ignore_errors=True)
     report(answer_text(answer, scenario, sites))
     report(f"written: {out}")
@@ -105,23 +111,43 @@ def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
     )  # fmt: skip
 
 
-def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
-    import pandas as pd
-
-    from rock2d import __version__
-    from rock2d.graphics.design_curve import design_figure
-    from rock2d.graphics.figure_style import save_figure
-
-    rows = [
+def judged_rows(answer: Answer) -> list[dict[str, Any]]:
+    """A row for each size that was tried and each block, frequencies as shares."""
+    return [
         {"size": j.size, "block": block, "median": j.median[block], "low": j.low[block], "high": j.high[block],
          "meets": j.meets}
         for j in answer.judgements
         for block in j.median
     ]  # fmt: skip
-    pd.DataFrame(rows).to_csv(folder / "design.csv", index=False, lineterminator="\n")
+
+
+def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
+    import pandas as pd
+
+    from rock2d import __version__
+
+    pd.DataFrame(judged_rows(answer)).to_csv(folder / "design.csv", index=False, lineterminator="\n")
     facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}
     (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
-    save_figure(design_figure(answer), folder / "design.png")
     if answer.least is not None:
-        chosen = variant(scenario, {answer.place: answer.least})
+        chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
         (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
+
+
+def _write_page(
+    folder: Path, scenario: Scenario, answer: Answer, engine_and_seed: tuple[str, int], command: str
+) -> None:
+    """The page about the least size, or the largest if none meets the target, with the releases of its scenario."""
+    from rock2d.design.possible_sites import SAME_LAW
+    from rock2d.design.report import SiteResults, write_report
+    from rock2d.runs.resolution import unresolved_remarks
+    from rock2d.runs.run import run
+
+    engine, seed = engine_and_seed
+    size = answer.judgements[-1].size if answer.least is None else answer.least
+    chosen = variant(scenario, {answer.place: size}, uncertain=True)
+    releases = min(chosen.releases, MOST_SHOWN)
+    sample = run(chosen, engine=SAME_LAW.get(engine, engine), seed=seed, releases=releases)
+    tables = {name: sample.to_pandas(name) for name in ("passing", "percentiles", "stops")}
+    remarks = unresolved_remarks(tables, chosen.longest_release_s())
+    write_report(SiteResults(chosen, sample, tables, remarks, answer=answer), folder, command)

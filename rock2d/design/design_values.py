@@ -14,6 +14,7 @@ from rock2d.design.norms import (
 )
 from rock2d.files.scenario import Scenario
 from rock2d.runs.indicators.percentiles import QUANTITIES
+from rock2d.scene.earthworks import ARRIVAL_LINE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +48,21 @@ def design_table(
                 (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design)
             )
     return pd.DataFrame(rows, columns=list(DESIGN_COLUMNS))
+
+
+def demands(
+    percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
+) -> dict[str, tuple[str, Estimate]]:
+    """What the embankment must take: "kinetic_J" and "passing_height_m" -> the block with the largest 95th percentile
+    at the arrival line, and that percentile; {} without such a line."""
+    found = characteristic_values(percentiles, uncertain)
+    arriving = {block: at_line for (block, line), at_line in found.items() if line == ARRIVAL_LINE}
+    out = {}
+    for quantity in ("kinetic_J", "passing_height_m"):
+        if arriving:
+            block = max(arriving, key=lambda name: arriving[name][quantity].value)
+            out[quantity] = block, arriving[block][quantity]
+    return out
 
 
 def characteristic_values(

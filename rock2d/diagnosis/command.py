@@ -38,7 +38,7 @@ def run_diagnosis(
     from tqdm import tqdm
 
     from rock2d.diagnosis.report.page import write_report
-    from rock2d.diagnosis.report.rendering import page_date
+    from rock2d.graphics.rendering import page_date
 
     page_date()  # a date that is none is refused before the work, not after it
     read = load_experiment(experiment)
@@ -127,7 +127,7 @@ def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[st
     from rock2d.diagnosis.comparison import comparison
     from rock2d.diagnosis.comparison_file import read_diagnosis
     from rock2d.diagnosis.report.comparison_page import comparison_lines, comparison_page
-    from rock2d.diagnosis.report.rendering import Made
+    from rock2d.graphics.rendering import Made
 
     (file_a, a), (file_b, b) = read_diagnosis(first), read_diagnosis(second)
     files = {"a": str(file_a), "b": str(file_b)}

@@ -12,8 +12,8 @@ from rock2d.files.places import Path_, number_at, place_of, value_at
 from rock2d.files.scenario import Scenario, checked_scenario
 
 
-def variant(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
-    """The scenario with other numbers at these places, checked, and without what is not known.
+def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool = False) -> Scenario:
+    """The scenario with other numbers at these places, checked; without what is not known, unless `uncertain`.
 
     Raises InputError where there is no number, or where a value makes no sense.
     """
@@ -21,7 +21,8 @@ def variant(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
     if document is None:
         raise InputError("a scenario that was not read from a file has no variants", code="wrong_kind")
     data = copy.deepcopy(document.data)
-    data.pop("uncertainty", None)
+    if not uncertain:
+        data.pop("uncertainty", None)
     for place, value in values.items():
         path = place_of(data, place)
         if path is None or number_at(data, place) is None:
@@ -68,10 +69,10 @@ def scenario_text(scenario: Scenario) -> str:
     """The scenario as the text of a YAML file from which it is loaded again."""
     from ruamel.yaml import YAML
 
-    yaml = YAML(typ="safe", pure=True)
+    yaml: Any = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.width = 120
-    yaml.sort_base_mapping_type_on_output = None  # keep the order of the keys
+    yaml.sort_base_mapping_type_on_output = False  # keep the order of the keys
     document = scenario.document
     assert document is not None
     stream = io.StringIO()

@@ -41,7 +41,8 @@ def design_figure(answer: Answer) -> Figure:
     )
     axis.set_yscale("symlog", linthresh=max(target, 0.1))
     axis.set_ylim(0)
-    axis.set_yticks([tick for tick in TICKS_PERCENT if tick <= axis.get_ylim()[1]], minor=False)
+    top, linear = axis.get_ylim()[1], max(target, 0.1)
+    axis.set_yticks([tick for tick in TICKS_PERCENT if tick == 0 or 0.2 * linear <= tick <= top], minor=False)
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.yaxis.set_minor_locator(NullLocator())
     if answer.least is not None:

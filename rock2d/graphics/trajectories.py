@@ -52,6 +52,8 @@ def trajectories_figure(
     ways = {n: [positions_of(t) for t in own[:MOST_WAYS]] for n, own in of_block.items()}
     every = np.vstack([w for ws in ways.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
+    if window is not None:
+        cross_section = _lines_within(cross_section, window)
     limits = window or motion_limits(cross_section, every[:, 0], every[:, 1], radius)
 
     wide_in, axis_in, page_in = 7.5, 6.85, 9.6
@@ -69,6 +71,8 @@ def trajectories_figure(
         for track, way in zip(own, ways[name], strict=True):
             axis.plot(way[:, 0], way[:, 1], color=colours[name], lw=0.9, alpha=alpha, zorder=3)
             stops.add(track.stop)
+            if window is not None and not _within(way[-1], window):
+                continue
             axis.plot(
                 *way[-1], marker=STOP_MARKERS[track.stop][0], ms=4, mfc=colours[name], mec="white", mew=0.5,
                 ls="none", zorder=4, clip_on=False,
@@ -88,6 +92,23 @@ def trajectories_figure(
     figure.legend(handles=handles, loc="outside lower right", ncols=3, frameon=False, fontsize=SMALL_PT)
     finish(figure, title)
     return figure
+
+
+def _within(point: Array, window: Limits) -> bool:
+    return bool(window[0] <= point[0] <= window[1] and window[2] <= point[1] <= window[3])
+
+
+def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
+    """The cross-section with the parts of its measure lines that a window shows."""
+    import shapely
+
+    left, right, low, high = window
+    shown = {}
+    for name, ends in cross_section.measure_lines.items():
+        part = shapely.get_coordinates(shapely.clip_by_rect(shapely.LineString(ends), left, low, right, high))
+        if len(part) == 2:
+            shown[name] = part
+    return CrossSection(cross_section.points_m, cross_section.zones, shown)
 
 
 def draw_cross_section(

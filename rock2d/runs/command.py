@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
+    from rock2d.runs.results import RunResult
+
+REPORTED_TABLES = ("passing", "percentiles", "stops")
+SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 
 def run_scenarios(
@@ -31,12 +35,15 @@ def run_scenarios(
     engines: Sequence[str] = (),
     data_root: Path | None = None,
     video: bool = False,
+    page_of: str | None = None,
     overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
 ) -> bool:
     """Run scenario files with every one of `engines` (default: the scenario's own), each into a folder of its own
     under `out`; False if more than 1 % of the releases of a block are unresolved (see `runs.resolution`).
+
+    `page_of` is the command that the page report.html names; None for no page.
 
     A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
     earlier one.
@@ -53,6 +60,9 @@ def run_scenarios(
         if video and large:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
+        if page_of is not None and scenario.experiment is not None:
+            message = "--report is for sites; releases that restart a film are compared with it instead"
+            raise InputError(message, code="wrong_kind", option="report")
         for engine in () if large else engines or [scenario.engine]:
             check_replaced(out / f"{scenario.name}_{engine}", overwrite)
     resolved = True
@@ -66,10 +76,9 @@ def run_scenarios(
             if large:
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
-                if scenario.uncertainty is not None:
-                    _assessed(scenario, engine, options.seed, progress).write(folder)
+                _campaign_pages(scenario, folder, chosen, tables, page_of, progress)
             else:
-                tables = _run_in_memory(scenario, folder, chosen, workers, video, progress)
+                tables = _run_in_memory(scenario, folder, chosen, workers, video, page_of, progress)
             if scenario.experiment is None:  # a restarted release ends with its film
                 remarks = unresolved_remarks(tables, scenario.longest_release_s())
                 resolved = resolved and not remarks
@@ -80,7 +89,13 @@ def run_scenarios(
 
 
 def _run_in_memory(
-    scenario: Scenario, folder: Path, options: CampaignOptions, workers: Workers, video: bool, progress: bool
+    scenario: Scenario,
+    folder: Path,
+    options: CampaignOptions,
+    workers: Workers,
+    video: bool,
+    page_of: str | None,
+    progress: bool,
 ) -> dict[str, pd.DataFrame]:
     """Run, print the tables, then write the folder; the tables that it holds."""
     result = run(
@@ -88,20 +103,60 @@ def _run_in_memory(
         workers=workers.processes, progress=progress,
     )  # fmt: skip
     print_tables(result)
-    if scenario.uncertainty is None:
-        tables = result.write(folder, video, progress=progress)
-    else:
-        assessment = _assessed(scenario, result.engine, result.seed, progress)
-        tables = result.write(folder, video, progress=progress, also=assessment.write)
+    assessment = _assessed(scenario, result.engine, result.seed, progress)
+
+    def also(partial: Path) -> None:
+        if assessment is not None:
+            assessment.write(partial)
+        if page_of is not None:
+            of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
+            _write_page(result, of_run, assessment, partial, page_of)
+
+    tables = result.write(folder, video, progress=progress, also=also)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
 
 
-def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment:
-    """What the possible sites of the scenario say, printed."""
+def _campaign_pages(
+    scenario: Scenario,
+    folder: Path,
+    options: CampaignOptions,
+    tables: dict[str, pd.DataFrame],
+    page_of: str | None,
+    progress: bool,
+) -> None:
+    """What a campaign's folder holds beside its own tables: the possible sites, and a page whose figures show its first
+    releases."""
+    engine = options.engine or scenario.engine
+    assessment = _assessed(scenario, engine, options.seed, progress)
+    if assessment is not None:
+        assessment.write(folder)
+    if page_of is not None:
+        first = min(options.releases or scenario.releases, SHOWN_OF_A_CAMPAIGN)
+        sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
+        _write_page(sample, tables, assessment, folder, page_of)
+
+
+def _write_page(
+    sample: RunResult,
+    tables: dict[str, pd.DataFrame],
+    assessment: Assessment | None,
+    folder: Path,
+    command: str,
+) -> None:
+    from rock2d.design.report import SiteResults, write_report
+
+    remarks = unresolved_remarks(tables, sample.scenario.longest_release_s())
+    write_report(SiteResults(sample.scenario, sample, tables, remarks, assessment), folder, command)
+
+
+def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment | None:
+    """What the possible sites of the scenario say, printed; None if everything is known."""
     from rock2d.design.assessment import assess
 
+    if scenario.uncertainty is None:
+        return None
     assessment = assess(scenario, engine, scenario.seed if seed is None else seed, progress)
     print(assessment.text())
     return assessment

@@ -7,8 +7,8 @@ from typing import Any
 
 from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
-from rock2d.diagnosis.report.downloads import Download, download
-from rock2d.diagnosis.report.rendering import Made, rendered
+from rock2d.graphics.downloads import Download, download
+from rock2d.graphics.rendering import Made, rendered
 
 SIDES = {"a": "base", "b": "effect"}  # side -> the mark and colour that it has in charts
 FOLDED_PROBABILITY = 0.005  # answers with a smaller one in both are folded away
@@ -28,7 +28,7 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         [v for row in closures for mark in row["marks"] for v in (mark.low, mark.high)] + [100.0]
     )
     parameters = [_parameter_row(row) for row in content["parameters"]]
-    return rendered("comparison.html.j2", {
+    return rendered("rock2d.diagnosis.report", "comparison.html.j2", {
         "content": content, "files": files, "made": made, "shapes": SHAPES, "sides": SIDES,
         "verdicts": {side: _verdict(content, side) for side in SIDES},
         "gaps": {side: _gap(content["gap"][side]) for side in SIDES},
@@ -43,7 +43,7 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "places": content["where"][:SHOWN_PLACES],
         "more_places": content["where"][SHOWN_PLACES:],
         "data": _downloads(content),
-    })  # fmt: skip
+    }, text.FILTERS)  # fmt: skip
 
 
 def comparison_lines(content: Mapping[str, Any]) -> list[str]:

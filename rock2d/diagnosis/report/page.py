@@ -23,11 +23,11 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
     table_quantities,
 )
-from rock2d.diagnosis.report.rendering import IN_PYTHON, Made, rendered
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.effects import catalogue
 from rock2d.files.folders import write_whole
+from rock2d.graphics.rendering import Made, rendered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +44,12 @@ LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear sca
 
 
 def write_report(
-    result: Diagnosis, content: dict[str, Any], folder: Path, *, progress: bool, command: str = IN_PYTHON
+    result: Diagnosis,
+    content: dict[str, Any],
+    folder: Path,
+    *,
+    progress: bool,
+    command: str = "rock2d.diagnose in Python",
 ) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
@@ -52,7 +57,7 @@ def write_report(
     """
     from tqdm import tqdm
 
-    made = Made.now(command, result.seed)
+    made = Made.now(command, f"{result.seed} (of the bootstrap intervals)")
     with tqdm(desc="report", unit="part", disable=not progress) as bar:
 
         def on_progress(part: str) -> None:
@@ -80,7 +85,7 @@ def report_page(
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
-    return rendered("page.html.j2", context)
+    return rendered("rock2d.diagnosis.report", "page.html.j2", context, text.FILTERS)
 
 
 def _verdict(result: Diagnosis, content: dict[str, Any], chain: list[str]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -302,3 +302,10 @@ def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:
     groups = [[name for name in group if name in known] for group in LOOKALIKES]
     groups = [group for group in groups if len(group) > 1]
     return [listed(group) for group in sorted(groups, key=lambda g: not set(g) & set(names))]
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "spoken": spoken,
+    "percent": percent,
+    "number": number,
+}  # of the templates

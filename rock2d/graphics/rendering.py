@@ -1,35 +1,33 @@
-"""Pages from templates of this folder, with one style; when, by what and with which version they were made."""
+"""Pages from templates, with one style; when, by what and with which version they were made."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from rock2d.diagnosis.report import text
 from rock2d.errors import InputError
 
 if TYPE_CHECKING:
     from markupsafe import Markup
 
 DATE_VARIABLE = "SOURCE_DATE_EPOCH"  # seconds since 1970, for pages that are the same at every run
-IN_PYTHON = "rock2d.diagnose in Python"
 
 
 @dataclass(frozen=True)
 class Made:
-    """When and how a page was made; `seed` is None if nothing was drawn."""
+    """When and how a page was made; `seed` is None if nothing was drawn, else the seed and what it is for."""
 
     date: str
     version: str
     command: str
-    seed: int | None
+    seed: str | None
 
     @classmethod
-    def now(cls, command: str, seed: int | None) -> Made:
+    def now(cls, command: str, seed: str | None) -> Made:
         """By this version of rock2d, at `page_date()`."""
         from rock2d import __version__
 
@@ -63,20 +61,21 @@ def coded(line: str) -> Markup:
     return Markup("").join(out)
 
 
-def rendered(template: str, context: Mapping[str, Any]) -> str:
-    """A page from a template of this folder; `style` is given to it."""
+def rendered(
+    package: str, template: str, context: Mapping[str, Any], filters: Mapping[str, Callable[..., Any]]
+) -> str:
+    """A page from a template in the folder of a package; `style` and the template made.html.j2 are given to it."""
     import jinja2
 
-    folder = files("rock2d.diagnosis.report")
+    folders = (files(package), files("rock2d.graphics"))
 
     def source(name: str) -> str:
-        return folder.joinpath(name).read_text(encoding="utf-8")
+        found = next(folder.joinpath(name) for folder in folders if folder.joinpath(name).is_file())
+        return found.read_text(encoding="utf-8")
 
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
         loader=jinja2.FunctionLoader(source),
     )  # fmt: skip
-    environment.filters |= {
-        "spoken": text.spoken, "percent": text.percent, "number": text.number, "coded": coded,
-    }  # fmt: skip
+    environment.filters |= {"coded": coded, **filters}
     return environment.get_template(template).render({"style": source("style.css"), **context})

@@ -1,0 +1,365 @@
+"""The report of a site, one page to hand in: what was assumed, what blocks do, how sure that is, what limits it has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.design.design_values import demands, design_table
+from rock2d.design.report_tables import (
+    TextTable,
+    block_rows,
+    data_of,
+    design_value_rows,
+    parameter_tables,
+    passing_rows,
+    percentile_rows,
+    quantity_text,
+    stop_rows,
+    three_digits,
+    uncertain_rows,
+    with_interval,
+)
+from rock2d.design.uncertainty import FREQUENCY
+from rock2d.files.folders import write_whole
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import scenario_text
+from rock2d.graphics.rendering import Made, rendered
+from rock2d.runs.results import RunResult
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from rock2d.design.assessment import Assessment
+    from rock2d.design.least_size import Answer
+
+PAGE = "report.html"
+ZOOM_HEIGHTS = 3.0  # heights of the embankment that are shown before and behind it
+LIMITS = (
+    "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
+    "can leave the section.",
+    "Trees take no energy. Use a 3D code with single trees.",
+    "Blocks do not break. Use a code with a fragmentation model where that matters.",
+    "The embankment is ground with a contact law: it does not slide, yield or fail. Check its stability with a model "
+    "of the structure.",
+    "Intervals cover sampling and what is listed as not known, and nothing else.",
+    "The factors of ONR 24810 and of UNI 11211-4 were taken from secondary sources: compare them with the norm's text.",
+)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure inside the page, with words for those who do not see it."""
+
+    source: str
+    alt: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page under a heading."""
+
+    title: str
+    texts: Sequence[str] = ()
+    pictures: Sequence[Picture] = ()
+    tables: Sequence[TextTable] = ()
+    points: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class SiteResults:
+    """What a report tells.
+
+    Attributes
+    ----------
+    sample : the releases that figures and envelopes show: all of a run, the first ones of a campaign
+    tables : passing, percentiles and stops of all releases
+    remarks : what is not resolved
+    assessment : over the possible sites, if something is not known
+    answer : of the search for the least size, if there was one
+    """
+
+    scenario: Scenario
+    sample: RunResult
+    tables: Mapping[str, pd.DataFrame]
+    remarks: Sequence[str] = ()
+    assessment: Assessment | None = None
+    answer: Answer | None = None
+    figures: dict[str, Figure] = field(default_factory=dict)
+
+
+def write_report(results: SiteResults, folder: Path, command: str) -> None:
+    """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
+    from rock2d.graphics.figure_style import save_figure
+
+    figures = _figures(results)
+    for name, figure in figures.items():
+        save_figure(figure, folder / f"{name}.png")
+    for name, table in _further_tables(results).items():
+        write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+    made = Made.now(command, f"{results.sample.seed} (of every random draw)")
+    write_whole(folder / PAGE, report_page(results, figures, made))
+
+
+def report_page(results: SiteResults, figures: Mapping[str, Figure], made: Made) -> str:
+    """The page."""
+    scenario = results.scenario
+    context = {
+        "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(results),
+        "about": scenario.about, "tiles": _tiles(results), "remarks": results.remarks, "resolved": not results.remarks,
+        "sections": [section for section in _sections(results, figures) if section is not None],
+        "scenario_text": scenario_text(scenario),
+    }  # fmt: skip
+    return rendered("rock2d.design", "report.html.j2", context, {})
+
+
+def _figures(results: SiteResults) -> dict[str, Figure]:
+    from rock2d.graphics.design_curve import design_figure
+    from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
+    from rock2d.graphics.trajectories import trajectories_figure
+
+    run = results.sample
+    ground, lines = run.cross_section, list(run.cross_section.measure_lines)
+    found = {"trajectories": run.plot()}
+    if (window := _window(run)) is not None:
+        found["embankment"] = trajectories_figure(ground, run.blocks, run.tracks, "At the embankment", window)
+    found["envelopes"] = envelopes_figure(ground, run.to_pandas("envelopes"))
+    found["stops"] = stops_figure(ground, run.to_pandas("stops"))
+    if lines:
+        found["distributions"] = distributions_figure(run.to_pandas("crossings"), lines, run.blocks)
+    if results.assessment is not None and len(results.assessment.sensitivity):
+        found["tornado"] = results.assessment.plot()
+    if results.answer is not None:
+        found["design"] = design_figure(results.answer)
+    return found
+
+
+def _window(run: RunResult) -> tuple[float, float, float, float] | None:
+    """The surroundings of the embankment: x_min, x_max, y_min, y_max in m."""
+    bank = run.cross_section.embankment
+    if bank is None:
+        return None
+    own = run.cross_section.points_m[bank.left : bank.right + 1]
+    reach = ZOOM_HEIGHTS * bank.height_m
+    low, high = own.min(axis=0), own.max(axis=0)
+    return (
+        float(low[0] - reach), float(high[0] + 0.5 * reach), float(low[1] - 0.3 * reach), float(high[1] + reach)
+    )  # fmt: skip
+
+
+def _further_tables(results: SiteResults) -> dict[str, pd.DataFrame]:
+    found = {"envelopes": results.sample.to_pandas("envelopes")}
+    if "percentiles" in results.tables:
+        found["design_values"] = _design_values(results)
+    return found
+
+
+def _design_values(results: SiteResults) -> pd.DataFrame:
+    uncertain = results.assessment.uncertain if results.assessment is not None else None
+    return design_table(results.scenario, results.tables["percentiles"], uncertain)
+
+
+def _worst(results: SiteResults) -> tuple[str, str, float, float, float] | None:
+    """Block, line and frequency [95 % interval] of the block that passes the last line most often."""
+    table: Any = results.tables.get("passing")
+    if results.assessment is not None:
+        own = results.assessment.uncertain
+        table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
+    if table is None or not len(table):
+        return None
+    line = CREST_LINE if (table["line"] == CREST_LINE).any() else str(table["line"].iloc[-1])
+    at_line = table[table["line"] == line]
+    row = at_line.loc[at_line["high95"].idxmax()]
+    return str(row["block"]), line, float(row["frequency"]), float(row["low95"]), float(row["high95"])
+
+
+def _headline(results: SiteResults) -> str:
+    answer, worst = results.answer, _worst(results)
+    if answer is not None and answer.least is None:
+        return f"No {answer.place} up to {answer.judgements[-1].size:.4g} meets the target"
+    if answer is not None:
+        return f"Least {answer.place}: {answer.least:.4g}"
+    if results.remarks:
+        return "Not resolved"
+    if worst is None:
+        return "Where blocks go"
+    block, line, share, low, high = worst
+    return f"{block} passes {line}: {with_interval(share, low, high, 100.0)} %"
+
+
+def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
+    run, worst, found = results.sample, _worst(results), []
+    releases = int(results.tables["stops"]["releases"].sum()) if "releases" in results.tables.get(
+        "stops", ()
+    ) else len(run.tracks)  # fmt: skip
+    found.append(("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}"))
+    if results.answer is not None:
+        target = results.answer.target
+        aim = f"at {100 * target.confidence:.3g} % confidence pass {target.line}"
+        found.append(("Target", f"{100 * target.frequency:.3g} %", f"at most, {aim}"))
+    if worst is not None:
+        block, line, share, low, high = worst
+        over = "over sampling and what is not known" if results.assessment is not None else "sampling only"
+        found.append((f"{block} passes {line}", f"{with_interval(share, low, high, 100.0)} %", over))
+    if "percentiles" in results.tables:
+        uncertain = results.assessment.uncertain if results.assessment is not None else None
+        words = {
+            "kinetic_J": "Energy that arrives (95 %)",
+            "passing_height_m": "Height at which it arrives (95 %)",
+        }
+        for quantity, (name, estimate) in demands(results.tables["percentiles"], uncertain).items():
+            found.append((words[quantity], quantity_text(quantity, *estimate), name))
+    return found
+
+
+def _sections(results: SiteResults, figures: Mapping[str, Figure]) -> list[Section | None]:
+    return [
+        _answer_section(results, figures), _site_section(results, figures), _assumption_section(results),
+        _passing_section(results, figures), _slope_section(results, figures), _line_section(results, figures),
+        _design_section(results), _certainty_section(results, figures), Section("Limits", points=LIMITS),
+    ]  # fmt: skip
+
+
+def _picture(figures: Mapping[str, Figure], name: str, alt: str, caption: str = "") -> list[Picture]:
+    from rock2d.graphics.pages import embedded
+
+    return [Picture(embedded(figures[name]), alt, caption)] if name in figures else []
+
+
+def _answer_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+    if results.answer is None:
+        return None
+    from rock2d.design.command import judged_rows
+
+    answer = results.answer
+    rows = judged_rows(answer)
+    shown = TextTable(
+        (answer.place, "block", "median %", "bound %", "meets"),
+        [
+            (f"{r['size']:.4g}", r["block"], three_digits(100 * r["median"]), three_digits(100 * r["high"]),
+             "yes" if r["meets"] else "no")
+            for r in rows
+        ],
+    )  # fmt: skip
+    alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
+    return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
+
+
+def _site_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+    run = results.sample
+    points = run.cross_section.points_m
+    alt = (
+        f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the ways of the blocks; "
+        f"height from {points[:, 1].min():.3g} to {points[:, 1].max():.3g} m"
+    )
+    near = _picture(figures, "embankment", "The ways of the blocks at the embankment, enlarged")
+    return Section(
+        "Site and blocks",
+        pictures=[*_picture(figures, "trajectories", alt), *near],
+        tables=[block_rows(results.scenario), *parameter_tables(results.scenario, run.engine)],
+    )
+
+
+def _assumption_section(results: SiteResults) -> Section:
+    scenario = results.scenario
+    points = list(scenario.assumed) or ["The scenario file lists no assumption."]
+    points += [
+        f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()
+    ]
+    points += [
+        f"Rough ground in {zone}: local slopes vary by {own.sd_deg:g} degrees (1 sigma) over {own.length_m:g} m"
+        for zone, own in scenario.roughness.items()
+    ]
+    if scenario.uncertainty is not None:
+        points += [f"Not known: {place}, {_drawn(draw)}" for place, draw in scenario.uncertainty.site.items()]
+    return Section("What was assumed", points=points)
+
+
+def _drawn(draw: Any) -> str:
+    """A distribution in words."""
+    kind, numbers = next(iter(draw.model_dump().items()))
+    if kind == "times":
+        return "the value of the file times " + _drawn(draw.times)
+    said = ", ".join(f"{key} {value:g}" for key, value in numbers.items())
+    return f"{kind} ({said})"
+
+
+def _passing_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+    tables = []
+    if len(results.tables.get("passing", ())):
+        tables.append(passing_rows(results.tables["passing"]))
+    if "stops" in results.tables:
+        tables.append(stop_rows(results.tables["stops"]))
+    alt = "Histogram of the places at which releases ended, below the cross-section"
+    return Section(
+        "Do blocks pass, and where do they end", pictures=_picture(figures, "stops", alt), tables=tables
+    )
+
+
+def _slope_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+    table: Any = results.sample.to_pandas("envelopes")
+    top = table[(table["quantity"] == "kinetic_J") & (table["percentile"] == 95.0)]["value"]
+    alt = "Height above the ground, speed and energy along the slope, exceeded by 50, 5 and 1 % of the blocks"
+    alt += (
+        f"; the 95th percentile of the energy reaches {three_digits(1e-3 * top.max())} kJ" if len(top) else ""
+    )
+    caption = "Band: 95 % interval of the 95th percentile. Heights are those of the centroid, vertically."
+    data = TextTable((), (), data=data_of("envelopes.csv", table))
+    return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
+
+
+def _line_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+    if "percentiles" not in results.tables:
+        return None
+    alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
+    return Section(
+        "How high and how hard",
+        pictures=_picture(figures, "distributions", alt),
+        tables=[percentile_rows(results.tables["percentiles"])],
+    )
+
+
+def _design_section(results: SiteResults) -> Section | None:
+    if "percentiles" not in results.tables:
+        return None
+    values = _design_values(results)
+    if (values["line"] == ARRIVAL_LINE).any():
+        values = values[values["line"] == ARRIVAL_LINE]
+    if not len(values):
+        return None
+    text = (
+        "The embankment must take what arrives. Characteristic values are 95th percentiles of the blocks that pass the line. Each block is a design block of "
+        "its own; the mass is that of the scenario (of a population, of the block that is larger than 95 %)."
+    )
+    return Section("Design values", texts=[text], tables=[design_value_rows(values)])
+
+
+def _without_assessment(results: SiteResults) -> str:
+    if results.scenario.uncertainty is None:
+        return "The scenario says nothing about what is not known. All intervals are those of sampling alone."
+    return (
+        "The size holds over all that is listed as not known. The other intervals on this page are those of sampling "
+        "alone: `rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
+    )
+
+
+def _certainty_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+    if results.assessment is None:
+        return Section("How sure is that", texts=[_without_assessment(results)])
+    table: Any = results.assessment.sensitivity
+    alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
+    if len(table):
+        first = table.loc[table["total"].idxmax()]
+        alt += f"; the largest is {first['parameter']} with {100 * np.clip(first['total'], 0, 1):.0f} %"
+    return Section(
+        "How sure is that",
+        pictures=_picture(figures, "tornado", alt),
+        tables=[uncertain_rows(results.assessment.uncertain)],
+    )

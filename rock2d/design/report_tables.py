@@ -1,0 +1,193 @@
+"""Tables of a report, as a person reads them: three significant digits, kJ where kJ are usual."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.design.uncertainty import FREQUENCY
+from rock2d.files.scenario import Scenario
+from rock2d.graphics.downloads import Download, download
+from rock2d.runs.engines import engine_named
+from rock2d.runs.resolution import stop_counts
+from rock2d.scene.soils import SOIL_CLASSES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMES = {
+    "kinetic_J": "energy", "energy_J": "energy", "passing_height_m": "passing height", "height_m": "height",
+    "speed_m_s": "speed", "mass_kg": "mass", FREQUENCY: "passing frequency",
+}  # fmt: skip
+UNITS = {"_m_s": "m/s", "_J": "J", "_kg": "kg", "_m": "m"}
+LARGE_J = 1000.0
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of texts; `data` are the full numbers, to download."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+    note: str = ""
+    data: Download | None = None
+
+
+def three_digits(value: float) -> str:
+    """A number with three significant digits, without exponent where it is neither huge nor tiny."""
+    if not np.isfinite(value):
+        return "-"
+    rounded = float(f"{value:.3g}")
+    if rounded == 0.0:
+        return "0"
+    if not 1e-3 <= abs(rounded) < 1e6:
+        return f"{rounded:.2e}"
+    return f"{rounded:.{max(2 - int(np.floor(np.log10(abs(rounded)))), 0)}f}"
+
+
+def with_interval(value: float, low: float, high: float, factor: float = 1.0) -> str:
+    """ "12.3 [11.0, 14.2]"; a bound that is not known is a dash."""
+    return f"{three_digits(factor * value)} [{three_digits(factor * low)}, {three_digits(factor * high)}]"
+
+
+def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
+    """A value with its interval and its unit, which the name of the quantity ends with."""
+    unit = next((text for end, text in UNITS.items() if quantity.endswith(end)), "")
+    if unit == "J" and abs(value) >= LARGE_J:
+        return f"{with_interval(value, low, high, 1e-3)} kJ"
+    if unit == "kg" and low == high:
+        return f"{three_digits(value)} kg"
+    return f"{with_interval(value, low, high)} {unit}"
+
+
+def _rows(table: pd.DataFrame) -> list[Any]:
+    return list(table.itertuples())
+
+
+def data_of(name: str, table: pd.DataFrame) -> Download:
+    """A table with its full numbers as a link."""
+    return download(name, list(table.columns), table.itertuples(index=False))
+
+
+def passing_rows(passing: pd.DataFrame) -> TextTable:
+    """Passing frequencies in %."""
+    rows = [
+        (r.line, r.block, f"{r.passed} of {r.releases}", with_interval(r.frequency, r.low95, r.high95, 100.0),
+         str(r.unresolved))
+        for r in _rows(passing)
+    ]  # fmt: skip
+    return TextTable(
+        ("line", "block", "passed", "% [95 % interval]", "unresolved"), rows,
+        note="Intervals: sampling only (Wilson). Unresolved releases count as passed in the upper bound.",
+        data=data_of("passing.csv", passing),
+    )  # fmt: skip
+
+
+def stop_rows(stops: pd.DataFrame) -> TextTable:
+    """What the shares rest on: how releases ended."""
+    counts = stop_counts(stops)
+    rows = [(str(block), *(str(n) for n in own)) for block, own in counts.iterrows()]
+    return TextTable(("block", *map(str, counts.columns)), rows)
+
+
+def percentile_rows(percentiles: pd.DataFrame) -> TextTable:
+    """Percentiles of what passes each line."""
+    rows = [
+        (r.line, r.block, NAMES[r.quantity], f"{r.percentile:g} %", str(r.passed),
+         quantity_text(r.quantity, r.value, r.low95, r.high95))
+        for r in _rows(percentiles)
+    ]  # fmt: skip
+    return TextTable(
+        ("line", "block", "quantity", "percentile", "passed", "value [95 % interval]"), rows,
+        note="Intervals: sampling only, free of assumptions. A dash: too few passings for that bound.",
+        data=data_of("percentiles.csv", percentiles),
+    )  # fmt: skip
+
+
+def design_value_rows(values: pd.DataFrame) -> TextTable:
+    """Design values by norm."""
+    rows = [
+        (r.line, r.block, r.norm, NAMES[r.quantity],
+         quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95), r.factors,
+         quantity_text(r.quantity, r.design, r.low95, r.high95))
+        for r in _rows(values)
+    ]  # fmt: skip
+    return TextTable(
+        ("line", "block", "norm", "quantity", "characteristic (95 %)", "factors", "design value"), rows,
+        data=data_of("design_values.csv", values),
+    )  # fmt: skip
+
+
+def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
+    """What is known over all possible sites."""
+    rows = []
+    for r in _rows(uncertain.dropna(subset="value")):
+        base = str(r.quantity).removesuffix("_95")
+        shown = (
+            f"{with_interval(r.value, r.low95, r.high95, 100.0)} %"
+            if base == FREQUENCY
+            else quantity_text(base, r.value, r.low95, r.high95)
+        )
+        share = f"{100 * r.share_not_known:.0f} %"
+        rows.append((r.line, r.block, NAMES[base] + ("" if base == FREQUENCY else ", 95 %"), shown, share))
+    return TextTable(
+        ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,
+        note="Not known: the share of the variance that comes from what is not known about the site; the rest is "
+        "sampling.",
+        data=data_of("uncertainty.csv", uncertain),
+    )  # fmt: skip
+
+
+def block_rows(scenario: Scenario) -> TextTable:
+    """The blocks."""
+    rows = [
+        (name, "population, median" if name in scenario.populations else block.shape,
+         f"{three_digits(block.size_m)} m", f"{three_digits(block.mass_kg)} kg",
+         f"{three_digits(block.inertia_kg_m2)} kg m²")
+        for name, block in scenario.make_blocks().items()
+    ]  # fmt: skip
+    return TextTable(("block", "shape", "size", "mass", "moment of inertia"), rows, "Blocks",
+                     "Size: diameter of the circle of equal area.")  # fmt: skip
+
+
+def parameter_tables(scenario: Scenario, engine: str) -> list[TextTable]:
+    """Parameters of the engine's law in every zone, for every block for which they differ; and where they come from."""
+    zones = scenario.make_cross_section().zone_names
+    alike: list[tuple[Mapping[str, Any], list[str]]] = []  # parameters, and the blocks that have them
+    for block in scenario.make_blocks().values():
+        of_zone = engine_named(engine).parameters(scenario, block)
+        names_of = next((names for other, names in alike if other == of_zone), None)
+        if names_of is None:
+            alike.append((of_zone, [block.name]))
+        else:
+            names_of.append(block.name)
+    tables: list[TextTable] = []
+    for of_zone, blocks in alike:
+        own = {zone: asdict(of_zone.get(zone) or of_zone["default"]) for zone in zones}
+        names = list(next(iter(own.values())))
+        rows = [(zone, *(_parameter(values[name]) for name in names)) for zone, values in own.items()]
+        title = f"Parameters of the {engine_named(engine).law} law"
+        title += f": {', '.join(blocks)}" if len(alike) > 1 else ""
+        tables.append(TextTable(("zone", *names), rows, title))
+    if scenario.model.soils:
+        tables.append(_soil_sources(scenario))
+    return tables
+
+
+def _parameter(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else three_digits(float(value))
+
+
+def _soil_sources(scenario: Scenario) -> TextTable:
+    rows = []
+    for zone, given in (scenario.model.soils or {}).items():
+        soil = SOIL_CLASSES[given if isinstance(given, str) else given.like]
+        changed = "" if isinstance(given, str) else " (with numbers of this file)"
+        rows.append((zone, soil.name + changed, soil.source, soil.assumed))
+    return TextTable(("zone", "soil class", "source", "assumed"), rows, "Soil classes")

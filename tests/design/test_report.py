@@ -1,0 +1,96 @@
+"""The report of a site: whole, readable, with the numbers of the tables, and safe."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+import pytest
+
+from rock2d.design.report_tables import quantity_text, three_digits, with_interval
+from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from rock2d.runs.command import run_scenarios
+from tests.design.small_site import TEXT, UNKNOWN
+
+COMMAND = "rock2d run 'a <b>.yaml' --report"
+
+
+class Page(HTMLParser):
+    """Tags, alternative texts and headings of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.alts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag == "img":
+            self.alts.append(dict(attrs)["alt"])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("report")
+    path = out / "small.yaml"
+    odd = "name: small\nabout: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n"
+    path.write_text(TEXT.format(engine="batch").replace("name: small\n", odd) + UNKNOWN)
+    run_scenarios([path], out, CampaignOptions(), Workers(), page_of=COMMAND, progress=False, report=str)
+    return out / "small_batch"
+
+
+def test_the_page_holds_figures_with_words_and_one_first_heading(folder):
+    page = Page((folder / "report.html").read_text())
+    assert page.tags.count("h1") == 1
+    assert page.tags.count("img") >= 6 and all(len(alt) > 30 for alt in page.alts)
+    assert "script" not in page.tags
+    for name in ("trajectories", "embankment", "envelopes", "stops", "distributions", "tornado"):
+        assert (folder / f"{name}.png").stat().st_size > 5000
+
+
+def test_the_page_says_what_was_assumed_and_how_it_was_made(folder):
+    text = (folder / "report.html").read_text()
+    assert "k_l is &lt;guessed&gt;" in text
+    assert "A &lt;script&gt;slope" in text
+    assert "rock2d run &#39;a &lt;b&gt;.yaml&#39; --report" in text
+    assert "Not known: model.deterministic.default.k_ul_N_m" in text
+    assert "3 (of every random draw)" in text
+
+
+def test_the_page_and_the_tables_agree(folder):
+    import pandas as pd
+
+    text = (folder / "report.html").read_text()
+    for r in pd.read_csv(folder / "passing.csv").itertuples():
+        assert with_interval(r.frequency, r.low95, r.high95, 100.0) in text
+    values = pd.read_csv(folder / "design_values.csv")
+    arrival = values[values["line"] == "arrival"]
+    assert len(arrival) == 6
+    for r in arrival.itertuples():
+        assert quantity_text(r.quantity, r.design, r.low95, r.high95) in text
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [(0.0, "0"), (1234.4, "1230"), (0.12345, "0.123"), (99.96, "100"), (12.0, "12.0"), (2.4e7, "2.40e+07"),
+     (-3.456, "-3.46"), (float("nan"), "-")],
+)  # fmt: skip
+def test_numbers_have_three_significant_digits(value, text):
+    assert three_digits(value) == text
+
+
+def test_energies_are_told_in_kilojoules_where_these_are_usual():
+    assert quantity_text("kinetic_J", 1.25e6, 1.0e6, 1.5e6) == "1250 [1000, 1500] kJ"
+    assert quantity_text("kinetic_J", 0.25, 0.2, 0.3) == "0.250 [0.200, 0.300] J"
+    assert quantity_text("speed_m_s", 20.0, 18.0, 22.0) == "20.0 [18.0, 22.0] m/s"
+
+
+def test_a_campaign_has_the_same_page(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(TEXT.format(engine="point_mass"))
+    options = CampaignOptions(releases=10_500)
+    run_scenarios([path], tmp_path, options, Workers(), page_of=COMMAND, progress=False, report=str)
+    text = (tmp_path / "small_point_mass" / "report.html").read_text()
+    assert "of 10500" in text
+    assert "the first 200 of 1000 releases" not in text  # words of a figure are no words of the page
+    assert (tmp_path / "small_point_mass" / "envelopes.csv").is_file()

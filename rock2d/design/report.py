@@ -191,7 +191,7 @@ def _headline(results: SiteResults) -> str:
     if worst is None:
         return "Where blocks go"
     block, line, share, low, high = worst
-    return f"{block} passes {line}: {with_interval(share, low, high, 100.0)} %"
+    return f"{with_interval(share, low, high, 100.0)} % of {block} pass {line}"
 
 
 def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
@@ -207,7 +207,7 @@ def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
     if worst is not None:
         block, line, share, low, high = worst
         over = "over sampling and what is not known" if results.assessment is not None else "sampling only"
-        found.append((f"{block} passes {line}", f"{with_interval(share, low, high, 100.0)} %", over))
+        found.append((f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over))
     if "percentiles" in results.tables:
         uncertain = results.assessment.uncertain if results.assessment is not None else None
         words = {

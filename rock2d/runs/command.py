@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.files.folders import check_replaced
+from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_checks import check_engine
+from rock2d.runs.before_after import before_after, before_after_text, first_releases
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
 from rock2d.runs.tables import print_campaign, print_tables, residual_text
@@ -20,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
+    from rock2d.runs.results import RunResult
 
 
 def run_scenarios(
@@ -55,10 +59,14 @@ def run_scenarios(
             raise InputError(message, code="wrong_kind", option="video")
         for engine in () if large else engines or [scenario.engine]:
             check_replaced(out / f"{scenario.name}_{engine}", overwrite)
+        for engine in engines or [scenario.engine]:
+            check_engine(scenario, engine)
     resolved = True
     for scenario in loaded:
         for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
             report(f"warning: {remark}")
+        for remark in diagnosis_remarks(scenario):
+            report(remark)
         large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         for engine in engines or [scenario.engine]:
             folder = out / f"{scenario.name}_{engine}"
@@ -66,6 +74,9 @@ def run_scenarios(
             if large:
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
+                if scenario.diagnosed is not None:
+                    first = first_releases(scenario, engine, options.seed, options.releases, workers.processes)
+                    _compared(scenario, first, workers)(folder)
                 if scenario.uncertainty is not None:
                     _assessed(scenario, engine, options.seed, progress).write(folder)
             else:
@@ -88,14 +99,23 @@ def _run_in_memory(
         workers=workers.processes, progress=progress,
     )  # fmt: skip
     print_tables(result)
-    if scenario.uncertainty is None:
-        tables = result.write(folder, video, progress=progress)
-    else:
-        assessment = _assessed(scenario, result.engine, result.seed, progress)
-        tables = result.write(folder, video, progress=progress, also=assessment.write)
+    also: list[Callable[[Path], None]] = []
+    if scenario.diagnosed is not None:
+        also.append(_compared(scenario, result, workers))
+    if scenario.uncertainty is not None:
+        also.append(_assessed(scenario, result.engine, result.seed, progress).write)
+    tables = result.write(folder, video, progress=progress, also=lambda inside: [write(inside) for write in also])
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
+
+
+def _compared(scenario: Scenario, result: RunResult, workers: Workers) -> Callable[[Path], None]:
+    """Design values before and after the diagnosis, printed; writes before_after.csv into a folder."""
+    table = before_after(scenario, result, workers=workers.processes)
+    print(before_after_text(table))
+    text = table.to_csv(index=False, lineterminator="\n")
+    return lambda folder: write_whole(folder / "before_after.csv", text)
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment:

@@ -99,7 +99,7 @@ def run(
         found = dict(tqdm(simulated, total=len(states), desc=title, unit="release", disable=not progress))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
-        chosen.name, conditions.cross_section, scenario.make_blocks(), tracks, _recording(scenario, seed), title,
+        chosen.name, conditions.cross_section, {name: met.block for name, met in common.items()}, tracks, _recording(scenario, seed), title,
         own_blocks={start.release: met.block for start, met in begun if met.block is not common[start.block].block},
         scenario=scenario, seed=seed, incident_states=states,
         drawn={start.release: met.drawn for start, met in begun if met.drawn},

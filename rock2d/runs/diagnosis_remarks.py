@@ -89,7 +89,7 @@ def _effect_remark(name: str, causes: Causes) -> str:
         return f"{name} changes nothing: {why}"
     more = {
         "geometry_error": "; it was found on the bench as built, and changes this cross-section likewise",
-        "mass_eccentricity": "; crossings and trajectories are those of the centre of mass",
+        "mass_eccentricity": "; crossings, stops and impacts are those of the centre of mass",
     }.get(name, "")
     return f"{name} acts: {numbers}{more}"
 

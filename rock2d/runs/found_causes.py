@@ -15,7 +15,8 @@ import numpy as np
 
 from rock2d.effects import catalogue
 from rock2d.laws.contact import parameter_table
-from rock2d.scene.blocks import Block
+from rock2d.records.columns import OMEGA, THETA, VX, VY
+from rock2d.scene.blocks import Block, poses_at
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.rough_ground import Roughness
 from rock2d.scene.world import World
@@ -128,12 +129,7 @@ def about_centre_of_mass(block: Block, states: Array) -> Array:
     """(n, 6) states of the centre of mass from those of the centroid."""
     if block.centre_of_mass_m == (0.0, 0.0):
         return states
-    ex, ey = block.centre_of_mass_m
-    out = states.copy()
-    c, s = np.cos(states[:, 2]), np.sin(states[:, 2])
-    ahead, up = c * ex - s * ey, s * ex + c * ey
-    out[:, 0] += ahead
-    out[:, 1] += up
-    out[:, 3] -= states[:, 5] * up
-    out[:, 4] += states[:, 5] * ahead
-    return out
+    poses = poses_at(states[:, :VX], block.centre_of_mass_m)
+    ahead, up = (poses - states[:, :VX])[:, :THETA].T
+    spin = states[:, OMEGA]
+    return np.column_stack([poses, states[:, VX] - spin * up, states[:, VY] + spin * ahead, spin])

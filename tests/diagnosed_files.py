@@ -8,7 +8,13 @@ from typing import Any
 
 from rock2d.files.scenario import Scenario, load_scenario
 
-SOIL = {"k_l_N_m": 4.0e6, "k_ul_N_m": 2.4e7, "k_t_N_m": 1.0e6, "friction_angle_deg": 30.0, "k_r_Nm_rad": 4.0e3}
+SOIL = {
+    "k_l_N_m": 4.0e6,
+    "k_ul_N_m": 2.4e7,
+    "k_t_N_m": 1.0e6,
+    "friction_angle_deg": 30.0,
+    "k_r_Nm_rad": 4.0e3,
+}
 JOINT = {**SOIL, "k_ul_N_m": 3.0e7}  # fitted together with an effect
 SCENARIO = """
 name: diagnosed
@@ -41,7 +47,9 @@ NUMBERS = (
 
 def effect(base: dict[str, float] = JOINT, **parameters: tuple[float, float, float]) -> dict[str, Any]:
     """An entry of `effects`; parameters are value and ends of the 95 % interval."""
-    own = {name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()}
+    own = {
+        name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()
+    }
     return {"parameters": own, "base": base}
 
 
@@ -56,7 +64,12 @@ def content(verdict: str = "none", effects: dict[str, Any] | None = None, **more
 
 
 def diagnosed(
-    folder: Path, given: dict[str, Any], *, model: str = "{diagnosis: d.json}", engine: str = "batch", more: str = ""
+    folder: Path,
+    given: dict[str, Any],
+    *,
+    model: str = "{diagnosis: d.json}",
+    engine: str = "batch",
+    more: str = "",
 ) -> Scenario:
     """The scenario with this diagnosis beside it."""
     (folder / "d.json").write_text(json.dumps(given, indent=1))

@@ -9,7 +9,6 @@ import numpy as np
 from rock2d.records.columns import (
     AUDIT_NAMES,
     CORRECTED,
-    EFFECTS,
     E_CORRECTED,
     E_ELASTIC,
     E_INITIAL,
@@ -17,6 +16,7 @@ from rock2d.records.columns import (
     E_POTENTIAL,
     E_RESIDUAL,
     E_TAKEN,
+    EFFECTS,
     ELASTIC,
     ENERGY_NAMES,
     OMEGA,

@@ -45,7 +45,7 @@ class FittedValue:
         if self.known:
             return np.full(np.shape(u), self.value)
         first, last = (self._share(bound) for bound in (self.lowest, self.highest))
-        z = stats.norm.ppf(first + (last - first) * np.asarray(u, float))
+        z: Array = np.asarray(stats.norm.ppf(first + (last - first) * np.asarray(u, float)))
         if self._lognormal:
             below, above = np.log(self.value / self.low95), np.log(self.high95 / self.value)
             found = self.value * np.exp(np.where(z < 0, below, above) / Z95 * z)

@@ -95,12 +95,12 @@ class DiagnosisKeys(_Part):
     base: SoilPart
     law: LawPart = LawPart()
     verdict: str
-    group: list[str] = []
-    probabilities: dict[str, Probability] = {}
-    effects: dict[str, EffectPart] = {}
-    beside: list[BesidePart] = []
-    causes: list[CausePart] = []
-    blocks: dict[str, ScalePart] = {}
+    group: list[str] = Field(default=[])
+    probabilities: dict[str, Probability] = Field(default={})
+    effects: dict[str, EffectPart] = Field(default={})
+    beside: list[BesidePart] = Field(default=[])
+    causes: list[CausePart] = Field(default=[])
+    blocks: dict[str, ScalePart] = Field(default={})
     gravity_m_s2: float | None = Field(default=None, ge=0, le=1000)
 
     @model_validator(mode="before")

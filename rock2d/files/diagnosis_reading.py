@@ -53,7 +53,9 @@ def read_diagnosis(given: str, file: Path) -> DiagnosedModel:
     document = Document(file)  # JSON is YAML, whose reader knows where everything stands
     if not isinstance(document.data, dict) or document.data.get("schema") not in (1, 2):
         found = shown(document.data.get("schema")) if isinstance(document.data, dict) else "no keys"
-        raise document.error(f"expected a diagnosis of schema 1 or 2, found {found}", "schema", code="wrong_kind")
+        raise document.error(
+            f"expected a diagnosis of schema 1 or 2, found {found}", "schema", code="wrong_kind"
+        )
     keys = document.check(DiagnosisKeys)
     _check_names(document, keys)
     read = _Reader(document, keys)
@@ -73,10 +75,14 @@ def _check_names(document: Document, keys: DiagnosisKeys) -> None:
     from rock2d.effects import catalogue
 
     known = catalogue()
-    named: list[tuple[str, tuple[str | int, ...]]] = [(name, ("group", i)) for i, name in enumerate(keys.group)]
+    named: list[tuple[str, tuple[str | int, ...]]] = [
+        (name, ("group", i)) for i, name in enumerate(keys.group)
+    ]
     named += [(own.effect, ("causes", i, "effect")) for i, own in enumerate(keys.causes)]
     if keys.beside:
-        named += [(name, ("beside", len(keys.beside) - 1, "parameters")) for name in keys.beside[-1].parameters]
+        named += [
+            (name, ("beside", len(keys.beside) - 1, "parameters")) for name in keys.beside[-1].parameters
+        ]
     if keys.verdict not in NOT_EFFECTS:
         named.insert(0, (keys.verdict, ("verdict",)))
     for name, place in named:
@@ -110,7 +116,8 @@ class _Reader:
             place = ("beside", len(keys.beside) - 1)
             last = keys.beside[-1]
             effects = {
-                name: self._values(name, own, *place, "parameters", name) for name, own in last.parameters.items()
+                name: self._values(name, own, *place, "parameters", name)
+                for name, own in last.parameters.items()
             }
             return (FittedModel("after", self.soil(last.base), effects),)
         return (self._alone(keys.verdict, soil, "after"),)
@@ -162,7 +169,10 @@ class _Reader:
         """The effect's plausible range at the scale of the experiment; where that is not known, its sign only."""
         scaled = bool(parameter.length or parameter.time)
         if scaled and (not self.keys.blocks or self.keys.gravity_m_s2 is None):
-            low, high = (0.0 if bound == 0.0 else np.copysign(np.inf, bound) for bound in (parameter.low, parameter.high))
+            low, high = (
+                0.0 if bound == 0.0 else np.copysign(np.inf, bound)
+                for bound in (parameter.low, parameter.high)
+            )
         else:
             sizes = [own.size_m for own in self.keys.blocks.values()]
             own = parameter.at(_mean(sizes), self.keys.gravity_m_s2 or 0.0) if scaled else parameter

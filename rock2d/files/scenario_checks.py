@@ -89,7 +89,9 @@ def _check_diagnosis(scenario: Scenario) -> None:
     if scenario.diagnosed is None:
         return
     if scenario.model.soils is not None and "default" in scenario.model.soils:
-        message = "the diagnosis gives the soil of all zones that have no class of their own: take one of them away"
+        message = (
+            "the diagnosis gives the soil of all zones that have no class of their own: take one of them away"
+        )
         raise scenario.error(message, "model", "soils", "default", at="key", code="wrong_kind")
     check_engine(scenario, scenario.engine)
 
@@ -97,7 +99,9 @@ def _check_diagnosis(scenario: Scenario) -> None:
 def check_engine(scenario: Scenario, engine: str) -> None:
     """Refuse an engine that knows no contact law where the law is that of a diagnosis."""
     if scenario.diagnosed is not None and engine == "point_mass":
-        message = "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
+        message = (
+            "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
+        )
         raise scenario.error(message, "model", "diagnosis", at="key", code="wrong_kind", engine=engine)
 
 

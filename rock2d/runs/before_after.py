@@ -83,7 +83,7 @@ def _with(scenario: Scenario, model: FittedModel, result: RunResult, workers: in
 def _rows(result: RunResult, model: FittedModel) -> list[tuple[object, ...]]:
     percentiles = result.to_pandas("percentiles")
     own = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE].set_index(["block", "line", "quantity"])
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for row in result.to_pandas("passing").itertuples():
         values: list[float] = []
         for quantity in OF_QUANTITY:

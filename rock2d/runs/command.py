@@ -75,7 +75,9 @@ def run_scenarios(
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
                 if scenario.diagnosed is not None:
-                    first = first_releases(scenario, engine, options.seed, options.releases, workers.processes)
+                    first = first_releases(
+                        scenario, engine, options.seed, options.releases, workers.processes
+                    )
                     _compared(scenario, first, workers)(folder)
                 if scenario.uncertainty is not None:
                     _assessed(scenario, engine, options.seed, progress).write(folder)
@@ -104,7 +106,12 @@ def _run_in_memory(
         also.append(_compared(scenario, result, workers))
     if scenario.uncertainty is not None:
         also.append(_assessed(scenario, result.engine, result.seed, progress).write)
-    tables = result.write(folder, video, progress=progress, also=lambda inside: [write(inside) for write in also])
+
+    def write_all(inside: Path) -> None:
+        for write in also:
+            write(inside)
+
+    tables = result.write(folder, video, progress=progress, also=write_all)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables

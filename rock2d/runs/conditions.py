@@ -18,8 +18,8 @@ from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at, place_of
 from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
-from rock2d.files.scenario_variants import with_numbers
 from rock2d.files.scenario_checks import check_engine
+from rock2d.files.scenario_variants import with_numbers
 from rock2d.runs.engines import engine_named
 from rock2d.runs.found_causes import Causes, about_centre_of_mass, causes_of
 from rock2d.runs.incident_states import (

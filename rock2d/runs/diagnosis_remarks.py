@@ -43,7 +43,9 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
     own = scenario.diagnosed
     if own is None:
         return []
-    soil = ", ".join(f"{name} {value:.4g}" for name, value in own.model.soil.items() if not isinstance(value, bool))
+    soil = ", ".join(
+        f"{name} {value:.4g}" for name, value in own.model.soil.items() if not isinstance(value, bool)
+    )
     remarks = [f"diagnosis {own.given} (experiment {own.experiment}): verdict {own.verdict}; soil {soil}"]
     remarks += _answer_remarks(own)
     blocks, ground = scenario.make_blocks(), scenario.make_cross_section()
@@ -64,7 +66,9 @@ def _answer_remarks(own: DiagnosedModel) -> list[str]:
     if own.model.effects:
         return []
     if own.verdict == "unknown":
-        return ["there is a gap that no effect explains: only the refitted soil is used, what causes the gap is not"]
+        return [
+            "there is a gap that no effect explains: only the refitted soil is used, what causes the gap is not"
+        ]
     return ["no effect was found: only the refitted soil is used"]
 
 
@@ -132,8 +136,8 @@ def _scale_remarks(own: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str
         ):
             if value > FARTHEST_SCALE * max(known) or value < min(known) / FARTHEST_SCALE:
                 remarks.append(
-                    f"warning: block {name} has a {what} of {value:.3g} {unit}, those of the diagnosis {min(known):.3g} "
-                    f"to {max(known):.3g} {unit}: its stiffnesses and effects do not hold at this scale"
+                    f"warning: block {name} has a {what} of {value:.3g} {unit}, those of the diagnosis "
+                    f"{min(known):.3g} to {max(known):.3g} {unit}: its stiffnesses and effects do not hold at this scale"
                 )
                 break
     return remarks

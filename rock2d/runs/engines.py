@@ -109,6 +109,7 @@ def _batch_track(given: ReleaseInputs) -> Track:
 def _point_mass_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
+    assert isinstance(given.parameters, Mapping)  # only the contact law has rows
     return run_point_mass(
         given.block, given.cross_section, given.parameters, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s, seed=given.seed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -103,6 +103,7 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
         found = []
         for i in range(len(part.conditions)):
             own = part.conditions[i]
+            assert isinstance(own.parameters, Mapping)  # only the contact law has rows
             some = slice(None) if len(part.conditions) == 1 else slice(i, i + 1)
             found.append(
                 run_point_mass_batch(

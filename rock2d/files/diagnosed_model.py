@@ -47,11 +47,10 @@ class FittedValue:
         first, last = (self._share(bound) for bound in (self.lowest, self.highest))
         z: Array = np.asarray(stats.norm.ppf(first + (last - first) * np.asarray(u, float)))
         if self._lognormal:
-            below, above = np.log(self.value / self.low95), np.log(self.high95 / self.value)
-            found = self.value * np.exp(np.where(z < 0, below, above) / Z95 * z)
+            below, above = float(np.log(self.value / self.low95)), float(np.log(self.high95 / self.value))
+            found = self.value * np.exp(_sided(z, below, above))
         else:
-            below, above = self.value - self.low95, self.high95 - self.value
-            found = self.value + np.where(z < 0, below, above) / Z95 * z
+            found = self.value + _sided(z, self.value - self.low95, self.high95 - self.value)
         return np.asarray(np.clip(found, self.lowest, self.highest))
 
     @property
@@ -77,6 +76,11 @@ class FittedValue:
         if side <= 0.0:
             return 0.5
         return float(stats.norm.cdf(Z95 * way / side))
+
+
+def _sided(z: Array, below: float, above: float) -> Array:
+    """Distances from the median at normal scores z; 95 % lie within `below` and `above`."""
+    return (below * np.minimum(z, 0.0) + above * np.maximum(z, 0.0)) / Z95
 
 
 class FittedModel(NamedTuple):

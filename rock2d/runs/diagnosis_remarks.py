@@ -137,7 +137,7 @@ def _scale_remarks(own: DiagnosedModel, blocks: Mapping[str, Block]) -> list[str
             if value > FARTHEST_SCALE * max(known) or value < min(known) / FARTHEST_SCALE:
                 remarks.append(
                     f"warning: block {name} has a {what} of {value:.3g} {unit}, those of the diagnosis "
-                    f"{min(known):.3g} to {max(known):.3g} {unit}: its stiffnesses and effects do not hold at this scale"
+                    f"{min(known):.3g} to {max(known):.3g} {unit}: stiffnesses and effects do not hold at this scale"
                 )
                 break
     return remarks

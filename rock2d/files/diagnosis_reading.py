@@ -42,10 +42,17 @@ def found_diagnosis(scenario: Scenario, given: str, data_root: str | Path | None
             file = path_inside(root, given)
         except OutsideFolderError as error:
             raise scenario.error(error.message, *where, code="outside_folder") from None
-        if file.exists():
+        if _is_there(file):
             return read_diagnosis(given, file)
     message = f"no file {shown(given)} beside the scenario or under the data root"
     raise scenario.error(message, *where, code="missing_file", name=given)
+
+
+def _is_there(file: Path) -> bool:
+    try:
+        return file.exists()
+    except OSError:  # a name that no file can have
+        return False
 
 
 def read_diagnosis(given: str, file: Path) -> DiagnosedModel:

@@ -11,7 +11,7 @@ from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine
-from rock2d.runs.before_after import before_after, before_after_text, first_releases
+from rock2d.runs.before_after import before_after, before_after_text, campaign_before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import unresolved_remarks
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.design.assessment import Assessment
-    from rock2d.runs.results import RunResult
 
 
 def run_scenarios(
@@ -75,10 +74,8 @@ def run_scenarios(
                 tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
                 print_campaign(scenario, engine, tables)
                 if scenario.diagnosed is not None:
-                    first = first_releases(
-                        scenario, engine, options.seed, options.releases, workers.processes
-                    )
-                    _compared(scenario, first, workers)(folder)
+                    compared = campaign_before_after(scenario, engine, options.seed, options.releases)
+                    _shown(compared)(folder)
                 if scenario.uncertainty is not None:
                     _assessed(scenario, engine, options.seed, progress).write(folder)
             else:
@@ -103,7 +100,7 @@ def _run_in_memory(
     print_tables(result)
     also: list[Callable[[Path], None]] = []
     if scenario.diagnosed is not None:
-        also.append(_compared(scenario, result, workers))
+        also.append(_shown(before_after(scenario, result, workers=workers.processes)))
     if scenario.uncertainty is not None:
         also.append(_assessed(scenario, result.engine, result.seed, progress).write)
 
@@ -117,11 +114,10 @@ def _run_in_memory(
     return tables
 
 
-def _compared(scenario: Scenario, result: RunResult, workers: Workers) -> Callable[[Path], None]:
-    """Design values before and after the diagnosis, printed; writes before_after.csv into a folder."""
-    table = before_after(scenario, result, workers=workers.processes)
-    print(before_after_text(table))
-    text = table.to_csv(index=False, lineterminator="\n")
+def _shown(compared: pd.DataFrame) -> Callable[[Path], None]:
+    """Print design values before and after a diagnosis; writes before_after.csv into a folder."""
+    print(before_after_text(compared))
+    text = compared.to_csv(index=False, lineterminator="\n")
     return lambda folder: write_whole(folder / "before_after.csv", text)
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import rock2d
+from rock2d.design.command import run_design
+from rock2d.design.least_size import Target
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
-from rock2d.runs.before_after import before_after, before_after_text, compared_models
+from rock2d.runs.before_after import before_after, before_after_text, campaign_before_after, compared_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.runs.command import run_scenarios
 from rock2d.runs.conditions import Conditions, starts
@@ -195,15 +199,33 @@ def test_before_and_after_share_their_releases(tmp_path):
     assert "before and after" in before_after_text(table)
 
 
+def test_a_campaign_compares_as_a_run_does(tmp_path):
+    scenario = diagnosed(tmp_path, drag(0.05))
+    table, other = before_after(scenario, rock2d.run(scenario)), campaign_before_after(scenario, "batch")
+    pd.testing.assert_frame_equal(table, other, rtol=0.01)  # a track is interpolated where it crosses in contact
+    assert table["kinetic_p95_J"].notna().any()
+
+
+def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):
+    diagnosed(tmp_path, drag(0.01))
+    target = Target("facing_1_3", 0.9, 0.5)
+    run_design(tmp_path / "diagnosed.yaml", "embankment.height_m", (2.0, 3.0), target, tmp_path / "least",
+               tolerance=1.0, progress=False)  # fmt: skip
+    least = rock2d.load_scenario(tmp_path / "least" / "least.yaml")
+    assert least.diagnosed.verdict == "air_drag"
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\\b", "d.json/../../d.json"])
+def test_a_path_that_no_file_has_is_one_message(tmp_path, name):
+    with pytest.raises(InputError):
+        undiagnosed(tmp_path, f"{{diagnosis: '{name}'}}")
+
+
 def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
     diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
     said: list[str] = []
     run_scenarios([tmp_path / "diagnosed.yaml"], tmp_path / "out", CampaignOptions(), Workers(1), progress=False,
                   report=said.append)  # fmt: skip
-    import json
-
-    import pandas as pd
-
     folder = tmp_path / "out" / "diagnosed_batch"
     about = json.loads((folder / "run.json").read_text())["diagnosis"]
     assert (about["path"], about["verdict"], about["schema"]) == ("d.json", "air_drag", 1) and len(

@@ -70,7 +70,6 @@ class CausePart(_Part):
     effect: str
     p: Probability
     parameters: dict[str, ValuePart]
-    base: SoilPart | None = None
 
 
 class LawPart(_Part):

@@ -69,6 +69,8 @@ def _answer_remarks(own: DiagnosedModel) -> list[str]:
         return [
             "there is a gap that no effect explains: only the refitted soil is used, what causes the gap is not"
         ]
+    if own.verdict != "none":
+        return ["no cause is more likely than not: only the refitted soil is used"]
     return ["no effect was found: only the refitted soil is used"]
 
 
@@ -92,7 +94,7 @@ def _effect_remark(name: str, causes: Causes) -> str:
         }.get(name, "its value is neutral here")
         return f"{name} changes nothing: {why}"
     more = {
-        "geometry_error": "; it was found on the bench as built, and changes this cross-section likewise",
+        "geometry_error": "; it was found on the set-up as built, and changes this cross-section likewise",
         "mass_eccentricity": "; crossings, stops and impacts are those of the centre of mass",
     }.get(name, "")
     return f"{name} acts: {numbers}{more}"

@@ -202,7 +202,8 @@ def test_before_and_after_share_their_releases(tmp_path):
 def test_a_campaign_compares_as_a_run_does(tmp_path):
     scenario = diagnosed(tmp_path, drag(0.05))
     table, other = before_after(scenario, rock2d.run(scenario)), campaign_before_after(scenario, "batch")
-    pd.testing.assert_frame_equal(table, other, rtol=0.01)  # a track is interpolated where it crosses in contact
+    # a track is interpolated where it crosses in contact
+    pd.testing.assert_frame_equal(table, other, rtol=0.01)
     assert table["kinetic_p95_J"].notna().any()
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.effects import catalogue
-from rock2d.laws.contact import parameter_table
+from rock2d.laws.contact import CONTACT_LAW_COLUMNS, parameter_table
 from rock2d.records.columns import OMEGA, THETA, VX, VY
 from rock2d.scene.blocks import Block, poses_at
 from rock2d.scene.cross_section import CrossSection
@@ -59,7 +59,9 @@ class Causes:
 
     def ground(self) -> CrossSection:
         """The cross-section with the effects."""
-        return self._applied(self.blocks, np.zeros((1, len(self.cross_section.zone_names), 7))).cross_section
+        return self._applied(
+            self.blocks, np.zeros((1, len(self.cross_section.zone_names), len(CONTACT_LAW_COLUMNS)))
+        ).cross_section
 
     def roughness(self) -> dict[str, Roughness]:
         """Zone -> roughness, of slopes that vary from impact to impact; a piece is as long as the mean block."""

@@ -66,8 +66,9 @@ def run_combinations(
             path, place, bounds, target, folder, overwrite=overwrite, changed=values, report=report, **options
         )
         found.append((values, answer))
-        write_whole(out / TABLE, combination_table(place, found).to_csv(index=False, lineterminator="\n"))
-    report("\n" + combination_table(place, found).to_string(index=False, na_rep="none"))
+    table = combination_table(place, found)
+    write_whole(out / TABLE, table.to_csv(index=False, lineterminator="\n"))
+    report("\n" + table.to_string(index=False, na_rep="none"))
     report(f"written: {out}")
     return found
 

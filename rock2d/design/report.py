@@ -50,7 +50,8 @@ LIMITS = (
     "The embankment is ground with a contact law: it does not slide, yield or fail. Check its stability with a model "
     "of the structure.",
     "Intervals cover sampling and what is listed as not known, and nothing else.",
-    "The factors of ONR 24810 and of UNI 11211-4 were taken from secondary sources: compare them with the norm's text.",
+    "The factors of UNI 11211-4 were compared with a secondary source only, those of ONR 24810 with none: compare them "
+    "with the text of the norm before use.",
 )
 
 

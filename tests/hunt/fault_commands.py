@@ -77,6 +77,11 @@ COMMANDS = (
     Command("profile", "profile {here}/profile.csv --overwrite --out {out}/site.yaml"),
     Command("design", "design {here}/design.yaml --range 1 6 --tolerance 2 --quiet --overwrite --out {out}/design",
             kept=(".design.judged",)),
+    Command("run report", "run {here}/design.yaml --report --quiet --overwrite --out {out}/runs"),
+    Command("campaign report", "run {here}/known.yaml --engine point_mass --releases 10500 --report --quiet "
+            "--out {out}/runs"),
+    Command("design over", "design {here}/design.yaml --range 1 6 --tolerance 5 --over embankment.crest_m 1 2 --quiet "
+            "--overwrite --out {out}/over", kept=("over",)),
     Command("demo", "demo --quiet --out {out}/demo"),
     Command("reproduce", "reproduce --quiet --hypotheses 16 --releases 8 --out {out}/paper",
             kept=(".paper.stages",)),
@@ -109,6 +114,8 @@ def write_scenarios(here: Path) -> None:
     (here / "short.yaml").write_text(short, encoding="utf-8")
     small_site(here)
     (here / "small.yaml").rename(here / "design.yaml")
+    small_site(here, unknown="")
+    (here / "small.yaml").rename(here / "known.yaml")
     (here / "profile.csv").write_text("x,y\n0,40\n20,25\n50,4\n80,0\n", encoding="utf-8")
 
 

@@ -10,11 +10,13 @@ import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
+from rock2d import compiling
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 from rock2d.site_commands import SITE_COMMANDS
 
 LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
+COMPILING = "compiling, once for this version (a minute or two)"
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -290,11 +292,21 @@ def schema(kind) -> None:
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
+def _say_compiling() -> None:
+    """Explain a progress bar that stands still, unless the command is to be quiet."""
+    from tqdm import tqdm
+
+    context = click.get_current_context(silent=True)
+    if context is not None and not context.params.get("quiet"):
+        tqdm.write(COMPILING, file=sys.stderr)
+
+
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
     from rock2d.errors import InputError, print_old_keys_in_one_line
 
     print_old_keys_in_one_line()
+    compiling.tell_once(_say_compiling)
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)

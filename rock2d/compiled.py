@@ -84,6 +84,7 @@ def _choose_cache() -> None:
 if "NUMBA_CACHE_DIR" not in os.environ:
     _choose_cache()
 
+
 class _Compiling(event.Listener):
     """Hears of every function that is compiled; numba does not send this event for one that the cache holds."""
 

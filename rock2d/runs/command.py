@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.runs.results import RunResult
 
-REPORTED_TABLES = ("passing", "percentiles", "stops")
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 
@@ -109,6 +108,8 @@ def _run_in_memory(
         if assessment is not None:
             assessment.write(partial)
         if page_of is not None:
+            from rock2d.design.report import REPORTED_TABLES
+
             of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
             _write_page(result, of_run, assessment, partial, page_of)
 

@@ -97,6 +97,9 @@ def profile(file, out, **options) -> None:
               help="Place of the number in the scenario whose least value is sought.")  # fmt: skip
 @click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
               help="Least and greatest value, in the unit of the number.")  # fmt: skip
+@click.option("--over", "others", nargs=3, type=(str, float, float), multiple=True, metavar="PLACE LOW HIGH",
+              help="Search for low, middle and high of another number, too, for example "
+              "embankment.uphill_deg 60 90; may be given several times.")  # fmt: skip
 @click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
 @click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
               help="Largest share of the releases of each block that may pass.")  # fmt: skip
@@ -112,7 +115,7 @@ def profile(file, out, **options) -> None:
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **options) -> None:
+def design(scenario, *, place, bounds, others, line, target, confidence, out, quiet, **options) -> None:
     """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
 
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
@@ -120,10 +123,15 @@ def design(scenario, *, place, bounds, line, target, confidence, out, quiet, **o
 
     Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
     """
+    from rock2d.design.combinations import run_combinations
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target
 
     aim = Target(line, target / 100.0, confidence / 100.0)
+    if others:
+        found = run_combinations(scenario, place, bounds, others, aim, out, progress=not quiet,
+                                 command=command_line(), report=click.echo, **options)  # fmt: skip
+        sys.exit(0 if any(answer.least is not None for _, answer in found) else 4)
     answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, command=command_line(),
                         report=click.echo, **options)  # fmt: skip
     if answer.least is None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from rock2d.design.least_size import (
@@ -40,11 +41,13 @@ def run_design(
     overwrite: bool = False,
     progress: bool = True,
     command: str = "rock2d.design in Python",
+    changed: Mapping[str, float] = MappingProxyType({}),
     report: Callable[[str], Any] = print,
 ) -> Answer:
     """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
 
     The page, report.html, shows the least size, or the largest if none meets the target; it names the `command`.
+    `changed` are numbers of the scenario (place -> value) that are other than in its file.
 
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
@@ -52,11 +55,17 @@ def run_design(
     from tqdm import tqdm
 
     scenario = load_scenario(path)
+    if changed:
+        scenario = variant(scenario, changed, uncertain=True)
     engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
-    check_replaced(out, overwrite)
     stages = out.parent / f".{out.name}.judged"
     text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed])
     key = fingerprint(np.frombuffer(text.encode(), np.uint8))
+    question = f"{key} {bounds} {tolerance}"
+    if changed and not overwrite and (known := _known_answer(out, question)) is not None:
+        report(f"known from an earlier search: {out}")
+        return known
+    check_replaced(out, overwrite)
     sites = len(independent_sites(scenario, seed))
 
     def judged(size: float) -> Judgement:
@@ -75,12 +84,26 @@ def run_design(
         done = len(list(stages.glob(f"{key}_*.json")))
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
     with atomic_folder(out) as partial:
-        _write(partial, scenario, answer, {"engine": engine, "seed": seed, "sites": sites})
+        _write(
+            partial, scenario, answer, {"question": question, "engine": engine, "seed": seed, "sites": sites}
+        )
         _write_page(partial, scenario, answer, (engine, seed), command)
     shutil.rmtree(stages, ignore_errors=True)
     report(answer_text(answer, scenario, sites))
     report(f"written: {out}")
     return answer
+
+
+def _known_answer(folder: Path, question: str) -> Answer | None:
+    """The answer that a folder holds, if it is that to this question."""
+    file = folder / "design.json"
+    if not file.is_file():
+        return None
+    found = read_json(file)
+    if found.get("question") != question:
+        return None
+    judgements = tuple(Judgement(**own) for own in found["judgements"])
+    return Answer(found["place"], Target(**found["target"]), found["least"], found["tolerance"], judgements)
 
 
 def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:

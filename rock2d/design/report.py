@@ -333,7 +333,7 @@ def _design_section(results: SiteResults) -> Section | None:
         return None
     text = (
         "The embankment must take what arrives. Characteristic values are 95th percentiles of the blocks that pass the "
-        "line. Each block is a design block of its own; the mass is that of the scenario (of a population, of the block "
+        "line. Each block is a design block of its own; the mass is that of the scenario (of a population, the block "
         "that is larger than 95 %)."
     )
     return Section("Design values", texts=[text], tables=[design_value_rows(values)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,8 +80,12 @@ def _read(
             raise InputError("a terrain model needs either --line X0 Y0 X1 Y1 or --fall-line X Y", file)
         terrain = read_terrain(file)
         if line is not None:
-            return along_line(terrain, np.array(line[:2]), np.array(line[2:]), f"terrain model {file.name}")
-        return down_fall_line(terrain, np.array(start), f"fall line on terrain model {file.name}")
+            first, last = terrain.metric(np.reshape(line, (2, 2)))
+            found = along_line(terrain, first, last, f"terrain model {file.name}")
+        else:
+            first = terrain.metric(np.array(start))[0]
+            found = down_fall_line(terrain, first, f"fall line on terrain model {file.name}")
+        return replace(found, remarks=(*terrain.remarks, *found.remarks))
     if line is not None or start is not None:
         raise InputError(
             "--line and --fall-line are for terrain models (.tif, .asc)", file, code="wrong_kind"

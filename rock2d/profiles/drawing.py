@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,38 +14,73 @@ from rock2d.profiles.profile import EXTRA, Profile, along_way, checked
 
 Array = np.ndarray
 
-KINDS = "LWPOLYLINE POLYLINE LINE"
+POLYLINES = "LWPOLYLINE POLYLINE"
 
 
 def read_drawing(path: Path, layer: str | None = None) -> Profile:
-    """The longest polyline of a DXF file. One in a plane is read as drawn: x is the station, y the height. One whose
-    points differ in z is a line on a map: the station is the way along it, z the height.
+    """The longest polyline of a DXF file, or row of lines that meet end to end.
+
+    One in a plane is read as drawn: x is the station, y the height. One whose points differ in z is a line on a map:
+    the station is the way along it, z the height.
 
     Raises InputError if the file is no DXF, or if there is no polyline (on this layer).
     """
     try:
-        import ezdxf
+        import ezdxf  # noqa: F401
     except ImportError:
         raise InputError(
             f"ezdxf is missing, which reads drawings: {EXTRA}", code="missing_package", package="ezdxf"
         ) from None
     require_regular(path)
-    try:
-        document = ezdxf.readfile(path)
-    except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError) as error:
-        raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
-    lines = {entity: _points(entity) for entity in document.modelspace().query(KINDS)}
-    layers = sorted({entity.dxf.layer for entity in lines})
-    found = [
-        points for entity, points in lines.items() if layer in (None, entity.dxf.layer) and len(points) > 1
-    ]
+    document, damaged = _document(path)
+    model = document.modelspace()
+    polylines, lines = list(model.query(POLYLINES)), list(model.query("LINE"))
+    layers = sorted({entity.dxf.layer for entity in [*polylines, *lines]})
+    wanted = {layer} if layer is not None else set(layers)
+    found = [points for e in polylines if e.dxf.layer in wanted and len(points := _points(e)) > 1]
+    for name in wanted:
+        found += _rows([_points(entity) for entity in lines if entity.dxf.layer == name])
     if not found:
         there = f"; layers with lines: {', '.join(layers)}" if layers else ""
         where = f" on layer {layer!r}" if layer is not None else ""
         raise InputError(f"no polyline{where}{there}", path, code="empty")
     longest = max(found, key=lambda points: float(np.hypot(*np.diff(points[:, :2], axis=0).T).sum()))
     flat = np.ptp(longest[:, 2]) == 0.0
-    return checked(longest[:, :2] if flat else along_way(longest), f"drawing {path.name}")
+    found_profile = checked(longest[:, :2] if flat else along_way(longest), f"drawing {path.name}")
+    said = ("the drawing is damaged; this is what could be recovered",) if damaged else ()
+    return replace(found_profile, remarks=(*said, *found_profile.remarks))
+
+
+def _document(path: Path) -> tuple[Any, bool]:
+    """The drawing, and whether it is damaged: then as far as it can be recovered."""
+    import logging
+
+    import ezdxf
+    from ezdxf import recover
+
+    logging.getLogger("ezdxf").setLevel(logging.ERROR)
+    try:
+        return ezdxf.readfile(path), False
+    except (ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError):
+        pass
+    except OSError as error:
+        raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
+    try:
+        return recover.readfile(path)[0], True
+    except (OSError, ezdxf.DXFError, UnicodeDecodeError, ValueError, TypeError) as error:
+        raise InputError(f"no DXF drawing that can be read: {error}", path, code="bad_table") from None
+
+
+def _rows(lines: list[Array]) -> list[Array]:
+    """Rows (n, 3) of lines (2, 3) that meet end to end."""
+    import shapely
+
+    merged = shapely.line_merge(
+        shapely.MultiLineString([line for line in lines if np.ptp(line, axis=0).any()])
+    )
+    return [
+        shapely.get_coordinates(row, include_z=True) for row in shapely.get_parts(merged) if not row.is_empty
+    ]
 
 
 def _points(entity: Any) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.scene.cross_section import CrossSection, CrossSectionError
 
 Array = np.ndarray
 
@@ -34,7 +35,7 @@ class Profile:
 def checked(points_m: Array, source: str) -> Profile:
     """The profile of these points: repeated points left out, falling to the right, its first station 0.
 
-    Raises InputError if there are too few or too many points, or if one is not finite.
+    Raises InputError if there are too few or too many points, if one is not finite, or if they make no surface.
     """
     points = np.asarray(points_m, float)
     if points.ndim != 2 or points.shape[1:] != (2,) or not FEWEST_POINTS <= len(points) <= MOST_POINTS:
@@ -57,6 +58,10 @@ def checked(points_m: Array, source: str) -> Profile:
     shifted = points - [points[0, 0], 0.0]
     if points[0, 0] != 0.0:
         remarks.append(f"stations reduced by {points[0, 0]:.6g} m, so that they begin at 0")
+    try:
+        CrossSection(shifted, ["ground"] * (len(shifted) - 1))
+    except CrossSectionError as error:
+        raise InputError(f"{source}: {error}", code="bad_cross_section") from None
     return Profile(shifted, source, tuple(remarks))
 
 

@@ -10,11 +10,17 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.profiles.profile import Profile
+from rock2d.scene.soils import SOIL_CLASSES
 
 Array = np.ndarray
 
 DEFAULT_ZONE = "slope"
 RELEASE_SHARE = 0.05  # of the length, at the top, in which blocks start
+DEFAULT_CLASS = "medium_scree"
+CLASS_OF_WORD = {
+    "rock": "bedrock", "cliff": "bedrock", "scree": "medium_scree", "talus": "coarse_talus", "meadow": "deep_soil",
+    "soil": "deep_soil", "run_out": "deep_soil", "road": "asphalt", "forest": "shallow_soil",
+}  # fmt: skip
 DIAMETER_M, DENSITY_KG_M3, DROP_M = 1.0, 2700.0, 1.0
 
 
@@ -47,23 +53,30 @@ def facets_with_zones(points_m: Array, zones: Sequence[ZoneRange]) -> tuple[Arra
     return points, names
 
 
+def _likely_class(zone: str) -> str:
+    """The soil class that the name of a zone suggests, else the default."""
+    if zone in SOIL_CLASSES:
+        return zone
+    return next((soil for word, soil in CLASS_OF_WORD.items() if word in zone.lower()), DEFAULT_CLASS)
+
+
 def scenario_of(profile: Profile, name: str, zones: Sequence[ZoneRange] = ()) -> str:
     """The text of a scenario file on this profile: a ball of 1 m from its upper end."""
     points, names = facets_with_zones(profile.points_m, zones)
     left, right = points[0, 0], points[-1, 0]
     low, high = left + 0.2 * RELEASE_SHARE * (right - left), left + RELEASE_SHARE * (right - left)
-    near = points[points[:, 0] <= max(high, points[1, 0])]
-    top = float(near[:, 1].max()) + 0.5 * DIAMETER_M
     mass = DENSITY_KG_M3 * np.pi / 6.0 * DIAMETER_M**3
     pairs = ", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in points)
     remarks = "".join(f"# {remark}\n" for remark in profile.remarks)
-    own = "".join(f"    {zone}: {{}}\n" for zone in dict.fromkeys(names) if zone != DEFAULT_ZONE)
+    own = "".join(
+        f"    {zone}: {_likely_class(zone)}\n" for zone in dict.fromkeys(names) if zone != DEFAULT_ZONE
+    )
     return f"""# Profile from {profile.source}.
 {remarks}name: {name}
 about: A ball of 1 m on a profile; everything but the profile is a first guess.
 assumed:
   - "Blocks, soil and start are first guesses: replace them."
-  - "Stiffness k_l so that 1.4 t stay in contact for about 0.04 s; k_ul = 9 k_l, restitution 1/3."
+  - "Soil classes by the names of the zones; rock2d soils lists them."
 engine: batch
 releases: 200
 seed: 1
@@ -76,20 +89,15 @@ cross_section:
 blocks:
   ball: {{shape: circle, diameter_m: {DIAMETER_M:g}, mass_kg: {mass:.0f}, inertia: solid_sphere}}
 model:
-  deterministic:
-    default: {{k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg: 30, k_r_Nm_rad: 4.0e4,
-              rolling_cap: true}}
-{own}  probabilistic:
-    default:
-      default: {{friction_angle_deg: 10, momentum_half_kg_m_s: 1.0e4, tangential_restitution: 0.85,
-                slope_reduction_deg: 10, slope_reduction: uniform}}
-incident:
+  soils:
+    default: {DEFAULT_CLASS}
+{own}incident:
   default:
-    distribution:
+    above_ground:
       x_m: {{uniform: {{low: {low:.3f}, high: {high:.3f}}}}}
-      y_m: {{uniform: {{low: {top + 0.1:.3f}, high: {top + DROP_M:.3f}}}}}
+      clearance_m: {{uniform: {{low: 0.1, high: {DROP_M:g}}}}}
       theta_rad: {{uniform: {{low: -3.14159, high: 3.14159}}}}
       vx_m_s: 0.5
       vy_m_s: 0.0
-outputs: {{fps: 50, slow_motion: 1}}
+outputs: {{fps: 50}}
 """

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ Array = np.ndarray
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}
 STEP_CELLS = 0.5  # distance of profile points, in cells
 LONGEST_STEPS = 20_000
+NOTHING = -1.0e9  # height where nothing is known, while a grid is projected
 FLAT = 1e-4  # slope below which the fall line ends
 
 
@@ -30,11 +32,20 @@ class Terrain:
     ----------
     x_m, y_m : ascending coordinates of the cell centres
     height_m : (y, x), NaN where nothing is known
+    from_file : takes points (n, 2) in the file's coordinates to x and y in m; None if they are the same
+    remarks : what was changed
     """
 
     x_m: Array
     y_m: Array
     height_m: Array
+    from_file: Callable[[Array], Array] | None = None
+    remarks: tuple[str, ...] = ()
+
+    def metric(self, points: Array) -> Array:
+        """(n, 2) x and y in m of points in the file's coordinates."""
+        points = np.atleast_2d(np.asarray(points, float))
+        return points if self.from_file is None else self.from_file(points)
 
     @property
     def cell_m(self) -> float:
@@ -63,9 +74,9 @@ class Terrain:
 
 
 def read_terrain(path: Path) -> Terrain:
-    """A terrain model with one band of heights in m, in a metric system.
+    """A terrain model whose first band is the height in m. One in degrees is projected to the UTM zone of its centre.
 
-    Raises InputError if it cannot be read, is turned against the axes, or is in degrees.
+    Raises InputError if it cannot be read, or is turned against the axes.
     """
     try:
         import rasterio
@@ -87,8 +98,7 @@ def read_terrain(path: Path) -> Terrain:
 
 def _terrain(grid: Any, path: Path) -> Terrain:
     if grid.crs is not None and grid.crs.is_geographic:
-        message = f"is in degrees ({grid.crs.to_string()}); project it to a metric system first"
-        raise InputError(message, path, code="bad_value")
+        return _projected(grid, path)
     across = grid.transform
     if across.b != 0.0 or across.d != 0.0:
         raise InputError("the grid is turned against its axes", path, code="bad_value")
@@ -98,6 +108,29 @@ def _terrain(grid: Any, path: Path) -> Terrain:
     if across.e < 0.0:
         y, heights = y[::-1], heights[::-1]
     return Terrain(x, y, np.ascontiguousarray(heights))
+
+
+def _projected(grid: Any, path: Path) -> Terrain:
+    """A grid in degrees, in the UTM zone of its centre."""
+    import rasterio
+    from rasterio.vrt import WarpedVRT
+    from rasterio.warp import transform
+
+    west, south, east, north = grid.bounds
+    if not (-180.0 <= west < east <= 180.0 and -80.0 <= south < north <= 84.0):
+        raise InputError("is in degrees and reaches beyond the UTM zones", path, code="bad_value")
+    zone = int(min((0.5 * (west + east) + 180.0) // 6.0, 59.0)) + 1
+    target = f"EPSG:{(32600 if south + north >= 0.0 else 32700) + zone}"
+
+    def from_file(points: Array) -> Array:
+        return np.column_stack(transform(grid_crs, target, *np.atleast_2d(points).T))
+
+    grid_crs = grid.crs
+    bilinear = rasterio.enums.Resampling.bilinear
+    with WarpedVRT(grid, crs=target, resampling=bilinear, nodata=NOTHING, dtype="float64") as metric:
+        found = _terrain(metric, path)
+    said = f"projected from degrees to {target}; points are given as longitude and latitude"
+    return replace(found, from_file=from_file, remarks=(said,))
 
 
 def along_line(terrain: Terrain, start_m: Array, end_m: Array, source: str) -> Profile:

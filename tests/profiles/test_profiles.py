@@ -136,6 +136,59 @@ def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
         profile()
 
 
+def test_lines_that_meet_make_a_row_and_a_damaged_drawing_is_recovered(tmp_path):
+    import ezdxf
+
+    from rock2d.profiles.drawing import read_drawing
+
+    document = ezdxf.new()
+    for i in (2, 0, 1):  # in no order, one against the others
+        ends = [(*POINTS[i], 0), (*POINTS[i + 1], 0)]
+        document.modelspace().add_line(*(ends[::-1] if i == 1 else ends))
+    document.saveas(tmp_path / "lines.dxf")
+    assert read_drawing(tmp_path / "lines.dxf").points_m == pytest.approx(POINTS)
+    text = (tmp_path / "lines.dxf").read_text()
+    head = text.index("ENTITIES")
+    (tmp_path / "damaged.dxf").write_text(
+        text[:head] + text[head:].replace("\nLINE\n  5\n", "\nLINE\n  5\nX", 1)
+    )
+    found = read_drawing(tmp_path / "damaged.dxf")
+    assert "damaged" in found.remarks[0]
+
+
+def test_a_surface_that_crosses_itself_is_refused_and_nothing_is_written(tmp_path):
+    (tmp_path / "loop.csv").write_text("0,10\n10,0\n5,12\n2,1\n20,-3\n")
+    with pytest.raises(InputError, match=r"loop\.csv: the cross-section crosses itself"):
+        write_profile(tmp_path / "loop.csv", tmp_path / "site.yaml", report=str)
+    assert not (tmp_path / "site.yaml").exists()
+
+
+def test_a_grid_in_degrees_is_projected_and_keeps_heights_and_lengths(tmp_path):
+    import rasterio
+    from rasterio.transform import from_origin
+
+    from rock2d.profiles.terrain import along_line, read_terrain
+
+    cell = 1 / 3600
+    longitude = 8.0 + cell * (np.arange(200) + 0.5)
+    latitude = 46.05 - cell * (np.arange(180) + 0.5)
+    height = 2000.0 + 4.0e3 * (longitude[None, :] - 8.0) + 9.0e3 * (latitude[:, None] - 46.0)
+    with rasterio.open(
+        tmp_path / "degrees.tif", "w", driver="GTiff", width=200, height=180, count=1, dtype="float32",
+        crs="EPSG:4326", transform=from_origin(8.0, 46.05, cell, cell),
+    ) as grid:  # fmt: skip
+        grid.write(height.astype("float32"), 1)
+    terrain = read_terrain(tmp_path / "degrees.tif")
+    ends = np.array([[8.01, 46.01], [8.04, 46.04]])
+    found = along_line(terrain, *terrain.metric(ends), "grid")
+    at_ends = 2000.0 + 4.0e3 * (ends[:, 0] - 8.0) + 9.0e3 * (ends[:, 1] - 46.0)
+    assert sorted(found.points_m[[0, -1], 1]) == pytest.approx(sorted(at_ends), abs=0.1)
+    # the ellipsoid's metres to a degree at 46.025 degrees north: 77 420 and 111 150
+    length = np.hypot(0.03 * 77_420, 0.03 * 111_150)
+    assert found.points_m[-1, 0] == pytest.approx(length, rel=2e-3)
+    assert "EPSG:32632" in terrain.remarks[0]
+
+
 def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
     (tmp_path / "p.csv").write_text("x,y\n" + "\n".join(f"{x:g},{y:g}" for x, y in POINTS))
     (tmp_path / "zones.csv").write_text("start,end,name\n0,30,rock\n50,80,run_out\n")

@@ -48,7 +48,7 @@ def scenario_pictures(path: Path) -> None:
             keep(Path(folder) / "run" / "overlay.png", PICTURES / f"{path.stem}_batch.png")
         return
     for engine, law in (("batch", "deterministic"), ("point_mass", "probabilistic")):
-        if getattr(scenario.model, law) is None:
+        if getattr(scenario.model, law) is None and scenario.model.soils is None:
             continue
         figure = run(scenario, engine=engine, releases=min(RELEASES, scenario.releases)).plot()
         with tempfile.TemporaryDirectory() as folder:

@@ -19,7 +19,7 @@ from rock2d.design.least_size import (
     least_size,
     releases_of,
 )
-from rock2d.files.folders import atomic_folder, check_replaced, make_folder, write_whole
+from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
@@ -59,7 +59,8 @@ def run_design(
         scenario = variant(scenario, changed, uncertain=True)
     engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
     stages = out.parent / f".{out.name}.judged"
-    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed])
+    diagnosis = scenario.diagnosed.fingerprint if scenario.diagnosed else ""
+    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed, diagnosis])
     key = fingerprint(np.frombuffer(text.encode(), np.uint8))
     question = f"{key} {bounds} {tolerance}"
     if changed and not overwrite and (known := _known_answer(out, question)) is not None:
@@ -143,6 +144,10 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
     if answer.least is not None:
         chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
         (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
+        if scenario.diagnosed is not None:  # the scenario names it by its path from there
+            copied = path_inside(folder, scenario.diagnosed.given)
+            copied.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(scenario.diagnosed.file, copied)
 
 
 def _write_page(

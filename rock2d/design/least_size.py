@@ -185,7 +185,7 @@ def _check(scenario: Scenario, place: str, bounds: tuple[float, float], target: 
     low, high = bounds
     if not low < high:
         raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
-    if scenario.uncertainty is not None and place in scenario.uncertainty.site:
+    if scenario.uncertainty is not None and place in scenario.unknown():
         message = f"{place} is sought and stands under uncertainty: take it away from one of them"
         raise scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
     lines = scenario.make_cross_section().measure_lines

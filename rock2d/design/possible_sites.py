@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.distributions import quantiles
-from rock2d.files.places import number_at
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.runs.campaigns.job import job_of
@@ -71,18 +69,16 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     """
     from SALib.sample import sobol
 
-    unknown, document = scenario.uncertainty, scenario.document
-    if unknown is None or document is None:
+    if scenario.uncertainty is None or scenario.document is None:
         raise InputError("missing key 'uncertainty'", code="missing_key", key="uncertainty")
-    places = tuple(unknown.site)
+    unknown = scenario.unknown()
+    places = tuple(unknown)
     problem = {"num_vars": len(places), "names": list(places), "bounds": [[0.0, 1.0]] * len(places)}
-    power = int(np.ceil(np.log2(count or unknown.sites)))
+    power = int(np.ceil(np.log2(count or scenario.uncertainty.sites)))
     u = sobol.sample(problem, 2**power, calc_second_order=False, seed=seed)
     columns = []
     for place, own in zip(places, u.T, strict=True):
-        value = number_at(document.data, place)
-        assert value is not None  # checked with the file
-        columns.append(quantiles(unknown.site[place], own.clip(1e-9, 1 - 1e-9), value))
+        columns.append(unknown[place](own.clip(1e-9, 1 - 1e-9)))
     return PossibleSites(places, np.column_stack(columns), seed)
 
 

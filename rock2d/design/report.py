@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from rock2d.design.design_values import demands, design_table
 from rock2d.design.report_tables import (
     TextTable,
+    before_after_rows,
     block_rows,
     data_of,
     design_value_rows,
@@ -85,6 +86,7 @@ class SiteResults:
     remarks : what is not resolved
     assessment : over the possible sites, if something is not known
     answer : of the search for the least size, if there was one
+    compared, diagnosis : before and after the scenario's diagnosis, and what is to be said of it
     """
 
     scenario: Scenario
@@ -93,7 +95,8 @@ class SiteResults:
     remarks: Sequence[str] = ()
     assessment: Assessment | None = None
     answer: Answer | None = None
-    figures: dict[str, Figure] = field(default_factory=dict)
+    compared: pd.DataFrame | None = None
+    diagnosis: Sequence[str] = ()
 
 
 def write_report(results: SiteResults, folder: Path, command: str) -> None:
@@ -192,7 +195,7 @@ def _headline(results: SiteResults) -> str:
     if worst is None:
         return "Where blocks go"
     block, line, share, low, high = worst
-    return f"{block} passes {line}: {with_interval(share, low, high, 100.0)} %"
+    return f"{with_interval(share, low, high, 100.0)} % of {block} pass {line}"
 
 
 def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
@@ -208,7 +211,9 @@ def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
     if worst is not None:
         block, line, share, low, high = worst
         over = "over sampling and what is not known" if results.assessment is not None else "sampling only"
-        found.append((f"{block} passes {line}", f"{with_interval(share, low, high, 100.0)} %", over))
+        found.append(
+            (f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over)
+        )
     if "percentiles" in results.tables:
         uncertain = results.assessment.uncertain if results.assessment is not None else None
         words = {
@@ -224,7 +229,8 @@ def _sections(results: SiteResults, figures: Mapping[str, Figure]) -> list[Secti
     return [
         _answer_section(results, figures), _site_section(results, figures), _assumption_section(results),
         _passing_section(results, figures), _slope_section(results, figures), _line_section(results, figures),
-        _design_section(results), _certainty_section(results, figures), Section("Limits", points=LIMITS),
+        _design_section(results), _certainty_section(results, figures), _diagnosis_section(results),
+        Section("Limits", points=LIMITS),
     ]  # fmt: skip
 
 
@@ -346,6 +352,13 @@ def _without_assessment(results: SiteResults) -> str:
         "The size holds over all that is listed as not known. The other intervals on this page are those of sampling "
         "alone: `rock2d run least.yaml --report` gives them over the possible sites, and how much each value matters."
     )
+
+
+def _diagnosis_section(results: SiteResults) -> Section | None:
+    if results.compared is None:
+        return None
+    shown = before_after_rows(results.compared)
+    return Section("Before and after the diagnosis", texts=results.diagnosis, tables=[shown])
 
 
 def _certainty_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:

@@ -142,6 +142,24 @@ def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
     )  # fmt: skip
 
 
+def before_after_rows(compared: pd.DataFrame) -> TextTable:
+    """Design values with each model of a diagnosis."""
+    rows = []
+    for r in _rows(compared):
+        energy = (r.kinetic_p95_J, r.kinetic_p95_low95_J, r.kinetic_p95_high95_J)
+        height = (r.passing_height_p95_m, r.passing_height_p95_low95_m, r.passing_height_p95_high95_m)
+        share = with_interval(r.frequency, r.low95, r.high95, 100.0)
+        rows.append(
+            (r.line, r.block, r.model, f"{share} %", quantity_text("kinetic_J", *energy),
+             quantity_text("passing_height_m", *height))
+        )  # fmt: skip
+    return TextTable(
+        ("line", "block", "model", "passing", "energy, 95 %", "passing height, 95 %"), rows,
+        note="The same releases with every model. Intervals: sampling only.",
+        data=data_of("before_after.csv", compared),
+    )  # fmt: skip
+
+
 def block_rows(scenario: Scenario) -> TextTable:
     """The blocks."""
     rows = [

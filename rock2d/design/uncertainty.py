@@ -132,8 +132,10 @@ def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> 
     """Sobol indices of the passing frequencies; SENSITIVITY_COLUMNS.
 
     first_order: the share of the variance between sites that a parameter makes alone; total: with its interactions.
-    Lines that every release, or none, passes at all sites are left out.
+    Lines are left out whose frequency is the same at all independent sites: there is no variance to share.
     """
+    import warnings
+
     import pandas as pd
     from SALib.analyze import sobol
 
@@ -143,9 +145,11 @@ def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> 
     for b, block in enumerate(results.blocks):
         for k, line in enumerate(results.lines):
             frequency = results.passed[:, b, k].mean(axis=1)
-            if np.ptp(frequency) == 0.0:
+            if np.ptp(frequency[sites.independent]) == 0.0:
                 continue
-            found = sobol.analyze(problem, frequency, calc_second_order=False, seed=seed)
+            with warnings.catch_warnings():  # resamples of few sites can be constant: they widen the errors
+                warnings.simplefilter("ignore")
+                found = sobol.analyze(problem, frequency, calc_second_order=False, seed=seed)
             for i, name in enumerate(names):
                 values = (float(found[key][i]) for key in ("S1", "S1_conf", "ST", "ST_conf"))
                 rows.append((block, line, FREQUENCY, name, *values))

@@ -290,6 +290,11 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         ],
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "series": _series(result),
+        "blocks": {
+            name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}
+            for name, block in result.experiment.blocks.items()
+        },
+        "gravity_m_s2": float(result.experiment.gravity_m_s2),
         "assumptions": [reading_sentence(found.base)],
     }
 

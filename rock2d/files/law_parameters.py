@@ -1,7 +1,7 @@
 """Parameters of the impact laws for a block: from the soil classes and the numbers of a scenario file.
 
 What the file says of a zone comes before what it says of all zones. Where it says both a class and numbers of the same
-zone, the numbers come before the class.
+zone, the numbers come before the class. The soil of a diagnosis serves where neither says anything.
 """
 
 from __future__ import annotations
@@ -30,10 +30,12 @@ def contact_parameters(scenario: Scenario, block: Block) -> dict[str, ContactPar
     from rock2d.laws.soil_scaling import soil_contact
 
     model = scenario.model
-    if model.deterministic is None and model.soils is None:
+    if model.deterministic is None and model.soils is None and scenario.diagnosed is None:
         message = "missing key 'deterministic', which the engines pymunk and batch need"
         raise scenario.error(message, "model", code="missing_key", key="deterministic")
     start: Values = {"rolling_cap": False, "rolling_in_indentation": False}
+    if scenario.diagnosed is not None:
+        start |= scenario.diagnosed.model.soil
     classes = _classes(scenario, soil_contact, block)
     numbers = _numbers(model.deterministic)
     common = start | classes.get("default", {}) | numbers.get("default", {})

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,9 +17,12 @@ from pydantic import Field, PrivateAttr
 from rock2d.errors import InputError
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
-from rock2d.files.distributions import Variation
+from rock2d.files.diagnosed_model import DiagnosedModel
+from rock2d.files.diagnosis_reading import found_diagnosis
+from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
+from rock2d.files.places import number_at
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
@@ -97,6 +102,7 @@ class Scenario(Checked):
 
     _document: Document | None = PrivateAttr(default=None)
     _experiment: Experiment | None = PrivateAttr(default=None)
+    _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)
 
     @property
     def document(self) -> Document | None:
@@ -107,6 +113,30 @@ class Scenario(Checked):
     def experiment(self) -> Experiment | None:
         """The filmed experiment whose releases are restarted, or None."""
         return self._experiment
+
+    @property
+    def diagnosed(self) -> DiagnosedModel | None:
+        """The diagnosis whose soil and effects the scenario has, or None."""
+        return self._diagnosed
+
+    def with_diagnosed(self, diagnosed: DiagnosedModel) -> Scenario:
+        """The scenario with another diagnosis, or another of its models in use."""
+        other = self.model_copy()
+        other._diagnosed = diagnosed
+        return other
+
+    def unknown(self) -> dict[str, Callable[[Any], Any]]:
+        """Place of each value that is not known about the site -> shares in (0, 1) to its quantiles; empty without the
+        key `uncertainty`."""
+        if self.uncertainty is None or self._document is None:
+            return {}
+        out: dict[str, Callable[[Any], Any]] = {}
+        for place, draw in self.uncertainty.site.items():
+            value = number_at(self._document.data, place) or 0.0
+            out[place] = partial(quantiles, draw, value=value)
+        if self._diagnosed is not None:
+            out |= {place: draw.quantiles for place, draw in self._diagnosed.unknown().items()}
+        return out
 
     def longest_release_s(self) -> float:
         """The time after which a release ends: the scenario's own, else what follows from the cross-section."""
@@ -182,12 +212,19 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
 
 
 def checked_scenario(
-    document: Document, experiment: Experiment | None, data_root: str | Path | None = None
+    document: Document,
+    experiment: Experiment | None,
+    data_root: str | Path | None = None,
+    diagnosed: DiagnosedModel | None = None,
 ) -> Scenario:
-    """Check the data of a scenario file; see `load_scenario`. An `experiment` that is given is not loaded again."""
+    """Check the data of a scenario file; see `load_scenario`. An `experiment` or a diagnosis that is given is not
+    loaded again."""
     scenario = document.check(Scenario)
     scenario._document = document
     _load_experiment(scenario, data_root, experiment)
+    if scenario.model.diagnosis is not None:
+        root = data_root or os.environ.get(DATA_VARIABLE)
+        scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
     for key, given in (
         ("cross_section", scenario.cross_section),
         ("blocks", scenario.blocks or scenario.populations),

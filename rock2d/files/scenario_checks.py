@@ -22,6 +22,7 @@ def check_scenario(scenario: Scenario) -> None:
     """Raise InputError, with its place in the file, at the first mistake."""
     _check_earthworks(scenario)
     _check_names(scenario)
+    _check_diagnosis(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
     _check_scatter(scenario)
@@ -84,6 +85,26 @@ def _check_soil_classes(scenario: Scenario, soils: dict[str, Soil]) -> None:
             raise scenario.error(message, "model", "soils", *place, code="unknown_name", name=name)
 
 
+def _check_diagnosis(scenario: Scenario) -> None:
+    if scenario.diagnosed is None:
+        return
+    if scenario.model.soils is not None and "default" in scenario.model.soils:
+        message = (
+            "the diagnosis gives the soil of all zones that have no class of their own: take one of them away"
+        )
+        raise scenario.error(message, "model", "soils", "default", at="key", code="wrong_kind")
+    check_engine(scenario, scenario.engine)
+
+
+def check_engine(scenario: Scenario, engine: str) -> None:
+    """Refuse an engine that knows no contact law where the law is that of a diagnosis."""
+    if scenario.diagnosed is not None and engine == "point_mass":
+        message = (
+            "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
+        )
+        raise scenario.error(message, "model", "diagnosis", at="key", code="wrong_kind", engine=engine)
+
+
 def _check_parameters(scenario: Scenario) -> None:
     laws = scenario.model
     for block in scenario.make_blocks().values():
@@ -143,6 +164,11 @@ def _check_uncertainty(scenario: Scenario) -> None:
         )
         raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="measure_lines")
 
+    if not scenario.unknown():
+        message = "nothing is said to be uncertain: missing key 'site'"
+        if scenario.diagnosed is not None:
+            message += "; the diagnosis leaves no value open that moves a block"
+        raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="site")
     for place in scenario.uncertainty.site:
         if number_at(scenario.document.data, place) is None:
             message = "there is no number at this place of the file"

@@ -133,13 +133,19 @@ Soil = Annotated[
 
 
 class Laws(Checked):
-    """Soil classes, or parameters of either impact law, or of both. A file's numbers come before its classes."""
+    """Soil classes, a diagnosis, or parameters of either impact law, or of both. A file's numbers come before its
+    classes and its diagnosis."""
 
     soils: dict[Name, Soil] | None = Field(
         default=None,
         min_length=1,
         description="Zone name, or default, -> soil class, or {like: soil class, and numbers of your own}; gives the "
         "parameters of both laws for each block. `rock2d soils` lists the classes",
+    )
+    diagnosis: str | None = Field(
+        default=None,
+        description="Path of a diagnosis.json, relative to this file or to the data root (--data or ROCK2D_DATA): "
+        "the fitted soil for every zone that does not give its own, and the effects that were found",
     )
     deterministic: ContactTable | None = Field(
         default=None, description="Elasto-plastic contact (engine pymunk)"
@@ -152,7 +158,13 @@ class Laws(Checked):
     def _default_without_soils(self) -> Laws:
         for law in ("deterministic", "probabilistic"):
             table = getattr(self, law)
-            if self.soils is None and table is not None and "default" not in table.model_fields_set:
+            fitted = law == "deterministic" and self.diagnosis is not None
+            if (
+                self.soils is None
+                and not fitted
+                and table is not None
+                and "default" not in table.model_fields_set
+            ):
                 raise mistake("missing key 'default'", law, at="key", code="missing_key", key="default")
         return self
 

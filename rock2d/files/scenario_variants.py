@@ -39,7 +39,14 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     data = copy.deepcopy(document.data)
     if not uncertain:
         data.pop("uncertainty", None)
-    for place, value in values.items():
+    diagnosed = scenario.diagnosed
+    if diagnosed is not None:
+        found = {place: value for place, value in values.items() if place in diagnosed.unknown()}
+        diagnosed = diagnosed.with_values(found)
+        values_of_file = {place: value for place, value in values.items() if place not in found}
+    else:
+        values_of_file = dict(values)
+    for place, value in values_of_file.items():
         path = place_of(data, place)
         if path is None or number_at(data, place) is None:
             raise document.error(f"there is no number at {place}", *place.split("."), code="unknown_name")
@@ -47,7 +54,7 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
         whole = isinstance(here[path[-1]], int) and float(value).is_integer()
         here[path[-1]] = int(value) if whole else float(value)
     try:
-        return checked_scenario(document.with_data(data), scenario.experiment)
+        return checked_scenario(document.with_data(data), scenario.experiment, diagnosed=diagnosed)
     except InputError as error:
         drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
         raise InputError(

@@ -22,8 +22,8 @@ class Uncertainty(Checked):
         default=300, ge=20, le=100_000, description="Releases of each block on each of these sites"
     )
     site: dict[str, Variation] = Field(
-        min_length=1,
+        default={},
         max_length=50,
         description="Place of a number in this file, for example model.deterministic.default.k_l_N_m, -> its "
-        "distribution, or {times: distribution of a factor}",
+        "distribution, or {times: distribution of a factor}; may be left out where model.diagnosis leaves values open",
     )

@@ -81,6 +81,13 @@ def parameter_table(
     return np.array([own.row() for own in by_zone(parameters, zone_names, "contact")])
 
 
+def contact_rows(
+    parameters: Mapping[str, ContactParameters] | ContactParameters | np.ndarray, zone_names: tuple[str, ...]
+) -> np.ndarray:
+    """`parameter_table`; parameters that are rows (zones, columns) already, for example with effects, as they are."""
+    return parameters if isinstance(parameters, np.ndarray) else parameter_table(parameters, zone_names)
+
+
 @kernel(inline="always")
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""

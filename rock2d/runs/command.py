@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
-from rock2d.files.folders import check_replaced
+from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_checks import check_engine
+from rock2d.runs.before_after import before_after, before_after_text, campaign_before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, is_campaign, run_campaign
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
 from rock2d.runs.tables import print_campaign, print_tables, residual_text
@@ -64,10 +67,14 @@ def run_scenarios(
             raise InputError(message, code="wrong_kind", option="report")
         for engine in () if large else engines or [scenario.engine]:
             check_replaced(out / f"{scenario.name}_{engine}", overwrite)
+        for engine in engines or [scenario.engine]:
+            check_engine(scenario, engine)
     resolved = True
     for scenario in loaded:
         for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
             report(f"warning: {remark}")
+        for remark in diagnosis_remarks(scenario):
+            report(remark)
         large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         for engine in engines or [scenario.engine]:
             folder = out / f"{scenario.name}_{engine}"
@@ -102,16 +109,19 @@ def _run_in_memory(
         workers=workers.processes, progress=progress,
     )  # fmt: skip
     print_tables(result)
-    assessment = _assessed(scenario, result.engine, result.seed, progress)
+    found = Findings(
+        before_after(scenario, result, workers=workers.processes) if scenario.diagnosed is not None else None,
+        _assessed(scenario, result.engine, result.seed, progress),
+    )
+    found.show()
 
     def also(partial: Path) -> None:
-        if assessment is not None:
-            assessment.write(partial)
+        found.write(partial)
         if page_of is not None:
             from rock2d.design.report import REPORTED_TABLES
 
             of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-            _write_page(result, of_run, assessment, partial, page_of)
+            _write_page(result, of_run, found, partial, page_of)
 
     tables = result.write(folder, video, progress=progress, also=also)
     if "residual_summary" in tables:
@@ -127,37 +137,63 @@ def _campaign_pages(
     page_of: str | None,
     progress: bool,
 ) -> None:
-    """What a campaign's folder holds beside its own tables: the possible sites, and a page whose figures show its first
-    releases."""
+    """What a campaign's folder holds beside its tables: findings, and a page whose figures show its first releases."""
     engine = options.engine or scenario.engine
-    assessment = _assessed(scenario, engine, options.seed, progress)
-    if assessment is not None:
-        assessment.write(folder)
+    compared = None
+    if scenario.diagnosed is not None:
+        compared = campaign_before_after(scenario, engine, options.seed, options.releases)
+    found = Findings(compared, _assessed(scenario, engine, options.seed, progress))
+    found.show()
+    found.write(folder)
     if page_of is not None:
         first = min(options.releases or scenario.releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
-        _write_page(sample, tables, assessment, folder, page_of)
+        _write_page(sample, tables, found, folder, page_of)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a scenario's further keys find: design values before and after a diagnosis, and over the possible sites."""
+
+    compared: pd.DataFrame | None
+    assessment: Assessment | None
+
+    def show(self) -> None:
+        """Print them."""
+        if self.compared is not None:
+            print(before_after_text(self.compared))
+        if self.assessment is not None:
+            print(self.assessment.text())
+
+    def write(self, folder: Path) -> None:
+        """Write their tables into a folder."""
+        if self.compared is not None:
+            text = self.compared.to_csv(index=False, lineterminator="\n")
+            write_whole(folder / "before_after.csv", text)
+        if self.assessment is not None:
+            self.assessment.write(folder)
 
 
 def _write_page(
-    sample: RunResult,
-    tables: dict[str, pd.DataFrame],
-    assessment: Assessment | None,
-    folder: Path,
-    command: str,
+    sample: RunResult, tables: dict[str, pd.DataFrame], found: Findings, folder: Path, command: str
 ) -> None:
     from rock2d.design.report import SiteResults, write_report
 
-    remarks = unresolved_remarks(tables, sample.scenario.longest_release_s())
-    write_report(SiteResults(sample.scenario, sample, tables, remarks, assessment), folder, command)
+    scenario = sample.scenario
+    remarks = unresolved_remarks(tables, scenario.longest_release_s())
+    results = SiteResults(
+        scenario, sample, tables, remarks, found.assessment, compared=found.compared,
+        diagnosis=diagnosis_remarks(scenario),
+    )  # fmt: skip
+    write_report(results, folder, command)
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment | None:
-    """What the possible sites of the scenario say, printed; None if everything is known."""
+    """What the possible sites of the scenario say; None if everything is known."""
+    if scenario.uncertainty is None:
+        return None
     from rock2d.design.assessment import assess
 
     if scenario.uncertainty is None:
         return None
-    assessment = assess(scenario, engine, scenario.seed if seed is None else seed, progress)
-    print(assessment.text())
-    return assessment
+    return assess(scenario, engine, scenario.seed if seed is None else seed, progress)

@@ -7,7 +7,7 @@ its own draws, which are the same however many releases there are and however th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,8 +18,10 @@ from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at, place_of
 from rock2d.files.scatter_keys import DRAWS_OF_A_BLOCK
 from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_checks import check_engine
 from rock2d.files.scenario_variants import with_numbers
 from rock2d.runs.engines import engine_named
+from rock2d.runs.found_causes import Causes, about_centre_of_mass, causes_of
 from rock2d.runs.incident_states import (
     CHECKED_TOGETHER,
     DRAW_GROUP,
@@ -44,13 +46,14 @@ class Condition(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the engine's law
+    parameters : zone name, or default -> parameters of the engine's law; or, with the effects of a diagnosis, rows
+        (zones, columns) of the contact law
     drawn : what was drawn for this release: place in the scenario file, or quantity of the block -> value
     """
 
     block: Block
     cross_section: CrossSection
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, Any] | Array
     drawn: Mapping[str, float]
 
 
@@ -98,14 +101,17 @@ class Conditions:
     cross_section: CrossSection = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "blocks", tuple(self.scenario.make_blocks().values()))
-        object.__setattr__(self, "cross_section", self.scenario.make_cross_section())
+        check_engine(self.scenario, self.engine)
+        ground = self._causes.ground() if self._causes else self.scenario.make_cross_section()
+        blocks = self._causes.blocks if self._causes else self.scenario.make_blocks()
+        object.__setattr__(self, "blocks", tuple(blocks.values()))
+        object.__setattr__(self, "cross_section", ground)
 
     @property
     def vary(self) -> bool:
         """Whether a release differs from others of its block in more than where it starts."""
         own = self.scenario
-        return bool(own.scatter or own.roughness or own.populations)
+        return bool(own.scatter or self._roughness or own.populations)
 
     def group(self, block: int, first: int, stop: int) -> Group:
         """Releases first .. stop - 1 of the block with index `block`; first < stop."""
@@ -146,18 +152,29 @@ class Conditions:
     def common(self) -> list[Condition]:
         """Of each block, as the scenario states it."""
         parameters = engine_named(self.engine).parameters
-        return [Condition(b, self.cross_section, parameters(self.scenario, b), {}) for b in self.blocks]
+        met = [self._with_causes(b, parameters(self.scenario, b)) for b in self.blocks]
+        return [Condition(block, self.cross_section, own, {}) for block, own in met]
+
+    @cached_property
+    def _causes(self) -> Causes | None:
+        return causes_of(self.scenario)
+
+    def _with_causes(
+        self, block: Block, parameters: Mapping[str, Any]
+    ) -> tuple[Block, Mapping[str, Any] | Array]:
+        return (block, parameters) if self._causes is None else self._causes.on(block, parameters)
 
     @cached_property
     def _roughness(self) -> dict[str, Roughness]:
-        return {zone: keys.make() for zone, keys in self.scenario.roughness.items()}
+        found = {} if self._causes is None else self._causes.roughness()
+        return found | {zone: keys.make() for zone, keys in self.scenario.roughness.items()}
 
     def _shares(self, stream: np.random.Generator) -> Array:
         return stream.uniform(size=(DRAW_GROUP, DRAWS_OF_A_BLOCK + len(self.scenario.scatter)))
 
     def _condition(self, common: Condition, block: int, release: int, u: Array) -> Condition:
-        scenario, name = self.scenario, common.block.name
-        drawn, own, parameters = {}, common.block, common.parameters
+        scenario, name, stated = self.scenario, common.block.name, self.blocks[block]
+        drawn, own, parameters = {}, stated, common.parameters
         if name in scenario.populations:
             own = scenario.populations[name].block(name, u[:DRAWS_OF_A_BLOCK])
             drawn = {"size_m": own.size_m, "mass_kg": own.mass_kg}
@@ -166,8 +183,10 @@ class Conditions:
             drawn |= values
         else:
             values = {}
-        if values or own is not common.block:
+        if values or own is not stated:
             own, parameters = self._with_values(own, values, release)
+        else:
+            own = common.block
         ground = self._ground(block, release) if self._roughness else common.cross_section
         return Condition(own, ground, parameters, drawn)
 
@@ -186,12 +205,12 @@ class Conditions:
 
     def _with_values(
         self, block: Block, values: Mapping[str, float], release: int
-    ) -> tuple[Block, Mapping[str, Any]]:
+    ) -> tuple[Block, Mapping[str, Any] | Array]:
         try:
             changed = with_numbers(self.scenario, values)
             if changed.blocks and block.name in changed.blocks and block.name not in changed.populations:
                 block = changed.blocks[block.name].make(block.name)
-            return block, engine_named(self.engine).parameters(changed, block)
+            return self._with_causes(block, engine_named(self.engine).parameters(changed, block))
         except InputError as error:
             drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
             message = f"{error.message}; that is release {release} of block {block.name} with {drawn}"
@@ -210,18 +229,24 @@ class Conditions:
     def _states(self, conditions: Sequence[Condition], block: int, first: int, stop: int) -> Array:
         incident = self.scenario.incident_of(self.blocks[block].name)
         states = drawn_states(incident, self.seed, block, first, stop)
-        if incident.above_ground is None:
-            return states
+        if incident.above_ground is not None:
+            self._place_above(conditions, states)
+        for i, own in enumerate(conditions):
+            some = slice(None) if len(conditions) == 1 else slice(i, i + 1)
+            states[some] = about_centre_of_mass(own.block, states[some])
+        return states
+
+    def _place_above(self, conditions: Sequence[Condition], states: Array) -> None:
+        """Add the height at which each block touches its ground."""
         try:
             if len(conditions) == 1:
                 own = conditions[0]
                 states[:, 1] += touching_height_m(own.block, own.cross_section, states[:, 0], states[:, 2])
-                return states
+                return
             for state, own in zip(states, conditions, strict=True):
                 state[1] += touching_height_m(own.block, own.cross_section, state[0], state[2])[0]
         except ValueError as error:
             raise self.scenario.error(str(error), "incident", code="bad_state", key="incident") from None
-        return states
 
     def _below(self, block: int, first: int, stop: int) -> tuple[int, Array, int] | None:
         """Number and place of the first of these releases that starts below the ground, and how many do."""
@@ -266,7 +291,9 @@ def starts(conditions: Conditions, releases: int | None = None) -> list[tuple[In
         found = []
         for start in measured:
             taken[start.block] += 1
-            found.append((start, of[start.block][min(taken[start.block], len(of[start.block]) - 1)]))
+            own = of[start.block][min(taken[start.block], len(of[start.block]) - 1)]
+            state = about_centre_of_mass(own.block, start.state[None])[0]
+            found.append((replace(start, state=state), own))
         return found
     count = releases or scenario.releases
     found = []

@@ -29,14 +29,14 @@ class ReleaseInputs(NamedTuple):
 
     Attributes
     ----------
-    parameters : zone name, or default -> parameters of the engine's law
+    parameters : zone name, or default -> parameters of the engine's law; or rows (zones, columns) of the contact law
     state : (6,) state of the centre of mass at t = 0, in SI
     seed : of the release's own random stream
     """
 
     block: Block
     cross_section: CrossSection
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, Any] | np.ndarray
     state: np.ndarray
     release: int
     gravity_m_s2: float
@@ -97,9 +97,9 @@ def _pymunk_track(given: ReleaseInputs) -> Track:
 
 def _batch_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.batch import run_batch_track
-    from rock2d.laws.contact import parameter_table
+    from rock2d.laws.contact import contact_rows
 
-    table = parameter_table(given.parameters, given.cross_section.zone_names)
+    table = contact_rows(given.parameters, given.cross_section.zone_names)
     return run_batch_track(
         given.block, given.cross_section, table, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s,
@@ -109,6 +109,7 @@ def _batch_track(given: ReleaseInputs) -> Track:
 def _point_mass_track(given: ReleaseInputs) -> Track:
     from rock2d.engines.point_mass import run_point_mass
 
+    assert isinstance(given.parameters, Mapping)  # only the contact law has rows
     return run_point_mass(
         given.block, given.cross_section, given.parameters, given.state,
         release=given.release, gravity_m_s2=given.gravity_m_s2, time_limit_s=given.time_limit_s, seed=given.seed,

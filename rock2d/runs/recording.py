@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 from rock2d.records.columns import TIME
 from rock2d.records.track import Track
 from rock2d.runs.incident_states import NOISE_STREAM
+from rock2d.scene.blocks import Block, poses_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,9 +40,12 @@ class Recording:
     seed: int = 0
 
 
-def trajectories_table(tracks: Sequence[Track], recording: Recording) -> pd.DataFrame:
+def trajectories_table(
+    tracks: Sequence[Track], recording: Recording, bodies: Callable[[Track], Block] | None = None
+) -> pd.DataFrame:
     """Tracks as a camera would record them: release, block, t_s, x_m, y_m, theta_rad at every frame.
 
+    What is recorded is the centroid of the body that `bodies` gives of a track; without it, the centre of mass.
     Each release has its own random stream of noise.
     """
     import pandas as pd
@@ -55,6 +59,8 @@ def trajectories_table(tracks: Sequence[Track], recording: Recording) -> pd.Data
             whole = int((track.end_s - begin) * recording.fps + FRAME_TOLERANCE)
             t = begin + np.arange(whole + 1) / recording.fps
         pose = track.states(t)[:, :3]
+        centre = np.array(bodies(track).centre_of_mass_m if bodies else (0.0, 0.0))
+        pose = poses_at(pose, -centre) if centre.any() else pose
         stream = np.random.SeedSequence(recording.seed, spawn_key=(NOISE_STREAM, track.release))
         pose = pose + np.random.default_rng(stream).normal(size=pose.shape) * sigma
         frames.append(

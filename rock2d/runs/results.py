@@ -13,6 +13,7 @@ from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
 from rock2d.records.columns import STATE_NAMES
 from rock2d.runs.comparison import write_comparison
+from rock2d.runs.diagnosis_remarks import diagnosis_about
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.simulation import TRAJECTORIES, Simulation
 
@@ -161,6 +162,7 @@ class RunResult(Simulation):
         return {
             "scenario": self.scenario.name, "about": self.scenario.about, "assumed": self.scenario.assumed,
             "engine": self.engine, "seed": self.seed, "releases": len(self.tracks), "rock2d": __version__,
+            **diagnosis_about(self.scenario),
         }  # fmt: skip
 
     def _drawn_table(self) -> pd.DataFrame:

@@ -91,6 +91,7 @@ def run(
     begun = starts(conditions, releases)
     states = [start for start, _ in begun]
     common = {own.block.name: own for own in conditions.common}
+    blocks = {name: met.block for name, met in common.items()}
     job = _Job(chosen.name, scenario.gravity_m_s2, {} if conditions.vary else common)
     own = [condition for _, condition in begun] if conditions.vary else [None] * len(begun)
     jobs = list(zip(states, _time_limits(scenario, states), own, strict=True))
@@ -99,7 +100,7 @@ def run(
         found = dict(tqdm(simulated, total=len(states), desc=title, unit="release", disable=not progress))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
-        chosen.name, conditions.cross_section, scenario.make_blocks(), tracks, _recording(scenario, seed), title,
+        chosen.name, conditions.cross_section, blocks, tracks, _recording(scenario, seed), title,
         own_blocks={start.release: met.block for start, met in begun if met.block is not common[start.block].block},
         scenario=scenario, seed=seed, incident_states=states,
         drawn={start.release: met.drawn for start, met in begun if met.drawn},

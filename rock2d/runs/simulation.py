@@ -87,11 +87,14 @@ class Simulation:
             )
         if table not in self._tables:
             self._tables[table] = (
-                trajectories_table(self.tracks, self.recording)
+                trajectories_table(self.tracks, self.recording, self._body)
                 if table == TRAJECTORIES
                 else indicators()[table].table(self)
             )
         return self._tables[table].copy()
+
+    def _body(self, track: Track) -> Block:
+        return self.own_blocks.get(track.release) or self.blocks[track.block]
 
     def plot(self) -> Figure:
         """The cross-section and the path of every release, a panel for each block.

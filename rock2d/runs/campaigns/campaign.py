@@ -185,6 +185,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "keep": list(keep),
         **({"fps": fps} if "samples" in keep else {}),
         "versions": versions(),
+        **({"diagnosis": scenario.diagnosed.fingerprint} if scenario.diagnosed else {}),
     }
     fingerprint = hashlib.sha256(json.dumps(determined_by, sort_keys=True).encode()).hexdigest()
     job = job_of(scenario, engine.name, seed, keep, folder.absolute() / "chunks", fingerprint)

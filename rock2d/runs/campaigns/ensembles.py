@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -78,12 +78,12 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
 def _ensemble(conditions: Sequence[Condition]) -> tuple[Ensemble, tuple[Array, Array, Array]]:
     """The distinct blocks, cross-sections and parameters of releases, and the ids of each release."""
     from rock2d.engines.batch import Ensemble
-    from rock2d.laws.contact import parameter_table
+    from rock2d.laws.contact import contact_rows
 
     blocks, block_ids = _distinct([own.block for own in conditions])
     grounds, ground_ids = _distinct([own.cross_section for own in conditions])
     parameters, table_ids = _distinct([own.parameters for own in conditions])
-    tables = [parameter_table(own, conditions[0].cross_section.zone_names) for own in parameters]
+    tables = [contact_rows(own, conditions[0].cross_section.zone_names) for own in parameters]
     return Ensemble(blocks, grounds, tables), (block_ids, ground_ids, table_ids)
 
 
@@ -103,6 +103,7 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
         found = []
         for i in range(len(part.conditions)):
             own = part.conditions[i]
+            assert isinstance(own.parameters, Mapping)  # only the contact law has rows
             some = slice(None) if len(part.conditions) == 1 else slice(i, i + 1)
             found.append(
                 run_point_mass_batch(

@@ -1,0 +1,190 @@
+"""What a diagnosis says about the law of a scenario: the soil as it was fitted, and the effects that were found.
+
+`rock2d.files.diagnosis_reading` says which of its answers a scenario uses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+
+PLACE = "diagnosis"  # first word of the places of what a diagnosis leaves open
+CAUSE = f"{PLACE}.cause"
+Z95 = 1.959963984540054  # standard normal quantile of 0.975
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """A fitted value, its 95 % interval, and the bounds of what the effect allows."""
+
+    value: float
+    low95: float
+    high95: float
+    lowest: float = -np.inf
+    highest: float = np.inf
+
+    @property
+    def known(self) -> bool:
+        """Whether the diagnosis gives no interval."""
+        return self.low95 == self.high95
+
+    def quantiles(self, u: Array | float) -> Array:
+        """Values at the shares `u` in (0, 1) of a distribution with this median and this 95 % interval, truncated.
+
+        It is lognormal where the value lies nearer to the geometric middle of a positive interval, as factors do.
+        Otherwise it is normal; if the interval is not symmetric, each side has its own standard deviation.
+        """
+        from scipy import stats
+
+        if self.known:
+            return np.full(np.shape(u), self.value)
+        first, last = (self._share(bound) for bound in (self.lowest, self.highest))
+        z: Array = np.asarray(stats.norm.ppf(first + (last - first) * np.asarray(u, float)))
+        if self._lognormal:
+            below, above = float(np.log(self.value / self.low95)), float(np.log(self.high95 / self.value))
+            found = self.value * np.exp(_sided(z, below, above))
+        else:
+            found = self.value + _sided(z, self.value - self.low95, self.high95 - self.value)
+        return np.asarray(np.clip(found, self.lowest, self.highest))
+
+    @property
+    def _lognormal(self) -> bool:
+        if self.low95 <= 0.0:
+            return False
+        geometric, arithmetic = np.sqrt(self.low95 * self.high95), 0.5 * (self.low95 + self.high95)
+        return bool(abs(self.value - geometric) < abs(self.value - arithmetic))
+
+    def _share(self, bound: float) -> float:
+        """Share of the distribution, before it is truncated, below a bound."""
+        from scipy import stats
+
+        if not np.isfinite(bound):
+            return 0.0 if bound < 0 else 1.0
+        if self._lognormal:
+            if bound <= 0.0:
+                return 0.0
+            way, low, high = (np.log(x / self.value) for x in (bound, self.low95, self.high95))
+        else:
+            way, low, high = (x - self.value for x in (bound, self.low95, self.high95))
+        side = -low if way < 0 else high
+        if side <= 0.0:
+            return 0.5
+        return float(stats.norm.cdf(Z95 * way / side))
+
+
+def _sided(z: Array, below: float, above: float) -> Array:
+    """Distances from the median at normal scores z; 95 % lie within `below` and `above`."""
+    return (below * np.minimum(z, 0.0) + above * np.maximum(z, 0.0)) / Z95
+
+
+class FittedModel(NamedTuple):
+    """The contact law of a diagnosis.
+
+    Attributes
+    ----------
+    name : what it is called in tables
+    soil : parameters of the contact law
+    effects : effect -> parameter -> value; empty for the paper's law
+    p : its probability among the alternatives
+    """
+
+    name: str
+    soil: Mapping[str, float | bool]
+    effects: Mapping[str, Mapping[str, FittedValue]]
+    p: float = 1.0
+
+    def values(self, effect: str) -> tuple[float, ...]:
+        """Values of an effect's parameters in the order of the catalogue."""
+        from rock2d.effects import catalogue
+
+        return tuple(self.effects[effect][q.name].value for q in catalogue()[effect].parameters)
+
+
+class Scale(NamedTuple):
+    """Mass and size of a block of the experiment."""
+
+    mass_kg: float
+    size_m: float
+
+
+@dataclass(frozen=True)
+class DiagnosedModel:
+    """A diagnosis as a scenario uses it.
+
+    Attributes
+    ----------
+    given : path as the scenario gives it
+    fingerprint : SHA-256 of the file
+    before : the paper's law, refitted
+    alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
+    model : what the releases of a run meet
+    blocks : of the experiment; empty where the file does not name them
+    """
+
+    given: str
+    file: Path
+    fingerprint: str
+    schema: int
+    experiment: str
+    verdict: str
+    before: FittedModel
+    alternatives: tuple[FittedModel, ...]
+    model: FittedModel
+    blocks: Mapping[str, Scale] = field(default_factory=dict)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the data cannot tell which effect acts."""
+        return len(self.alternatives) > 1
+
+    def using(self, model: FittedModel) -> DiagnosedModel:
+        """The diagnosis with another of its models in use."""
+        return replace(self, model=model)
+
+    def unknown(self) -> dict[str, FittedValue | CauseDraw]:
+        """Place -> distribution, of everything that the diagnosis leaves open about what moves a block."""
+        from rock2d.effects import catalogue
+
+        out: dict[str, FittedValue | CauseDraw] = {}
+        if self.undecided:
+            out[CAUSE] = CauseDraw(tuple(own.p for own in self.alternatives))
+        for model in self.alternatives:
+            for effect, values in model.effects.items():
+                if not catalogue()[effect].camera:
+                    own = {k: v for k, v in values.items() if not v.known}
+                    out |= {f"{PLACE}.{effect}.{name}": value for name, value in own.items()}
+        return out
+
+    def with_values(self, values: Mapping[str, float]) -> DiagnosedModel:
+        """The diagnosis with other numbers at places of `unknown`; KeyError if there is no such place."""
+        for place in values:
+            if place not in self.unknown():
+                raise KeyError(place)
+        model = self.model
+        if CAUSE in values:
+            model = self.alternatives[int(values[CAUSE])]
+        effects = {
+            effect: {
+                name: replace(own, value=values.get(f"{PLACE}.{effect}.{name}", own.value))
+                for name, own in parameters.items()
+            }
+            for effect, parameters in model.effects.items()
+        }
+        return self.using(model._replace(effects=effects))
+
+
+class CauseDraw(NamedTuple):
+    """Which of the alternatives acts: their probabilities."""
+
+    p: tuple[float, ...]
+
+    def quantiles(self, u: Array | float) -> Array:
+        """Indices of alternatives at the shares `u` in (0, 1)."""
+        edges = np.cumsum(self.p) / np.sum(self.p)
+        return np.minimum(np.searchsorted(edges, u, side="right"), len(self.p) - 1).astype(float)

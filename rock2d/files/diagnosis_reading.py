@@ -1,0 +1,191 @@
+"""diagnosis.json as a scenario reads it, and which of its answers the scenario uses.
+
+- one effect (and those found beside it): it acts, on the soil that was fitted together with it
+- none or unknown: the refitted soil alone; of what acts nothing is known
+- a group that the data cannot tell apart: each of its effects is an alternative with its probability; releases outside
+  of an assessment meet the refitted soil alone
+- several causes (schema 2): all that are more likely than not
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.files.checked_yaml import Document, did_you_mean, shown
+from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel, FittedValue, Scale
+from rock2d.files.diagnosis_keys import DiagnosisKeys, SoilPart, ValuePart
+from rock2d.files.folders import OutsideFolderError, path_inside
+
+if TYPE_CHECKING:
+    from rock2d.effects.effect import Parameter
+    from rock2d.files.scenario import Scenario
+
+NOT_EFFECTS = ("none", "unknown")
+LEAST_INCLUSION = 0.5  # inclusion probability from which on a cause acts (schema 2)
+
+
+def found_diagnosis(scenario: Scenario, given: str, data_root: str | Path | None) -> DiagnosedModel:
+    """The diagnosis beside the scenario file, or under the data root.
+
+    Raises InputError with the place in the scenario, or in the diagnosis.
+    """
+    assert scenario.document is not None
+    where = ("model", "diagnosis")
+    roots = [scenario.document.file.absolute().parent, *([Path(data_root)] if data_root else [])]
+    for root in roots:
+        try:
+            file = path_inside(root, given)
+        except OutsideFolderError as error:
+            raise scenario.error(error.message, *where, code="outside_folder") from None
+        if _is_there(file):
+            return read_diagnosis(given, file)
+    message = f"no file {shown(given)} beside the scenario or under the data root"
+    raise scenario.error(message, *where, code="missing_file", name=given)
+
+
+def _is_there(file: Path) -> bool:
+    try:
+        return file.exists()
+    except OSError:  # a name that no file can have
+        return False
+
+
+def read_diagnosis(given: str, file: Path) -> DiagnosedModel:
+    """Read diagnosis.json. Raises InputError with file, line and column of the first mistake."""
+    document = Document(file)  # JSON is YAML, whose reader knows where everything stands
+    if not isinstance(document.data, dict) or document.data.get("schema") not in (1, 2):
+        found = shown(document.data.get("schema")) if isinstance(document.data, dict) else "no keys"
+        raise document.error(
+            f"expected a diagnosis of schema 1 or 2, found {found}", "schema", code="wrong_kind"
+        )
+    keys = document.check(DiagnosisKeys)
+    _check_names(document, keys)
+    read = _Reader(document, keys)
+    soil = read.soil(keys.base)
+    before = FittedModel("before", soil, {})
+    alternatives = read.alternatives(soil)
+    plain = before._replace(name="after")
+    return DiagnosedModel(
+        given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
+        before, alternatives, alternatives[0] if len(alternatives) == 1 else plain,
+        {name: Scale(own.mass_kg, own.size_m) for name, own in keys.blocks.items()},
+    )  # fmt: skip
+
+
+def _check_names(document: Document, keys: DiagnosisKeys) -> None:
+    """Refuse effects that the catalogue does not have."""
+    from rock2d.effects import catalogue
+
+    known = catalogue()
+    named: list[tuple[str, tuple[str | int, ...]]] = [
+        (name, ("group", i)) for i, name in enumerate(keys.group)
+    ]
+    named += [(own.effect, ("causes", i, "effect")) for i, own in enumerate(keys.causes)]
+    if keys.beside:
+        named += [
+            (name, ("beside", len(keys.beside) - 1, "parameters")) for name in keys.beside[-1].parameters
+        ]
+    if keys.verdict not in NOT_EFFECTS:
+        named.insert(0, (keys.verdict, ("verdict",)))
+    for name, place in named:
+        if name not in known:
+            message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
+            raise document.error(message, *place, code="unknown_name", name=name)
+
+
+class _Reader:
+    """Models from the keys of a diagnosis."""
+
+    def __init__(self, document: Document, keys: DiagnosisKeys) -> None:
+        self.document, self.keys = document, keys
+
+    def alternatives(self, soil: Mapping[str, Any]) -> tuple[FittedModel, ...]:
+        """The models that the verdict leaves: one for each effect of a group, else one."""
+        keys = self.keys
+        if keys.schema_ == 2:
+            return (self._causes(soil),)
+        if keys.verdict in NOT_EFFECTS:
+            return (FittedModel("after", soil, {}),)
+        if len(keys.group) > 1:
+            members = [self._alone(name, soil, f"after, {name}") for name in keys.group]
+            total = sum(keys.probabilities.get(name, 0.0) for name in keys.group)
+            even = 1.0 / len(members)
+            return tuple(
+                own._replace(p=keys.probabilities.get(name, 0.0) / total if total > 0.0 else even)
+                for name, own in zip(keys.group, members, strict=True)
+            )
+        if keys.beside:
+            place = ("beside", len(keys.beside) - 1)
+            last = keys.beside[-1]
+            effects = {
+                name: self._values(name, own, *place, "parameters", name)
+                for name, own in last.parameters.items()
+            }
+            return (FittedModel("after", self.soil(last.base), effects),)
+        return (self._alone(keys.verdict, soil, "after"),)
+
+    def _alone(self, name: str, soil: Mapping[str, Any], called: str) -> FittedModel:
+        """An effect that was fitted alone, with the soil that was fitted together with it."""
+        if name not in self.keys.effects:
+            message = f"the effect {name} of the verdict is missing"
+            raise self.document.error(message, "effects", at="key", code="missing_key", key=name)
+        own = self.keys.effects[name]
+        values = self._values(name, own.parameters, "effects", name, "parameters")
+        return FittedModel(called, self.soil(own.base) if own.base else soil, {name: values})
+
+    def _causes(self, soil: Mapping[str, Any]) -> FittedModel:
+        """All causes that are more likely than not (schema 2)."""
+        effects, own_soil = {}, soil
+        for i, own in enumerate(self.keys.causes):
+            if own.p >= LEAST_INCLUSION:
+                effects[own.effect] = self._values(own.effect, own.parameters, "causes", i, "parameters")
+        for fit in self.keys.beside:
+            if set(fit.parameters) == set(effects):
+                own_soil = self.soil(fit.base)
+        if len(effects) == 1:
+            alone = self.keys.effects.get(next(iter(effects)))
+            own_soil = self.soil(alone.base) if alone is not None and alone.base else own_soil
+        return FittedModel("after", own_soil, effects)
+
+    def soil(self, part: SoilPart) -> dict[str, float | bool]:
+        law = self.keys.law
+        indentation = law.rolling_in_indentation if law.rolling_in_crater is None else law.rolling_in_crater
+        return {**part.model_dump(), "rolling_in_indentation": indentation}
+
+    def _values(
+        self, effect: str, given: Mapping[str, ValuePart], *place: str | int
+    ) -> dict[str, FittedValue]:
+        from rock2d.effects import catalogue
+
+        out = {}
+        for parameter in catalogue()[effect].parameters:
+            if parameter.name not in given:
+                message = f"{effect}: missing parameter {parameter.name!r}"
+                raise self.document.error(message, *place, at="key", code="missing_key", key=parameter.name)
+            own = given[parameter.name]
+            low, high = own.ci95 or (own.value, own.value)
+            out[parameter.name] = FittedValue(own.value, low, high, *self._bounds(parameter, own.value))
+        return out
+
+    def _bounds(self, parameter: Parameter, value: float) -> tuple[float, float]:
+        """The effect's plausible range at the scale of the experiment; where that is not known, its sign only."""
+        scaled = bool(parameter.length or parameter.time)
+        if scaled and (not self.keys.blocks or self.keys.gravity_m_s2 is None):
+            low, high = (
+                0.0 if bound == 0.0 else np.copysign(np.inf, bound)
+                for bound in (parameter.low, parameter.high)
+            )
+        else:
+            sizes = [own.size_m for own in self.keys.blocks.values()]
+            own = parameter.at(_mean(sizes), self.keys.gravity_m_s2 or 0.0) if scaled else parameter
+            low, high = own.low, own.high
+        return min(float(low), value), max(float(high), value)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values))

@@ -1,0 +1,137 @@
+"""What the effects of a diagnosis do to the releases of a scenario, and what they do not.
+
+An effect acts if it changes the world. One of the camera says something about the film, not about the block: it stays
+out. Each release of a scenario is an event of its own, the first of its series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.effects import catalogue
+from rock2d.laws.contact import CONTACT_LAW_COLUMNS, parameter_table
+from rock2d.records.columns import OMEGA, THETA, VX, VY
+from rock2d.scene.blocks import Block, poses_at
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.rough_ground import Roughness
+from rock2d.scene.world import World
+
+if TYPE_CHECKING:
+    from rock2d.files.diagnosed_model import FittedModel
+    from rock2d.files.scenario import Scenario
+
+Array = np.ndarray
+
+ROUGHNESS = "surface_roughness"
+
+
+@dataclass(frozen=True)
+class Causes:
+    """The effects of a diagnosed model on a site.
+
+    Attributes
+    ----------
+    model : soil and effects
+    blocks : of the scenario; their mean mass and size scale the effects
+    cross_section : as surveyed
+    """
+
+    model: FittedModel
+    blocks: Mapping[str, Block]
+    cross_section: CrossSection
+    gravity_m_s2: float
+
+    @cached_property
+    def acting(self) -> tuple[str, ...]:
+        """Effects that change blocks, soil or ground of a release."""
+        known = catalogue()
+        return tuple(name for name in self.model.effects if not (known[name].camera or known[name].scatter))
+
+    @property
+    def anything(self) -> bool:
+        """Whether any effect acts."""
+        return bool(self.acting or self.roughness())
+
+    def ground(self) -> CrossSection:
+        """The cross-section with the effects."""
+        return self._applied(
+            self.blocks, np.zeros((1, len(self.cross_section.zone_names), len(CONTACT_LAW_COLUMNS)))
+        ).cross_section
+
+    def roughness(self) -> dict[str, Roughness]:
+        """Zone -> roughness, of slopes that vary from impact to impact; a piece is as long as the mean block."""
+        if ROUGHNESS not in self.model.effects:
+            return {}
+        (sd_rad,) = self.model.values(ROUGHNESS)
+        if sd_rad <= 0.0:
+            return {}
+        own = Roughness(sd_rad, float(np.mean([block.size_m for block in self.blocks.values()])))
+        return dict.fromkeys(self.cross_section.zone_names, own)
+
+    def on(self, block: Block, parameters: Mapping[str, Any]) -> tuple[Block, Mapping[str, Any] | Array]:
+        """A block of a release, and its parameters as rows (zones, columns) of the contact law, with the effects.
+
+        What an effect does to the ground follows from the scenario's blocks, what it does to the block from the
+        release's own.
+        """
+        if not self.acting:
+            return block, parameters
+        rows = parameter_table(parameters, self.cross_section.zone_names)[None]
+        world = self._applied(self.blocks, rows)
+        if block is not self.blocks[block.name]:
+            own = self._applied({**self.blocks, block.name: block}, rows)
+            return own.blocks[block.name], world.contact[0]
+        return world.blocks[block.name], world.contact[0]
+
+    def without_effect(self) -> list[str]:
+        """Acting effects that change nothing on this site, for example of an embankment that is not there."""
+        rows = np.tile([1.0, 2.0, 1.0, 1.0, 1.0, 0.0, 0.0], (1, len(self.cross_section.zone_names), 1))
+        return [name for name in self.acting if not self._changes(name, rows)]
+
+    def _changes(self, name: str, rows: Array) -> bool:
+        from rock2d.effects.columns import widened
+
+        before = self._world(self.blocks, rows)
+        after = catalogue()[name].apply(before, self.model.values(name))
+        blocks = any(
+            (block.air or None) != (after.blocks[key].air or None)
+            or block.inertia_kg_m2 != after.blocks[key].inertia_kg_m2
+            or block.rounding_m != after.blocks[key].rounding_m
+            or block.centre_of_mass_m != after.blocks[key].centre_of_mass_m
+            for key, block in before.blocks.items()
+        )
+        ground = not np.array_equal(before.cross_section.points_m, after.cross_section.points_m)
+        return blocks or ground or not np.array_equal(widened(before.contact), widened(after.contact))
+
+    def _world(self, blocks: Mapping[str, Block], rows: Array) -> World:
+        return World(blocks, self.cross_section, rows, self.gravity_m_s2)
+
+    def _applied(self, blocks: Mapping[str, Block], rows: Array) -> World:
+        world = self._world(blocks, rows)
+        for name in self.acting:
+            world = catalogue()[name].apply(world, self.model.values(name))
+        return world
+
+
+def causes_of(scenario: Scenario) -> Causes | None:
+    """The effects that the scenario's diagnosis brings; None without a diagnosis."""
+    if scenario.diagnosed is None:
+        return None
+    return Causes(
+        scenario.diagnosed.model, scenario.make_blocks(), scenario.make_cross_section(), scenario.gravity_m_s2
+    )
+
+
+def about_centre_of_mass(block: Block, states: Array) -> Array:
+    """(n, 6) states of the centre of mass from those of the centroid."""
+    if block.centre_of_mass_m == (0.0, 0.0):
+        return states
+    poses = poses_at(states[:, :VX], block.centre_of_mass_m)
+    ahead, up = (poses - states[:, :VX])[:, :THETA].T
+    spin = states[:, OMEGA]
+    return np.column_stack([poses, states[:, VX] - spin * up, states[:, VY] + spin * ahead, spin])

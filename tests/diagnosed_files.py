@@ -1,0 +1,88 @@
+"""Small diagnoses, written by hand, and a scenario that runs with one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rock2d.files.scenario import Scenario, load_scenario
+
+SOIL = {
+    "k_l_N_m": 4.0e6,
+    "k_ul_N_m": 2.4e7,
+    "k_t_N_m": 1.0e6,
+    "friction_angle_deg": 30.0,
+    "k_r_Nm_rad": 4.0e3,
+}
+JOINT = {**SOIL, "k_ul_N_m": 3.0e7}  # fitted together with an effect
+SCENARIO = """
+name: diagnosed
+engine: {engine}
+releases: 5
+seed: 3
+cross_section:
+  points_m: [[0, 20], [20, 0], [60, 0]]
+  zones: [slope, run_out]
+embankment: {{x_m: 26, height_m: 2.0, crest_m: 1.0, uphill_deg: 60, downhill_deg: 34}}
+blocks:
+  ball: {{shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}
+  box: {{shape: square, side_m: 0.6, mass_kg: 580, inertia: uniform}}
+model: {model}
+incident:
+  default:
+    distribution:
+      x_m: {{uniform: {{low: 0.5, high: 2.0}}}}
+      y_m: {{uniform: {{low: 22.0, high: 26.0}}}}
+      theta_rad: {{uniform: {{low: 0.0, high: 1.0}}}}
+      vx_m_s: {{uniform: {{low: 1.0, high: 4.0}}}}
+      vy_m_s: 0.0
+{more}
+"""
+NUMBERS = (
+    "{{deterministic: {{default: {{k_l_N_m: {k_l_N_m}, k_ul_N_m: {k_ul_N_m}, k_t_N_m: {k_t_N_m}, "
+    "friction_angle_deg: {friction_angle_deg}, k_r_Nm_rad: {k_r_Nm_rad}}}}}}}"
+)
+
+
+def effect(base: dict[str, float] = JOINT, **parameters: tuple[float, float, float]) -> dict[str, Any]:
+    """An entry of `effects`; parameters are value and ends of the 95 % interval."""
+    own = {
+        name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()
+    }
+    return {"parameters": own, "base": base}
+
+
+def content(verdict: str = "none", effects: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    """A diagnosis of schema 1 with the keys that a scenario reads."""
+    found = verdict not in ("none", "unknown")
+    return {
+        "schema": 1, "experiment": "bench", "base": SOIL, "law": {"rolling_in_indentation": False},
+        "verdict": verdict, "group": [verdict] if found else [], "probabilities": {verdict: 1.0},
+        "effects": effects or {}, **more,
+    }  # fmt: skip
+
+
+def diagnosed(
+    folder: Path,
+    given: dict[str, Any],
+    *,
+    model: str = "{diagnosis: d.json}",
+    engine: str = "batch",
+    more: str = "",
+) -> Scenario:
+    """The scenario with this diagnosis beside it."""
+    (folder / "d.json").write_text(json.dumps(given, indent=1))
+    return undiagnosed(folder, model, engine, more)
+
+
+def undiagnosed(folder: Path, model: str, engine: str = "batch", more: str = "") -> Scenario:
+    """The scenario with this model."""
+    path = folder / "diagnosed.yaml"
+    path.write_text(SCENARIO.format(model=model, engine=engine, more=more))
+    return load_scenario(path)
+
+
+def numbers(soil: dict[str, float]) -> str:
+    """A `model` with this soil by hand."""
+    return NUMBERS.format(**soil)

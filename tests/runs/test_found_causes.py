@@ -1,0 +1,261 @@
+"""Effects of a diagnosis in a run: they act on blocks, soil and ground; those of the camera do not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import rock2d
+from rock2d.design.command import run_design
+from rock2d.design.least_size import Target
+from rock2d.effects import catalogue
+from rock2d.effects.columns import column
+from rock2d.errors import InputError
+from rock2d.runs.before_after import before_after, before_after_text, campaign_before_after, compared_models
+from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from rock2d.runs.command import run_scenarios
+from rock2d.runs.conditions import Conditions, starts
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.scene.cross_section import embankment_facets
+from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
+
+TILT = effect(tilt_rad=(0.03, 0.02, 0.04), centre_right=(0.0, -0.1, 0.1), centre_up=(0.0, -0.1, 0.1))
+SHORT = "time_limit_s: 1.6"  # long enough for the first impact
+
+
+def drag(value: float, **more):
+    return content(
+        "air_drag", {"air_drag": effect(drag_per_mass_1_m=(value, 0.9 * value, 1.1 * value))}, **more
+    )
+
+
+def knots(scenario, **options):
+    return [track.knots for track in rock2d.run(scenario, **options).tracks]
+
+
+def same(first, second):
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize("engine", ["batch", "pymunk"])
+def test_air_drag_slows_a_fall_to_its_closed_form(tmp_path, engine):
+    k, height, g = 0.2, 100.0, 9.81
+    more = "time_limit_s: 60"
+    scenario = diagnosed(tmp_path, drag(k), engine=engine, more=more)
+    scenario.incident["default"] = scenario.incident["default"].model_copy(
+        update={"distribution": scenario.incident["default"].distribution.model_copy(
+            update={"x_m": 50.0, "y_m": height + 0.3, "theta_rad": 0.0, "vx_m_s": 0.0})}
+    )  # fmt: skip
+    result = rock2d.run(scenario, releases=1, workers=1)
+    hit = result.to_pandas("impacts").groupby("block")["vy_m_s"].first()
+    for block in ("ball", "box"):  # drag is the same per mass
+        assert hit[block] == pytest.approx(-np.sqrt(g / k * (1 - np.exp(-2 * k * height))), rel=1e-4)
+    before = rock2d.run(
+        scenario.with_diagnosed(scenario.diagnosed.using(scenario.diagnosed.before)), releases=1, workers=1
+    )
+    assert before.to_pandas("impacts")["vy_m_s"][0] == pytest.approx(-np.sqrt(2 * g * height), rel=1e-6)
+
+
+def test_the_camera_does_not_change_a_bit(tmp_path):
+    found = knots(diagnosed(tmp_path, content("camera_tilt", {"camera_tilt": TILT})))
+    assert same(found, knots(undiagnosed(tmp_path, numbers(JOINT))))
+    assert not same(found, knots(undiagnosed(tmp_path, numbers(SOIL))))
+
+
+@pytest.mark.parametrize("engine", ["batch", "pymunk"])
+def test_no_effect_is_the_base_law_bit_for_bit(tmp_path, engine):
+    found = knots(diagnosed(tmp_path, content("none"), engine=engine, more=SHORT), releases=2, workers=1)
+    by_hand = undiagnosed(tmp_path, numbers(SOIL), engine, more=SHORT)
+    assert same(found, knots(by_hand, releases=2, workers=1))
+
+
+def test_the_reading_of_the_rolling_resistance_comes_along(tmp_path):
+    given = content("none", law={"rolling_in_indentation": True})
+    assert not same(knots(diagnosed(tmp_path, given)), knots(undiagnosed(tmp_path, numbers(SOIL))))
+
+
+def test_both_engines_meet_the_same_effects(tmp_path):
+    given = content("adhesion", {"adhesion": effect(pull_per_weight=(1.0, 0.5, 1.5))})
+    scenario = diagnosed(tmp_path, given, more=SHORT)
+    first = {
+        engine: rock2d.run(scenario, engine=engine, releases=1, workers=1) for engine in ("batch", "pymunk")
+    }
+    after = {k: v.to_pandas("impacts").groupby("release")["vy_after_m_s"].first() for k, v in first.items()}
+    without = rock2d.run(undiagnosed(tmp_path, numbers(JOINT), more=SHORT), releases=1).to_pandas("impacts")
+    assert after["batch"].to_numpy() == pytest.approx(after["pymunk"].to_numpy(), rel=1e-3, abs=1e-3)
+    assert after["batch"][0] != pytest.approx(without["vy_after_m_s"][0], abs=1e-3)
+
+
+def test_a_contrast_of_soils_is_that_of_the_embankment(tmp_path):
+    own = effect(stiffness=(0.5, 0.4, 0.6), restitution=(1.0, 0.9, 1.1), friction=(1.0, 0.9, 1.1))
+    scenario = diagnosed(tmp_path, content("zone_contrast", {"zone_contrast": own}))
+    met = Conditions(scenario, "batch", 1).common[0]
+    ground = met.cross_section
+    on = np.unique(ground.zone_ids[embankment_facets(ground)])
+    expected = np.full(len(ground.zone_names), JOINT["k_l_N_m"])
+    expected[on] *= 0.5
+    assert 0 < len(on) < len(expected) and np.array_equal(met.parameters[:, 0], expected)
+
+
+def test_an_effect_without_its_object_says_so(tmp_path):
+    scenario = diagnosed(tmp_path, content("soil_compaction", {"soil_compaction": effect(
+        rate=(0.05, 0.04, 0.06), excess=(0.0, -0.01, 0.01))}))  # fmt: skip
+    assert any(
+        "soil_compaction changes nothing: each release is an event" in r for r in diagnosis_remarks(scenario)
+    )
+    assert same(knots(scenario), knots(undiagnosed(tmp_path, numbers(JOINT))))
+
+
+def test_every_effect_of_the_catalogue_acts_or_says_why_not(tmp_path):
+    for name, own in catalogue().items():
+        given = effect(**{q.name: (v := q.low + 0.7 * (q.high - q.low), v, v) for q in own.parameters})
+        scenario = diagnosed(tmp_path, content(name, {name: given}))
+        changed = (
+            Conditions(scenario, "batch", 1).of(0, 0, 1)[0],
+            Conditions(scenario, "batch", 1).of(1, 0, 1)[0],
+        )
+        plain = Conditions(scenario.with_diagnosed(scenario.diagnosed.using(
+            scenario.diagnosed.model._replace(effects={}))), "batch", 1).common  # fmt: skip
+        acts = any(
+            (isinstance(c.parameters, np.ndarray) and (c.parameters.shape[1] > 7 or name in ("zone_contrast",)))
+            or c.block.inertia_kg_m2 != p.block.inertia_kg_m2 or c.block.air != p.block.air
+            or c.block.rounding_m != p.block.rounding_m or c.block.centre_of_mass_m != p.block.centre_of_mass_m
+            or not np.array_equal(c.cross_section.points_m, p.cross_section.points_m)
+            for c, p in zip(changed, plain, strict=True)
+        )  # fmt: skip
+        said = " ".join(diagnosis_remarks(scenario))
+        quiet = f"{name} does not act" in said or f"{name} changes nothing" in said
+        assert acts != quiet, name
+        assert quiet == (own.camera or name == "soil_compaction"), name
+
+
+def test_roughness_of_impacts_becomes_a_rough_surface(tmp_path):
+    given = content("surface_roughness", {"surface_roughness": effect(sd_rad=(0.1, 0.1, 0.1))})
+    conditions = Conditions(diagnosed(tmp_path, given), "batch", 1)
+    slopes = []
+    for met in conditions.of(0, 0, 200):
+        step = np.diff(met.cross_section.points_m[met.cross_section.points_m[:, 0] <= 20.0 + 1e-9], axis=0)
+        slopes.append(np.arctan2(step[:, 1], step[:, 0]) + np.pi / 4)
+    size = np.mean([block.size_m for block in conditions.blocks])
+    assert len(slopes[0]) == 2 * round(20 * np.sqrt(2) / (2 * size))
+    assert np.std(np.concatenate(slopes)) == pytest.approx(0.1, rel=0.05)  # cut off at 3 sd
+
+
+def test_a_centre_of_mass_beside_the_centroid_starts_where_the_centroid_does(tmp_path):
+    given = content(
+        "mass_eccentricity", {"mass_eccentricity": effect(along=(0.1, 0.1, 0.1), across=(0.0, 0.0, 0.0))}
+    )
+    scenario = diagnosed(tmp_path, given)
+    plain = undiagnosed(tmp_path, numbers(JOINT))
+    result = rock2d.run(scenario, releases=2)
+    found, stated = (
+        own.to_pandas("trajectories").groupby("release").first()
+        for own in (result, rock2d.run(plain, releases=2))
+    )
+    assert found[["x_m", "y_m", "theta_rad"]].to_numpy() == pytest.approx(
+        stated[["x_m", "y_m", "theta_rad"]].to_numpy()
+    )
+    moved = np.hypot(*(result.tracks[0].states(np.zeros(1))[0, :2] - stated[["x_m", "y_m"]].to_numpy()[0]))
+    assert moved == pytest.approx(0.1 * np.mean([block.size_m for block in plain.make_blocks().values()]))
+
+
+def test_a_scattered_soil_has_the_effects_too(tmp_path):
+    model = "{diagnosis: d.json, deterministic: {default: {friction_angle_deg: 30}}}"
+    more = "scatter: {model.deterministic.default.friction_angle_deg: {uniform: {low: 25, high: 35}}}"
+    given = content("out_of_plane", {"out_of_plane": effect(angle_rad=(0.2, 0.1, 0.3))})
+    own = [
+        met for _, met in starts(Conditions(diagnosed(tmp_path, given, model=model, more=more), "batch", 1))
+    ]
+    angles = np.rad2deg(np.arctan([met.parameters[0, 3] for met in own]))
+    assert all((met.parameters[:, column("out_of_plane_rad")] == 0.2).all() for met in own)
+    assert angles == pytest.approx(
+        [met.drawn["model.deterministic.default.friction_angle_deg"] for met in own]
+    )
+
+
+def test_the_point_mass_engine_is_refused(tmp_path):
+    scenario = diagnosed(tmp_path, content())
+    with pytest.raises(InputError, match="engine point_mass does not have; use batch or pymunk"):
+        rock2d.run(scenario, engine="point_mass")
+
+
+def test_before_and_after_share_their_releases(tmp_path):
+    scenario = diagnosed(tmp_path, drag(0.05))
+    result = rock2d.run(scenario)
+    table = before_after(scenario, result)
+    assert [m.name for m in compared_models(scenario)] == ["before", "soil", "after"]
+    after = table[table["model"] == "after"].set_index(["block", "line"])
+    passing = result.to_pandas("passing").set_index(["block", "line"])
+    assert after["frequency"].equals(passing["frequency"])
+    before = (
+        rock2d.run(undiagnosed(tmp_path, numbers(SOIL))).to_pandas("passing").set_index(["block", "line"])
+    )
+    assert table[table["model"] == "before"].set_index(["block", "line"])["passed"].equals(before["passed"])
+    assert before["passed"].sum() > after["passed"].sum()  # or the comparison says nothing
+    assert "before and after" in before_after_text(table)
+
+
+def test_a_campaign_compares_as_a_run_does(tmp_path):
+    scenario = diagnosed(tmp_path, drag(0.05))
+    table, other = before_after(scenario, rock2d.run(scenario)), campaign_before_after(scenario, "batch")
+    # a track is interpolated where it crosses in contact
+    pd.testing.assert_frame_equal(table, other, rtol=0.01)
+    assert table["kinetic_p95_J"].notna().any()
+
+
+def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):
+    diagnosed(tmp_path, drag(0.01))
+    target = Target("facing_1_3", 0.9, 0.5)
+    run_design(tmp_path / "diagnosed.yaml", "embankment.height_m", (2.0, 3.0), target, tmp_path / "least",
+               tolerance=1.0, progress=False)  # fmt: skip
+    least = rock2d.load_scenario(tmp_path / "least" / "least.yaml")
+    assert least.diagnosed.verdict == "air_drag"
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "a\\b", "d.json/../../d.json"])
+def test_a_path_that_no_file_has_is_one_message(tmp_path, name):
+    with pytest.raises(InputError):
+        undiagnosed(tmp_path, f"{{diagnosis: '{name}'}}")
+
+
+def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
+    diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
+    said: list[str] = []
+    run_scenarios([tmp_path / "diagnosed.yaml"], tmp_path / "out", CampaignOptions(), Workers(1), progress=False,
+                  report=said.append)  # fmt: skip
+    folder = tmp_path / "out" / "diagnosed_batch"
+    about = json.loads((folder / "run.json").read_text())["diagnosis"]
+    assert (about["path"], about["verdict"], about["schema"]) == ("d.json", "air_drag", 1) and len(
+        about["sha256"]
+    ) == 64
+    assert set(pd.read_csv(folder / "before_after.csv")["model"]) == {"before", "soil", "after"}
+    sites = pd.read_csv(folder / "sites.csv")
+    assert list(sites) == ["diagnosis.air_drag.drag_per_mass_1_m"] and sites.iloc[:, 0].std() > 0
+    assert any("air_drag acts: drag_per_mass_1_m = 0.05 [0.045, 0.055]" in line for line in said)
+
+
+@pytest.mark.parametrize(
+    "blocks, said",
+    [({}, "cannot be checked"), ({"a": {"mass_kg": 0.02, "size_m": 0.02}}, "do not hold at this scale"),
+     ({"a": {"mass_kg": 400.0, "size_m": 0.6}}, "")],
+)  # fmt: skip
+def test_another_scale_is_warned_of(tmp_path, blocks, said):
+    warned = [
+        r for r in diagnosis_remarks(diagnosed(tmp_path, content(blocks=blocks))) if r.startswith("warning")
+    ]
+    assert bool(warned) == bool(said) and all(said in line for line in warned)
+
+
+def test_a_possible_site_has_its_own_effect(tmp_path):
+    from rock2d.files.scenario_variants import variant
+
+    scenario = diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
+    site = variant(scenario, {"diagnosis.air_drag.drag_per_mass_1_m": 0.07})
+    met = Conditions(site, "batch", 1).common[0]
+    assert met.block == replace(met.block, air=met.block.air) and max(met.block.air) == pytest.approx(
+        0.07 * 305
+    )

@@ -18,7 +18,8 @@ Ten lines simulate one release and draw it:
 
 From here:
 
-- a scenario file: `load_scenario`, then `run`;
+- a scenario file: `load_scenario`, then `run` and `write_report`;
+- a scenario that says what is not known: `assess` and `least_size`;
 - a filmed experiment: `load_experiment`, then `diagnose` and `predict`;
 - mistakes in what you give raise `InputError`, which has a code and fields.
 
@@ -31,11 +32,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rock2d.api import DiagnosisResult, diagnose, predict
+    from rock2d.api import DiagnosisResult, assess, diagnose, least_size, predict, write_report
+    from rock2d.design.assessment import Assessment
+    from rock2d.design.least_size import Answer, Target
     from rock2d.effects import catalogue
     from rock2d.errors import InputError
     from rock2d.files.experiment import Experiment, load_experiment
     from rock2d.files.scenario import Scenario, load_scenario
+    from rock2d.files.scenario_variants import variant
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
     from rock2d.runs.results import RunResult
@@ -47,6 +51,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Answer",
+    "Assessment",
     "Block",
     "ContactParameters",
     "CrossSection",
@@ -57,17 +63,24 @@ __all__ = [
     "RunResult",
     "Scenario",
     "Simulation",
+    "Target",
+    "assess",
     "catalogue",
     "diagnose",
+    "least_size",
     "load_experiment",
     "load_scenario",
     "make_block",
     "predict",
     "run",
     "simulate",
+    "variant",
+    "write_report",
 ]
 
 _MODULES = {
+    "Answer": "design.least_size",
+    "Assessment": "design.assessment",
     "Block": "scene.blocks",
     "ContactParameters": "laws.contact",
     "CrossSection": "scene.cross_section",
@@ -78,14 +91,19 @@ _MODULES = {
     "RunResult": "runs.results",
     "Scenario": "files.scenario",
     "Simulation": "runs.simulation",
+    "Target": "design.least_size",
+    "assess": "api",
     "catalogue": "effects",
     "diagnose": "api",
+    "least_size": "api",
     "load_experiment": "files.experiment",
     "load_scenario": "files.scenario",
     "make_block": "scene.blocks",
     "predict": "api",
     "run": "runs.run",
     "simulate": "runs.simulation",
+    "variant": "files.scenario_variants",
+    "write_report": "api",
 }
 
 

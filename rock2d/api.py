@@ -1,4 +1,4 @@
-"""Diagnosis and prediction for Python programs: thin functions over `rock2d.diagnosis`."""
+"""Design, diagnosis and prediction for Python programs: thin functions over `rock2d.design` and `rock2d.diagnosis`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ from rock2d.files.experiment import load_experiment
 if TYPE_CHECKING:
     import pandas as pd
 
+    from rock2d.design.assessment import Assessment
+    from rock2d.design.least_size import Answer, Target
     from rock2d.diagnosis.diagnose import Diagnosis
     from rock2d.files.experiment import Experiment
+    from rock2d.files.scenario import Scenario
+    from rock2d.runs.results import RunResult
 
 LIKELIEST_SHOWN = 5  # effects that a notebook shows
 
@@ -199,3 +203,146 @@ def predict(
 
 def _loaded(experiment: Experiment | str | Path) -> Experiment:
     return load_experiment(experiment) if isinstance(experiment, (str, Path)) else experiment
+
+
+def assess(
+    scenario: Scenario, *, engine: str | None = None, seed: int | None = None, progress: bool = False
+) -> Assessment:
+    """Simulate the possible sites of a scenario: tell sampling and what is not known apart.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        From `load_scenario`, with the key ``uncertainty`` and a measure line.
+    engine : {"batch", "point_mass", "pymunk"}, optional
+        Instead of the scenario's; "pymunk" is computed with "batch", which has the same law.
+    seed : int, optional
+        Seed of every random draw, instead of the scenario's.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    Assessment
+        Tables over the sites and a tornado figure; `Assessment.write` writes them.
+
+    Raises
+    ------
+    InputError
+        Code ``missing_key`` if the scenario has no ``uncertainty``; also if a drawn value makes no sense.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
+    >>> found = rock2d.assess(site)  # doctest: +SKIP
+    >>> found.uncertain[["block", "line", "quantity", "value", "low95", "high95"]]  # doctest: +SKIP
+    """
+    from rock2d.design.assessment import assess as assess_sites
+
+    return assess_sites(
+        scenario, engine or scenario.engine, scenario.seed if seed is None else seed, progress
+    )
+
+
+def least_size(
+    scenario: Scenario,
+    place: str,
+    bounds: tuple[float, float],
+    target: Target,
+    *,
+    engine: str | None = None,
+    seed: int | None = None,
+    progress: bool = False,
+) -> Answer:
+    """Find the least size that keeps blocks back, over sampling and all that is not known.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        From `load_scenario`.
+    place : str
+        Of the number whose least value is sought, for example ``"embankment.height_m"``.
+    bounds : (float, float)
+        Least and greatest value, in the unit of the number; the greatest must be the safest. The answer is exact to
+        1/50 of their distance.
+    target : Target
+        Measure line, largest share of the releases of each block that may pass it, and confidence.
+    engine, seed, progress : optional
+        As in `assess`.
+
+    Returns
+    -------
+    Answer
+        `Answer.least` is None if no value of the range meets the target. `variant` makes the scenario of a size.
+
+    Raises
+    ------
+    InputError
+        If there is no number at the place, no such measure line, or the bounds or the target make no sense.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
+    >>> target = rock2d.Target("crest", frequency=0.01, confidence=0.95)
+    >>> answer = rock2d.least_size(site, "embankment.height_m", (2.0, 8.0), target)  # doctest: +SKIP
+    >>> least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)  # doctest: +SKIP
+    >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP
+    """
+    from tqdm import tqdm
+
+    from rock2d.design.least_size import Judgement, independent_sites, judge_size
+    from rock2d.design.least_size import least_size as search
+
+    chosen, own_seed = engine or scenario.engine, scenario.seed if seed is None else seed
+    sites = len(independent_sites(scenario, own_seed))
+
+    def judged(size: float) -> Judgement:
+        with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
+            return judge_size(scenario, place, size, target, chosen, own_seed, bar.update)
+
+    return search(scenario, place, bounds, target, judged)
+
+
+def write_report(result: RunResult, folder: str | Path, *, assessment: Assessment | None = None) -> None:
+    """Write report.html, a page to read, print and hand in, with its figures and tables.
+
+    Parameters
+    ----------
+    result : RunResult
+        From `run`.
+    folder : path
+        It is made if it is not there.
+    assessment : Assessment, optional
+        From `assess`: the page then also says what the possible sites do.
+
+    Raises
+    ------
+    InputError
+        Code ``wrong_kind`` if the releases restarted a film, ``not_writable`` if the folder cannot be written.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
+    >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP
+    """
+    from rock2d.design.report import REPORTED_TABLES, SiteResults
+    from rock2d.design.report import write_report as write_page
+    from rock2d.errors import InputError
+    from rock2d.files.folders import make_folder
+    from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+    from rock2d.runs.resolution import unresolved_remarks
+
+    scenario, folder = result.scenario, Path(folder)
+    if scenario.experiment is not None:
+        message = "a report is for sites; releases that restart a film are compared with it instead"
+        raise InputError(message, code="wrong_kind")
+    tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
+    remarks = unresolved_remarks(tables, scenario.longest_release_s())
+    make_folder(folder)
+    found = SiteResults(scenario, result, tables, remarks, assessment, diagnosis=diagnosis_remarks(scenario))
+    write_page(found, folder, "rock2d.write_report in Python")
+    if assessment is not None:
+        assessment.write(folder)

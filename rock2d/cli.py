@@ -10,11 +10,13 @@ import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
+from rock2d import compiling
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 from rock2d.site_commands import SITE_COMMANDS
 
 LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
+COMPILING = "compiling, once for this version (up to two minutes)"
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -32,7 +34,10 @@ for command in SITE_COMMANDS:
               help="Folder for figures, tables and the video.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def demo(out, quiet) -> None:
-    """The paper's three blocks with both models: figures, a table and a short video."""
+    """The paper's three blocks with both models: figures, a table and a short video.
+
+    Example: rock2d demo --out out/demo
+    """
     from rock2d.runs.demo import run_demo
 
     run_demo(out, progress=not quiet)
@@ -57,6 +62,8 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
     Both models are calibrated on the sphere and on the statements of the text on first impacts. Each slope reduction
     is calibrated on its own block. Values that the paper does not publish are marginalised. An interrupted
     reproduction keeps the calibrations that it had finished.
+
+    Example: rock2d reproduce --seed 1 --out out/reproduce
     """
     from rock2d_figures.command import reproduce as run_reproduction
 
@@ -83,6 +90,8 @@ def diagnose(experiment, out, seed, workers, quiet) -> None:
 
     Every effect of the catalogue is fitted with the paper's law and tested on releases that the fit did not use.
     The same command continues an interrupted diagnosis.
+
+    Example: rock2d diagnose my_tests --out diagnosis
     """
     from rock2d.diagnosis.command import run_diagnosis
 
@@ -95,7 +104,10 @@ def diagnose(experiment, out, seed, workers, quiet) -> None:
 @click.option("--base-only", is_flag=True, help="The paper's law refitted, without the diagnosed effect.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV to write.")
 def predict(experiment, diagnosis, base_only, out) -> None:
-    """Predict every segment of EXPERIMENT from the measured flight before it, with a diagnosed model."""
+    """Predict every segment of EXPERIMENT from the measured flight before it, with a diagnosed model.
+
+    Example: rock2d predict other_tests --diagnosis diagnosis/diagnosis.json --out predictions.csv
+    """
     from rock2d.diagnosis.command import run_prediction
 
     run_prediction(experiment, diagnosis, out, base_only=base_only, report=click.echo)
@@ -132,7 +144,10 @@ def blind() -> None:
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def blind_make(cases, seed, out, workers, quiet) -> None:
-    """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue."""
+    """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue.
+
+    Example: rock2d blind make --cases 40 --seed 1 --out trial
+    """
     from rock2d.blind.command import make
 
     make(cases, seed, out, workers=workers, progress=not quiet, report=click.echo)
@@ -143,7 +158,10 @@ def blind_make(cases, seed, out, workers, quiet) -> None:
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def blind_run(trial, workers, quiet) -> None:
-    """Diagnose every case of TRIAL without its labels. The same command continues after an interruption."""
+    """Diagnose every case of TRIAL without its labels. The same command continues after an interruption.
+
+    Example: rock2d blind run trial
+    """
     from rock2d.blind.command import run
 
     run(trial, workers=workers, progress=not quiet, report=click.echo)
@@ -152,7 +170,10 @@ def blind_run(trial, workers, quiet) -> None:
 @blind.command("score")
 @click.argument("trial", type=click.Path(path_type=Path))
 def blind_score(trial) -> None:
-    """Open the labels of TRIAL and compare: score.html, score.json, score.csv."""
+    """Open the labels of TRIAL and compare: score.html, score.json, score.csv.
+
+    Example: rock2d blind score trial
+    """
     from rock2d.blind.command import score
 
     score(trial, report=click.echo)
@@ -170,7 +191,10 @@ def blind_score(trial) -> None:
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def blind_train(cases, seed, work, out, workers, quiet) -> None:
-    """Learn the weights behind the probabilities from cases made for it."""
+    """Learn the weights behind the probabilities from cases made for it.
+
+    Example: rock2d blind train --seed 2 --work work --out weights.json
+    """
     from rock2d.blind.command import train_weights
 
     train_weights(cases, seed, work, out, workers=workers, progress=not quiet, report=click.echo)
@@ -184,7 +208,10 @@ def blind_train(cases, seed, work, out, workers, quiet) -> None:
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def track(video, config, out, frames, quiet) -> None:
-    """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics."""
+    """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics.
+
+    Example: rock2d track film.avi --config setup.yaml --out my_tests
+    """
     from rock2d_tracking.command import track
 
     track(video, config, out, last=frames, progress=not quiet, report=click.echo)
@@ -203,7 +230,10 @@ def track(video, config, out, frames, quiet) -> None:
 )
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def film(experiment, out, size, faults, releases, seed, quiet) -> None:
-    """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file."""
+    """Draw a synthetic film of EXPERIMENT to test a tracker, and write its true positions and a set-up file.
+
+    Example: rock2d film my_tests --out film.avi --faults moderate
+    """
     from rock2d_tracking.command import FilmFormat, film
 
     film_format = FilmFormat(tuple(size), releases)
@@ -225,7 +255,10 @@ def film(experiment, out, size, faults, releases, seed, quiet) -> None:
 @click.option("--gap-frames", type=click.IntRange(1), help="More lost frames than this separate releases.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 def import_(files, kind, config, y, block, out, **options) -> None:
-    """Make an experiment of FILES that another program tracked."""
+    """Make an experiment of FILES that another program tracked.
+
+    Example: rock2d import points.txt --kind tracker --config setup.yaml --y up --out my_tests
+    """
     from rock2d_tracking.command import import_files
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
@@ -238,7 +271,10 @@ def import_(files, kind, config, y, block, out, **options) -> None:
 @click.argument("experiment", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Text file to write.")
 def export(experiment, out) -> None:
-    """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics)."""
+    """Write the trajectories of EXPERIMENT for Tracker (Open Source Physics).
+
+    Example: rock2d export my_tests --out tracker.txt
+    """
     from rock2d_tracking.command import export_tracker
 
     export_tracker(experiment, out, report=click.echo)
@@ -247,10 +283,22 @@ def export(experiment, out) -> None:
 @cli.command()
 @click.argument("kind", type=click.Choice(list(SCHEMAS)), default="scenario")
 def schema(kind) -> None:
-    """Print the JSON Schema of a KIND of file, for editors and other programs. Default: scenario."""
+    """Print the JSON Schema of a KIND of file, for editors and other programs. Default: scenario.
+
+    Example: rock2d schema scenario > scenario.schema.json
+    """
     import json
 
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
+
+
+def _say_compiling() -> None:
+    """Explain a progress bar that stands still, unless the command is to be quiet."""
+    from tqdm import tqdm
+
+    context = click.get_current_context(silent=True)
+    if context is not None and not context.params.get("quiet"):
+        tqdm.write(COMPILING, file=sys.stderr)
 
 
 def main() -> None:
@@ -258,6 +306,7 @@ def main() -> None:
     from rock2d.errors import InputError, print_old_keys_in_one_line
 
     print_old_keys_in_one_line()
+    compiling.tell_once(_say_compiling)
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)

@@ -19,6 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
+
+from rock2d import compiling
 
 _PACKAGE = Path(__file__).resolve().parent
 _KEPT = 4  # older caches are removed, newest first
@@ -80,6 +83,19 @@ def _choose_cache() -> None:
 
 if "NUMBA_CACHE_DIR" not in os.environ:
     _choose_cache()
+
+
+class _Compiling(event.Listener):
+    """Hears of every function that is compiled; numba does not send this event for one that the cache holds."""
+
+    def on_start(self, event):
+        compiling.begins()
+
+    def on_end(self, event):
+        pass
+
+
+event.register("numba:compile", _Compiling())
 
 njit: Any = partial(numba.njit, cache=True, error_model="numpy")
 # For code that allocates no arrays: without reference counts, which numba keeps for every view and tuple of arrays by

@@ -46,11 +46,13 @@ def run(scenarios, engines, out, data, video, report, overwrite, quiet, **option
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
-    10,000, keeps no full tracks (no trajectories, figures or video), writes tables and parquet files, and the
-    same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
+    10,000, keeps no full tracks (no trajectories or video; figures only with --report), writes tables and parquet
+    files, and the same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
 
     If more than 1 % of the releases of a block ran out of time or sank into the ground, the end says so, and the
     exit code is 4.
+
+    Example: rock2d run site.yaml --engine batch --releases 500 --report
     """
     from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
     from rock2d.runs.command import run_scenarios

@@ -17,11 +17,13 @@ import rock2d
 from rock2d import api
 from rock2d.errors import CODES, InputError
 from rock2d.files.shipped_scenarios import scenario_file
+from tests.design.small_site import small_site
 
 WITH_EXAMPLES = [
     "rock2d",
     "rock2d.api",
     "rock2d.errors",
+    "rock2d.files.scenario_variants",
     "rock2d.runs.run",
     "rock2d.runs.simulation",
     "rock2d.scene.blocks",
@@ -111,6 +113,40 @@ def test_a_scenario_runs_and_is_written(tmp_path):
     assert {f"{name}.csv" for name in tables} | {"trajectories.csv", "trajectories.png", "run.json"} <= names
     back = rock2d.load_experiment(tmp_path / "out")
     assert back.name == "flat_floor_point_mass" and len(back.blocks) == 5
+
+
+def test_a_site_is_assessed_designed_and_reported(tmp_path):
+    site = small_site(tmp_path, engine="point_mass")
+    assessment = rock2d.assess(site)
+    assert isinstance(assessment, rock2d.Assessment)
+    assert set(assessment.uncertain["line"]) == {"arrival", "crest", "facing_1_3", "facing_2_3"}
+    assert "<table" in assessment._repr_html_()
+    rock2d.write_report(rock2d.run(site), tmp_path / "out" / "page", assessment=assessment)
+    found = {path.name for path in (tmp_path / "out" / "page").iterdir()}
+    assert {"report.html", "envelopes.csv", "design_values.csv", "uncertainty.csv", "tornado.png"} <= found
+    page = (tmp_path / "out" / "page" / "report.html").read_text(encoding="utf-8")
+    assert "rock2d.write_report in Python" in page and "over sampling and what is not known" in page
+
+    target = rock2d.Target("crest", frequency=0.2, confidence=0.9)
+    answer = rock2d.least_size(site, "embankment.height_m", (1.0, 6.0), target)
+    assert isinstance(answer, rock2d.Answer) and answer.least is not None and answer.least > 1.0
+    tried = answer.to_pandas().set_index("size")
+    assert tried.loc[answer.least, "high"] <= 0.2 < tried.loc[1.0, "high"]
+    assert "<img" in answer._repr_html_()
+    least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)
+    assert least.embankment.height_m == answer.least and least.uncertainty is not None
+
+
+def test_what_has_no_answer_is_refused_with_a_code(tmp_path):
+    known = small_site(tmp_path, unknown="", engine="point_mass")
+    with pytest.raises(InputError) as caught:
+        rock2d.assess(known)
+    assert caught.value.code == "missing_key"
+    with pytest.raises(InputError, match="no measure line top"):
+        rock2d.least_size(known, "embankment.height_m", (1.0, 6.0), rock2d.Target("top", 0.2, 0.9))
+    with pytest.raises(InputError) as caught:
+        rock2d.variant(known, {"embankment.high_m": 3.0})
+    assert caught.value.code == "unknown_name"
 
 
 def test_errors_keep_their_facts_when_they_travel_between_processes():

@@ -123,6 +123,7 @@ def _option_row(option: click.Option) -> str:
 API_GROUPS = {
     "Set-up": ("make_block", "Block", "CrossSection", "ContactParameters", "ReboundParameters"),
     "Simulate": ("simulate", "load_scenario", "Scenario", "run", "Simulation", "RunResult"),
+    "Design": ("assess", "Assessment", "least_size", "Target", "Answer", "variant", "write_report"),
     "Compare with experiments": ("load_experiment", "Experiment", "diagnose", "DiagnosisResult", "predict"),
 }
 

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Assessment:
-    """Tables over all possible sites; see `uncertain_table` and `sensitivity_table`.
+    """What blocks do over all possible sites, and which unknown value matters; made by `rock2d.assess`.
 
     Attributes
     ----------
-    uncertain, sensitivity : the tables
+    uncertain : a row for each block, measure line and quantity: median over the sites, 95 % interval, and the shares of
+        the variance that are not known and that are sampling
+    sensitivity : Sobol indices of each unknown value, a row for each block, line, quantity and value
     sites : one row for each site that was simulated, a column for each value
     """
 
@@ -45,6 +47,11 @@ class Assessment:
         from rock2d.graphics.tornado import tornado_figure
 
         return tornado_figure(self.sensitivity)
+
+    def _repr_html_(self) -> str:
+        from rock2d.notebook import embedded_figure, table_html
+
+        return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.sensitivity) else "")
 
     def text(self) -> str:
         """Passing frequencies with their intervals, as a person reads them."""

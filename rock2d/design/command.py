@@ -135,22 +135,10 @@ def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
     )  # fmt: skip
 
 
-def judged_rows(answer: Answer) -> list[dict[str, Any]]:
-    """A row for each size that was tried and each block, frequencies as shares."""
-    return [
-        {"size": j.size, "block": block, "median": j.median[block], "low": j.low[block], "high": j.high[block],
-         "meets": j.meets}
-        for j in answer.judgements
-        for block in j.median
-    ]  # fmt: skip
-
-
 def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
-    import pandas as pd
-
     from rock2d import __version__
 
-    pd.DataFrame(judged_rows(answer)).to_csv(folder / "design.csv", index=False, lineterminator="\n")
+    answer.to_pandas().to_csv(folder / "design.csv", index=False, lineterminator="\n")
     facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}
     (folder / "design.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     if answer.least is not None:
@@ -167,7 +155,7 @@ def _write_page(
 ) -> None:
     """The page about the least size, or the largest if none meets the target, with the releases of its scenario."""
     from rock2d.design.possible_sites import SAME_LAW
-    from rock2d.design.report import SiteResults, write_report
+    from rock2d.design.report import REPORTED_TABLES, SiteResults, write_report
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
@@ -176,6 +164,6 @@ def _write_page(
     chosen = variant(scenario, {answer.place: size}, uncertain=True)
     releases = min(chosen.releases, MOST_SHOWN)
     sample = run(chosen, engine=SAME_LAW.get(engine, engine), seed=seed, releases=releases)
-    tables = {name: sample.to_pandas(name) for name in ("passing", "percentiles", "stops")}
+    tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
     write_report(SiteResults(chosen, sample, tables, remarks, answer=answer), folder, command)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
 Array = np.ndarray
 
 DEFAULT_RELEASES = 1000  # of a scenario that says nothing about what is not known
@@ -27,7 +31,13 @@ STEPS_OF_RANGE = 50  # the least size is found to this part of the range
 
 @dataclass(frozen=True)
 class Target:
-    """What must be kept: with this confidence, at most this share of the releases of each block passes the line."""
+    """What must be kept: with this confidence, at most this share of the releases of each block passes the line.
+
+    Attributes
+    ----------
+    line : name of a measure line
+    frequency, confidence : shares from 0 to 1
+    """
 
     line: str
     frequency: float
@@ -74,6 +84,28 @@ class Answer:
         """Whether no size fails above one that meets the target."""
         meets = [judgement.meets for judgement in self.judgements]
         return meets == sorted(meets)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Every size that was tried, a row for each block: size, block, median, low, high (shares), meets."""
+        import pandas as pd
+
+        rows = [
+            (j.size, block, j.median[block], j.low[block], j.high[block], j.meets)
+            for j in self.judgements
+            for block in j.median
+        ]
+        return pd.DataFrame(rows, columns=["size", "block", "median", "low", "high", "meets"])
+
+    def plot(self) -> Figure:
+        """The share of blocks that pass, against the size, with the target and the least size."""
+        from rock2d.graphics.design_curve import design_figure
+
+        return design_figure(self)
+
+    def _repr_html_(self) -> str:
+        from rock2d.notebook import embedded_figure, table_html
+
+        return table_html(self.to_pandas()) + embedded_figure(self.plot())
 
 
 def independent_sites(scenario: Scenario, seed: int) -> list[tuple[dict[str, float], int]]:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from rock2d.design.least_size import Answer
 
 PAGE = "report.html"
+REPORTED_TABLES = ("passing", "percentiles", "stops")  # of all releases
 ZOOM_HEIGHTS = 3.0  # heights of the embankment that are shown before and behind it
 LIMITS = (
     "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
@@ -243,16 +244,12 @@ def _picture(figures: Mapping[str, Figure], name: str, alt: str, caption: str = 
 def _answer_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
     if results.answer is None:
         return None
-    from rock2d.design.command import judged_rows
-
     answer = results.answer
-    rows = judged_rows(answer)
     shown = TextTable(
         (answer.place, "block", "median %", "bound %", "meets"),
         [
-            (f"{r['size']:.4g}", r["block"], three_digits(100 * r["median"]), three_digits(100 * r["high"]),
-             "yes" if r["meets"] else "no")
-            for r in rows
+            (f"{size:.4g}", block, three_digits(100 * median), three_digits(100 * high), "yes" if meets else "no")
+            for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
         ],
     )  # fmt: skip
     alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"

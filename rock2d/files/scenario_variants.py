@@ -15,7 +15,23 @@ from rock2d.files.scenario import Scenario, checked_scenario
 def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool = False) -> Scenario:
     """The scenario with other numbers at these places, checked; without what is not known, unless `uncertain`.
 
-    Raises InputError where there is no number, or where a value makes no sense.
+    Parameters
+    ----------
+    values : place -> number, for example ``{"embankment.height_m": 4.0}``
+    uncertain : whether the scenario keeps its key ``uncertainty``
+
+    Raises
+    ------
+    InputError
+        Where there is no number, or where a value makes no sense.
+
+    Examples
+    --------
+    >>> import rock2d
+    >>> from rock2d.files.shipped_scenarios import scenario_file
+    >>> site = rock2d.load_scenario(scenario_file("design_site.yaml"))
+    >>> rock2d.variant(site, {"embankment.height_m": 5.0}).embankment.height_m
+    5.0
     """
     document = scenario.document
     if document is None:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.runs.results import RunResult
 
-REPORTED_TABLES = ("passing", "percentiles", "stops")
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 
@@ -119,7 +118,10 @@ def _run_in_memory(
     def also(partial: Path) -> None:
         found.write(partial)
         if page_of is not None:
-            _write_page(result, {n: result.to_pandas(n) for n in REPORTED_TABLES}, found, partial, page_of)
+            from rock2d.design.report import REPORTED_TABLES
+
+            of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
+            _write_page(result, of_run, found, partial, page_of)
 
     tables = result.write(folder, video, progress=progress, also=also)
     if "residual_summary" in tables:

@@ -21,7 +21,17 @@ def shown() -> list[tuple[str, str]]:
         lines = [line for block in FENCED.findall(text) for line in block.splitlines()]
         lines += INLINE.findall(text)
         found += [(path.name, line.strip()) for line in lines if line.strip().startswith("rock2d ")]
+    found += [(f"{words} --help", line) for words, line in examples()]
     return sorted(set(found))
+
+
+def examples() -> list[tuple[str, str]]:
+    """The words of every command, and the example in its help."""
+    return [
+        (words, line)
+        for words, command in generator().commands()
+        for line in re.findall(r"^ *Example: (.*)$", command.help or "", re.MULTILINE)
+    ]
 
 
 @pytest.mark.parametrize(("page", "line"), shown())
@@ -60,3 +70,9 @@ def test_every_command_is_documented():
             if isinstance(option, click.Option):
                 assert f"`{option.opts[0]}`" in page
                 assert option.help, f"{words} {option.opts[0]} has no help"
+
+
+def test_every_command_has_one_example_of_itself_in_its_help():
+    found = examples()
+    assert [words for words, _ in found] == [words for words, _ in generator().commands()]
+    assert all(line.startswith(f"{words} ") for words, line in found)

@@ -103,7 +103,9 @@ def test_examples_of_files_are_valid(tmp_path):
     """The YAML examples of the guide are read by the checks of the real files."""
     from rock2d_tracking.setup_file import Setup
 
+    from rock2d.design.possible_sites import draw_sites, variants_of
     from rock2d.files.scenario import load_scenario
+    from rock2d.runs.conditions import Conditions, starts
 
     def examples(name: str) -> list[str]:
         text = (DOCS / "guide" / name).read_text(encoding="utf-8")
@@ -111,7 +113,17 @@ def test_examples_of_files_are_valid(tmp_path):
 
     scenario = tmp_path / "slope.yaml"
     scenario.write_text("".join(examples("own-slope.md")), encoding="utf-8")
-    assert load_scenario(scenario).releases == 500
+    site = load_scenario(scenario)
+    assert site.releases == 500 and site.scatter and site.roughness
+    begun = starts(Conditions(site, site.engine, site.seed), 20)
+    assert {start.block for start, _ in begun} == {"boulder", "slab", "scree_blocks"}
+    assert {len(met.drawn) for _, met in begun} == {1, 2, 3}  # of the slab, the boulder and the population
+    further = [t for t in examples("design.md") if t.startswith("design_values:") or "\n  site:" in t]
+    assert len(further) == 2
+    scenario.write_text("".join(examples("own-slope.md") + further), encoding="utf-8")
+    site = load_scenario(scenario)
+    assert site.design_values.onr_24810.gamma_e == 1.15
+    assert len(variants_of(site, draw_sites(site, 1, 4))) == 4 * (4 + 2)
     setup = tmp_path / "setup.yaml"
     setup.write_text(examples("own-film.md")[0], encoding="utf-8")
     assert Setup(setup).metres_per_pixel == pytest.approx(0.5 / 800, rel=1e-3)

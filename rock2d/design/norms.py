@@ -1,8 +1,8 @@
 """Design values by two norms: characteristic percentiles at a measure line times the norm's partial factors.
 
 Sources: UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4; its formulas as in D. Peila and C. Ronco, Nat.
-Hazards Earth Syst. Sci. 9 (2009) 1291. ONR 24810:2017, Technischer Steinschlagschutz. The factors of ONR 24810 were
-written from memory of its tables and not compared with its text: compare them before use.
+Hazards Earth Syst. Sci. 9 (2009) 1291. ONR 24810:2017, Technischer Steinschlagschutz. The factors were not
+compared with the text of the norms: compare them before use.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 
+FLOOR_OF_TARGET = 0.5  # of the target: if the largest size comes no lower, sampling decides the answer
 MOST_SHOWN = 1000  # releases of each block on the page
 
 
@@ -124,6 +125,13 @@ def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
     notes = (
         [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
     )
+    largest = answer.judgements[-1]
+    floor = max(largest.high.values())
+    if not any(largest.median.values()) and floor > FLOOR_OF_TARGET * target.frequency:
+        notes.append(
+            f"with so few releases the bound does not fall below {100 * floor:.3g} % although hardly a block passes: "
+            "more releases (uncertainty.releases) may allow a smaller size"
+        )
     known = "" if scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
     return "\n".join(
         [

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from rock2d.design.command import run_design
-from rock2d.design.least_size import Judgement, Target, judge, judge_size, least_size
+from rock2d.design.command import answer_text, run_design
+from rock2d.design.least_size import Answer, Judgement, Target, judge, judge_size, least_size
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
@@ -131,3 +131,15 @@ def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch)
     again = run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False, report=lambda line: None)
     assert again == whole
     assert not set(before) & set(asked[2:])
+
+
+def test_an_answer_that_sampling_decides_says_so(tmp_path):
+    scenario = small_site(tmp_path)
+
+    def text(bound: float) -> str:
+        passes = Judgement(4.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": bound}, True)
+        fails = Judgement(1.0, {"ball": 0.4}, {"ball": 0.3}, {"ball": 0.5}, False)
+        return answer_text(Answer(PLACE, TARGET, 4.0, 0.1, (fails, passes)), scenario, 8)
+
+    assert "more releases" in text(0.08)
+    assert "more releases" not in text(0.01)

@@ -125,6 +125,12 @@ def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
     notes = (
         [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
     )
+    shown = next((j for j in answer.judgements if j.size == answer.least), answer.judgements[-1])
+    notes += [
+        f"{100 * share:.2g} % of the releases of {block} were cut short or buried; the bounds count them as passed"
+        for block, share in shown.unresolved.items()
+        if share > 0.0
+    ]
     largest = answer.judgements[-1]
     floor = max(largest.high.values())
     if not any(largest.median.values()) and floor > FLOOR_OF_TARGET * target.frequency:

@@ -7,7 +7,7 @@ their effect and not by chance.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,6 +53,8 @@ class Judgement:
     size : the number that was varied
     median, low, high : block -> frequency
     meets : whether every upper bound is at most the target
+    unresolved : block -> share of the releases of all sites that were cut short or buried before the line; the upper
+        bounds count them as passed
     """
 
     size: float
@@ -60,6 +62,7 @@ class Judgement:
     low: Mapping[str, float]
     high: Mapping[str, float]
     meets: bool
+    unresolved: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -129,15 +132,17 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
     median: dict[str, float] = {}
     low: dict[str, float] = {}
     high: dict[str, float] = {}
+    unresolved: dict[str, float] = {}
     for b, block in enumerate(results.blocks):
         passed = results.passed[:, b, k]
         most = passed | results.cut[:, b, k]
         n = passed.shape[1]
+        unresolved[block] = float(results.cut[:, b, k].mean())
         median[block] = float(np.median(passed.mean(axis=1)))
         share, _ = variance_shares(most)
         for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):
             bound[block] = further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
-    return Judgement(size, median, low, high, max(high.values()) <= target.frequency)
+    return Judgement(size, median, low, high, max(high.values()) <= target.frequency, unresolved)
 
 
 def least_size(

@@ -136,10 +136,12 @@ def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch)
 def test_an_answer_that_sampling_decides_says_so(tmp_path):
     scenario = small_site(tmp_path)
 
-    def text(bound: float) -> str:
-        passes = Judgement(4.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": bound}, True)
+    def text(bound: float, unresolved: float = 0.0) -> str:
+        passes = Judgement(4.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": bound}, True, {"ball": unresolved})
         fails = Judgement(1.0, {"ball": 0.4}, {"ball": 0.3}, {"ball": 0.5}, False)
         return answer_text(Answer(PLACE, TARGET, 4.0, 0.1, (fails, passes)), scenario, 8)
 
     assert "more releases" in text(0.08)
     assert "more releases" not in text(0.01)
+    assert "3 % of the releases of ball were cut short or buried" in text(0.01, 0.03)
+    assert "buried" not in text(0.01)

@@ -66,10 +66,22 @@ class Assessment:
         )
         table = cells.pivot(index="line", columns="block", values="cell").loc[own["line"].unique()]
         sites = own["sites"].iloc[0] if len(own) else 0
-        return (
+        head = (
             f"passing frequency in % over {sites} possible sites: median [95 % interval], share of the variance that "
             f"is not known rather than sampling\n{table.to_string()}"
         )
+        return "\n".join([head, *self.remarks()])
+
+    def remarks(self) -> list[str]:
+        """A sentence on each block of which releases were cut short or buried on the possible sites."""
+        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
+        largest = own.groupby("block", sort=False)["unresolved"].max()
+        return [
+            f"on the possible sites {100 * share:.2g} % of the releases of {block} were cut short or buried; the upper "
+            "bounds count them as passed"
+            for block, share in largest.items()
+            if share > 0.0
+        ]
 
 
 def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -> Assessment:

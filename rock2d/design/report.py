@@ -118,7 +118,9 @@ def report_page(results: SiteResults, figures: Mapping[str, Figure], made: Made)
     scenario = results.scenario
     context = {
         "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(results),
-        "about": scenario.about, "tiles": _tiles(results), "remarks": results.remarks, "resolved": not results.remarks,
+        "about": scenario.about, "tiles": _tiles(results),
+        "remarks": [*results.remarks, *(results.assessment.remarks() if results.assessment else ())],
+        "resolved": not results.remarks,
         "sections": [section for section in _sections(results, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
     }  # fmt: skip

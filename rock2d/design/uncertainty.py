@@ -16,6 +16,7 @@ Array = np.ndarray
 
 UNCERTAIN_COLUMNS = (
     "block", "line", "quantity", "sites", "releases", "value", "low95", "high95", "share_not_known", "share_sampling",
+    "unresolved",
 )  # fmt: skip
 SENSITIVITY_COLUMNS = (
     "block", "line", "quantity", "parameter", "first_order", "first_order_error95", "total", "total_error95",
@@ -32,7 +33,7 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
 
     value: median over the sites. low95, high95: bounds of the mixture, over the sites, of what sampling leaves open
     about each. share_not_known and share_sampling: of the variance of what is written here. A frequency's upper bound
-    counts unresolved releases as passed.
+    counts unresolved releases as passed; unresolved: their share over all sites.
     """
     import pandas as pd
 
@@ -42,12 +43,12 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     for b, block in enumerate(results.blocks):
         for k, line in enumerate(results.lines):
             passed, cut = results.passed[own, b, k], results.cut[own, b, k]
-            head = (block, line)
+            head, unresolved = (block, line), float(cut.mean())
             size = (len(own), passed.shape[1])
-            rows.append((*head, FREQUENCY, *size, *_frequency(passed, cut, rng)))
+            rows.append((*head, FREQUENCY, *size, *_frequency(passed, cut, rng), unresolved))
             for quantity, values in results.crossings.items():
                 found = _percentile(values[own, b, k], rng)
-                rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found))
+                rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found, unresolved))
     return pd.DataFrame(rows, columns=list(UNCERTAIN_COLUMNS))
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import special
 
+from rock2d.design.assessment import Assessment
 from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import sensitivity_table, uncertain_table
 from rock2d.files.scenario_variants import variant
@@ -137,3 +139,16 @@ def test_drawn_sites_are_scenarios_with_these_values(tmp_path):
     for i, own in enumerate(variants_of(scenario, sites)):
         law = own.contact_parameters(next(iter(own.make_blocks().values())))["default"]
         assert [law.k_ul_N_m, law.friction_angle_deg] == sites.values[i].tolist()
+
+
+def test_releases_that_are_not_resolved_are_told(tmp_path):
+    passed, cut = np.zeros((8, 1, 1, 50), bool), np.zeros((8, 1, 1, 50), bool)
+    cut[3, 0, 0, :10] = True
+    sites = PossibleSites(("a",), np.zeros((24, 1)))
+    whole = SiteResults(("ball",), ("crest",), np.repeat(passed, 3, axis=0), np.repeat(cut, 3, axis=0), {})
+    table = uncertain_table(sites, whole, 1)
+    assert table["unresolved"].iloc[0] == pytest.approx(10 / 400)
+    told = Assessment(table, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()
+    assert "2.5 % of the releases of ball were cut short or buried" in told
+    none = uncertain_table(sites, SiteResults(("ball",), ("crest",), whole.passed, whole.cut & False, {}), 1)
+    assert "buried" not in Assessment(none, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()

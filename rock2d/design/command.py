@@ -61,7 +61,8 @@ def run_design(
     engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
     stages = out.parent / f".{out.name}.judged"
     diagnosis = scenario.diagnosed.fingerprint if scenario.diagnosed else ""
-    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed, diagnosis])
+    drawn = fingerprint(scenario.posterior.draws) if scenario.posterior else ""
+    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed, diagnosis, drawn])
     key = fingerprint(np.frombuffer(text.encode(), np.uint8))
     question = f"{key} {bounds} {tolerance}"
     if changed and not overwrite and (known := _known_answer(out, question)) is not None:
@@ -158,10 +159,11 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
     if answer.least is not None:
         chosen = variant(scenario, {answer.place: answer.least}, uncertain=True)
         (folder / "least.yaml").write_text(scenario_text(chosen), encoding="utf-8")
-        if scenario.diagnosed is not None:  # the scenario names it by its path from there
-            copied = path_inside(folder, scenario.diagnosed.given)
-            copied.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(scenario.diagnosed.file, copied)
+        for named in (scenario.diagnosed, scenario.posterior):
+            if named is not None:  # the scenario names it by its path from there
+                copied = path_inside(folder, named.given)
+                copied.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(named.file, copied)
 
 
 def _write_page(

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.posterior_table import FACTOR, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.runs.campaigns.job import job_of
@@ -39,11 +40,13 @@ class PossibleSites:
     values : (N (d + 2), d) in the order of SALib's Sobol sample: of each of N groups the first and the last site are
         independent draws, the d in between take one value each from the last
     seed : from which the releases of each group follow
+    posterior : draws of a calibration; the value of its factor is the number of a draw
     """
 
     places: tuple[str, ...]
     values: Array
     seed: int = 0
+    posterior: Posterior | None = None
 
     @property
     def independent(self) -> Array:
@@ -59,7 +62,8 @@ class PossibleSites:
 
     def __getitem__(self, i: int) -> dict[str, float]:
         """Place -> value of site i."""
-        return dict(zip(self.places, self.values[i].tolist(), strict=True))
+        found = dict(zip(self.places, self.values[i].tolist(), strict=True))
+        return found if self.posterior is None else found | self.posterior.values(found.pop(FACTOR))
 
 
 def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> PossibleSites:
@@ -79,7 +83,7 @@ def draw_sites(scenario: Scenario, seed: int, count: int | None = None) -> Possi
     columns = []
     for place, own in zip(places, u.T, strict=True):
         columns.append(unknown[place](own.clip(1e-9, 1 - 1e-9)))
-    return PossibleSites(places, np.column_stack(columns), seed)
+    return PossibleSites(places, np.column_stack(columns), seed, scenario.posterior)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
+from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
@@ -103,6 +104,7 @@ class Scenario(Checked):
     _document: Document | None = PrivateAttr(default=None)
     _experiment: Experiment | None = PrivateAttr(default=None)
     _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)
+    _posterior: Posterior | None = PrivateAttr(default=None)
 
     @property
     def document(self) -> Document | None:
@@ -118,6 +120,11 @@ class Scenario(Checked):
     def diagnosed(self) -> DiagnosedModel | None:
         """The diagnosis whose soil and effects the scenario has, or None."""
         return self._diagnosed
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """The draws of a calibration that `uncertainty` names, or None."""
+        return self._posterior
 
     def with_diagnosed(self, diagnosed: DiagnosedModel) -> Scenario:
         """The scenario with another diagnosis, or another of its models in use."""
@@ -136,6 +143,8 @@ class Scenario(Checked):
             out[place] = partial(quantiles, draw, value=value)
         if self._diagnosed is not None:
             out |= {place: draw.quantiles for place, draw in self._diagnosed.unknown().items()}
+        if self._posterior is not None:
+            out[FACTOR] = self._posterior.row
         return out
 
     def longest_release_s(self) -> float:
@@ -225,6 +234,8 @@ def checked_scenario(
     if scenario.model.diagnosis is not None:
         root = data_root or os.environ.get(DATA_VARIABLE)
         scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
+    if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
+        scenario._posterior = _found_posterior(scenario, scenario.uncertainty.posterior)
     for key, given in (
         ("cross_section", scenario.cross_section),
         ("blocks", scenario.blocks or scenario.populations),
@@ -234,6 +245,16 @@ def checked_scenario(
     check_scenario(scenario)
     scenario.longest_release_s()
     return scenario
+
+
+def _found_posterior(scenario: Scenario, given: str) -> Posterior:
+    """The table beside the scenario file."""
+    assert scenario.document is not None
+    try:
+        file = path_inside(scenario.document.file.absolute().parent, given)
+    except OutsideFolderError as error:
+        raise scenario.error(error.message, "uncertainty", "posterior", code="outside_folder") from None
+    return read_posterior(given, file)
 
 
 def _load_experiment(

@@ -169,6 +169,16 @@ def _check_uncertainty(scenario: Scenario) -> None:
         if scenario.diagnosed is not None:
             message += "; the diagnosis leaves no value open that moves a block"
         raise scenario.error(message, "uncertainty", at="key", code="missing_key", key="site")
+    if scenario.posterior is not None:
+        for place in scenario.posterior.places:
+            if number_at(scenario.document.data, place) is None or place in scenario.uncertainty.site:
+                why = (
+                    "stands under site, too"
+                    if place in scenario.uncertainty.site
+                    else "is no number of this file"
+                )
+                message = f"column {shown(place)} {why}"
+                raise scenario.error(message, "uncertainty", "posterior", code="unknown_name", name=place)
     for place in scenario.uncertainty.site:
         if number_at(scenario.document.data, place) is None:
             message = "there is no number at this place of the file"

@@ -27,3 +27,8 @@ class Uncertainty(Checked):
         description="Place of a number in this file, for example model.deterministic.default.k_l_N_m, -> its "
         "distribution, or {times: distribution of a factor}; may be left out where model.diagnosis leaves values open",
     )
+    posterior: str | None = Field(
+        default=None,
+        description="Table (CSV) beside this file: a column for each place, a row for each of equally likely draws, "
+        "for example of a calibration; a site takes a row whole",
+    )

@@ -1,0 +1,67 @@
+"""A calibration's posterior as a table: equally likely draws of numbers of a scenario file."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.text_files import read_text
+
+Array = np.ndarray
+
+FACTOR = "posterior"  # its name among what is not known
+FEWEST_DRAWS, MOST_DRAWS = 10, 100_000
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of several numbers, whose dependence on each other they keep.
+
+    Attributes
+    ----------
+    given, file : the path as the scenario gives it, and where the table lies
+    places : (p,) of the numbers in the scenario file
+    draws : (n, p) values
+    """
+
+    given: str
+    file: Path
+    places: tuple[str, ...]
+    draws: Array
+
+    def row(self, share: Array) -> Array:
+        """The numbers of the draws at shares in (0, 1), by the order of the table."""
+        return np.floor(np.asarray(share) * len(self.draws))
+
+    def values(self, row: float) -> dict[str, float]:
+        """Place -> value of a draw."""
+        return dict(zip(self.places, self.draws[int(row)].tolist(), strict=True))
+
+
+def read_posterior(given: str, file: Path) -> Posterior:
+    """Read a table (CSV) with a column for each place and a row for each draw.
+
+    Raises InputError with the line if there are no numbers, or too few or too many rows.
+    """
+    rows = [row for row in csv.reader(read_text(file).splitlines()) if any(cell.strip() for cell in row)]
+    places = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    if not places or len(set(places)) != len(places) or not all(places):
+        raise InputError(
+            "expected a first line with a different place in each column", file, 1, 1, code="bad_table"
+        )
+    draws = []
+    for n, row in enumerate(rows[1:], 2):
+        try:
+            draws.append([float(cell) for cell in row])
+        except ValueError:
+            raise InputError("expected numbers", file, n, 1, code="bad_table") from None
+        if len(row) != len(places) or not np.isfinite(draws[-1]).all():
+            raise InputError(f"expected {len(places)} finite numbers", file, n, 1, code="bad_table")
+    if not FEWEST_DRAWS <= len(draws) <= MOST_DRAWS:
+        message = f"expected {FEWEST_DRAWS} to {MOST_DRAWS} draws, found {len(draws)}"
+        raise InputError(message, file, code="bad_table")
+    return Posterior(given, file, places, np.array(draws))

@@ -90,9 +90,9 @@ def run_design(
         _write(
             partial, scenario, answer, {"question": question, "engine": engine, "seed": seed, "sites": sites}
         )
-        _write_page(partial, scenario, answer, (engine, seed), command)
+        taken = _write_page(partial, scenario, answer, (engine, seed), command)
     shutil.rmtree(stages, ignore_errors=True)
-    report(answer_text(answer, scenario, sites))
+    report("\n".join([answer_text(answer, scenario, sites), *taken]))
     report(f"written: {out}")
     return answer
 
@@ -168,10 +168,13 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
 
 def _write_page(
     folder: Path, scenario: Scenario, answer: Answer, engine_and_seed: tuple[str, int], command: str
-) -> None:
-    """The page about the least size, or the largest if none meets the target, with the releases of its scenario."""
+) -> list[str]:
+    """The page about the least size, or the largest if none meets the target, with the releases of its scenario.
+
+    Returns what the embankment must take, in words.
+    """
     from rock2d.design.possible_sites import SAME_LAW
-    from rock2d.design.report import REPORTED_TABLES, SiteResults, write_report
+    from rock2d.design.report import REPORTED_TABLES, SiteResults, demand_tiles, write_report
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
@@ -182,4 +185,6 @@ def _write_page(
     sample = run(chosen, engine=SAME_LAW.get(engine, engine), seed=seed, releases=releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
-    write_report(SiteResults(chosen, sample, tables, remarks, answer=answer), folder, command)
+    results = SiteResults(chosen, sample, tables, remarks, answer=answer)
+    write_report(results, folder, command)
+    return [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]

@@ -217,15 +217,22 @@ def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
         found.append(
             (f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over)
         )
-    if "percentiles" in results.tables:
-        uncertain = results.assessment.uncertain if results.assessment is not None else None
-        words = {
-            "kinetic_J": "Energy that arrives (95 %)",
-            "passing_height_m": "Height at which it arrives (95 %)",
-        }
-        for quantity, (name, estimate) in demands(results.tables["percentiles"], uncertain).items():
-            found.append((words[quantity], quantity_text(quantity, *estimate), name))
-    return found
+    return found + demand_tiles(results)
+
+
+def demand_tiles(results: SiteResults) -> list[tuple[str, str, str]]:
+    """What the embankment must take: what it is, the largest value of all blocks with its interval, the block."""
+    if "percentiles" not in results.tables:
+        return []
+    words = {
+        "kinetic_J": "Energy that arrives (95 %)",
+        "passing_height_m": "Height at which it arrives (95 %)",
+    }
+    uncertain = results.assessment.uncertain if results.assessment is not None else None
+    return [
+        (words[quantity], quantity_text(quantity, *estimate), name)
+        for quantity, (name, estimate) in demands(results.tables["percentiles"], uncertain).items()
+    ]
 
 
 def _sections(results: SiteResults, figures: Mapping[str, Figure]) -> list[Section | None]:

@@ -250,16 +250,28 @@ class Conditions:
 
     def _below(self, block: int, first: int, stop: int) -> tuple[int, Array, int] | None:
         """Number and place of the first of these releases that starts below the ground, and how many do."""
-        if self.scenario.incident_of(self.blocks[block].name).above_ground is not None:
-            self.group(block, first, stop)
-            return None
         incident = self.scenario.incident_of(self.blocks[block].name)
-        places = drawn_states(incident, self.seed, block, first, stop)[:, :2]
+        states = drawn_states(incident, self.seed, block, first, stop)
+        if incident.above_ground is not None:
+            self._check_clearances(block, first, states)
+            return None
+        places = states[:, :2]
         below = self.cross_section.covers(places)
         for i in np.flatnonzero(self._near_rough_ground(places)):
             below[i] = self._ground(block, first + int(i)).covers(places[i : i + 1])[0]
         found = np.flatnonzero(below)
         return (first + int(found[0]), places[found[0]], len(found)) if len(found) else None
+
+    def _check_clearances(self, block: int, first: int, states: Array) -> None:
+        """Refuse starts beside the cross-section, or with a clearance (in the place of y) below 0."""
+        negative = np.flatnonzero(states[:, 1] < 0.0)
+        if len(negative):
+            raise self.scenario.error(
+                f"release {first + negative[0]} of block {self.blocks[block].name} would start below the ground: its "
+                f"clearance_m is {states[negative[0], 1]:.3g}; {len(negative)} of {len(states)} releases would",
+                "incident", code="bad_state", key="incident",
+            )  # fmt: skip
+        self._place_above([self.common[block]], states)
 
     def _near_rough_ground(self, places: Array) -> Array:
         """(n,) bool, which places (n, 2) are so close to the ground that its roughness could cover them."""

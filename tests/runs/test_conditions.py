@@ -146,6 +146,19 @@ def test_a_block_starts_at_its_clearance_above_the_ground(tmp_path, block, rough
         assert shapely.Polygon(outline - [0, 0.2502]).intersects(ground)
 
 
+@pytest.mark.parametrize(
+    "incident, said",
+    [
+        ("x_m: 3, clearance_m: {normal: {mean: 0.1, sd: 0.2}}", "would start below the ground: its clearance_m is -"),
+        ("x_m: {uniform: {low: 59, high: 62}}, clearance_m: 1", "beside the cross-section"),
+    ],
+)  # fmt: skip
+def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said):
+    scenario = site(tmp_path, BALL, incident=f"above_ground: {{{incident}, vx_m_s: 0, vy_m_s: 0}}")
+    with pytest.raises(InputError, match=said):
+        rock2d.run(scenario)
+
+
 def test_releases_along_a_line_spread_over_its_length(tmp_path):
     scenario = site(
         tmp_path, BALL, incident="along: {points_m: [[1, 30], [4, 30], [4, 29]], vx_m_s: 1, vy_m_s: 0}"

@@ -138,7 +138,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     text = (SCENARIOS / "paper_setup.yaml").read_text()
-    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.03"))
+    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.08"))
     command = [
         sys.executable, "-m", "rock2d.cli", "run", str(tmp_path / "short.yaml"), "--engine", "batch",
         "--releases", "40001", "--quiet", "--out",

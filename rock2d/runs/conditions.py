@@ -190,25 +190,31 @@ class Conditions:
         ground = self._ground(block, release) if self._roughness else common.cross_section
         return Condition(own, ground, parameters, drawn)
 
+    @cached_property
+    def _scattered(self) -> list[tuple[str, tuple[str | int, ...], Any, float]]:
+        """Of each scattered number: place, path, distribution, and the value in the file."""
+        document, found = self.scenario.document, []
+        for place, draw in self.scenario.scatter.items():
+            assert document is not None  # the places were checked with it
+            path, value = place_of(document.data, place), number_at(document.data, place)
+            assert path is not None and value is not None
+            found.append((place, path, draw, value))
+        return found
+
     def _values(self, name: str, u: Array) -> dict[str, float]:
         """Place -> value, without those of other blocks."""
-        document = self.scenario.document
-        assert document is not None  # the places were checked with it
-        found = {}
-        for (place, draw), share in zip(self.scenario.scatter.items(), u, strict=True):
-            path = place_of(document.data, place)
-            value = number_at(document.data, place)
-            assert path is not None and value is not None
-            if path[0] != "blocks" or path[1] == name:
-                found[place] = float(quantiles(draw, share, value))
-        return found
+        return {
+            place: float(quantiles(draw, share, value))
+            for (place, path, draw, value), share in zip(self._scattered, u, strict=True)
+            if path[0] != "blocks" or path[1] == name
+        }
 
     def _with_values(
         self, block: Block, values: Mapping[str, float], release: int
     ) -> tuple[Block, Mapping[str, Any] | Array]:
         try:
             changed = with_numbers(self.scenario, values)
-            if changed.blocks and block.name in changed.blocks and block.name not in changed.populations:
+            if changed.blocks and block.name in changed.blocks:
                 block = changed.blocks[block.name].make(block.name)
             return self._with_causes(block, engine_named(self.engine).parameters(changed, block))
         except InputError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import os
 from collections.abc import Mapping
@@ -292,15 +293,16 @@ def least_size(
     """
     from tqdm import tqdm
 
-    from rock2d.design.least_size import Judgement, independent_sites, judge_size
+    from rock2d.design.least_size import Judgement, independent_sites, judge_size, shared_descents
     from rock2d.design.least_size import least_size as search
 
     chosen, own_seed = engine or scenario.engine, scenario.seed if seed is None else seed
     sites = len(independent_sites(scenario, own_seed))
+    descents = functools.cache(lambda: shared_descents(scenario, place, bounds, chosen, own_seed))
 
     def judged(size: float) -> Judgement:
         with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            return judge_size(scenario, place, size, target, chosen, own_seed, bar.update)
+            return judge_size(scenario, place, size, target, chosen, own_seed, bar.update, descents())
 
     return search(scenario, place, bounds, target, judged)
 

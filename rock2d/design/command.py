@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import shutil
 from collections.abc import Callable, Mapping
@@ -18,6 +19,7 @@ from rock2d.design.least_size import (
     judge_size,
     least_size,
     releases_of,
+    shared_descents,
 )
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
@@ -70,13 +72,14 @@ def run_design(
         return known
     check_replaced(out, overwrite)
     sites = len(independent_sites(scenario, seed))
+    descents = functools.cache(lambda: shared_descents(scenario, place, bounds, engine, seed))
 
     def judged(size: float) -> Judgement:
         file = stages / f"{key}_{size:.12g}.json"
         if file.is_file():
             return Judgement(**read_json(file))
         with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            found = judge_size(scenario, place, size, target, engine, seed, bar.update)
+            found = judge_size(scenario, place, size, target, engine, seed, bar.update, descents())
         write_whole(file, json.dumps(asdict(found)))
         return found
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.design.possible_sites import SiteResults, draw_sites, simulate_sites
+from rock2d.design.possible_sites import SAME_LAW, SiteResults, draw_sites, simulate_sites
+from rock2d.design.shared_descents import SharedDescents, shares_descents
 from rock2d.design.site_frequencies import frequency_draws
 from rock2d.design.uncertainty import further_site_quantile, variance_shares
 from rock2d.errors import InputError
@@ -176,14 +177,28 @@ def least_size(
 
 def judge_size(
     scenario: Scenario, place: str, size: float, target: Target, engine: str, seed: int,
-    on_progress: Callable[[int], Any] = lambda count: None,
+    on_progress: Callable[[int], Any] = lambda count: None, descents: SharedDescents | None = None,
 ) -> Judgement:  # fmt: skip
-    """Simulate all possible sites with this size, and judge it."""
-    sites = independent_sites(scenario, seed)
-    variants = [variant(scenario, {**values, place: size}) for values, _ in sites]
-    seeds = [own for _, own in sites]
-    results = simulate_sites(variants, engine, seeds, releases_of(scenario), on_progress)
+    """Simulate all possible sites with this size, and judge it; `descents` are those of `shared_descents`."""
+    variants, seeds = _variants(scenario, place, size, seed)
+    results = simulate_sites(variants, engine, seeds, releases_of(scenario), on_progress, descents)
     return judge(results, size, target, seed)
+
+
+def shared_descents(
+    scenario: Scenario, place: str, bounds: tuple[float, float], engine: str, seed: int
+) -> SharedDescents | None:
+    """What the releases of all sizes within the bounds have in common; None if a size changes more than the ground."""
+    if not shares_descents(scenario, place, SAME_LAW.get(engine, engine)):
+        return None
+    (smallest, seeds), (largest, _) = (_variants(scenario, place, size, seed) for size in bounds)
+    return SharedDescents(smallest, largest, seeds, releases_of(scenario))
+
+
+def _variants(scenario: Scenario, place: str, size: float, seed: int) -> tuple[list[Scenario], list[int]]:
+    """The scenario of each possible site with this size, and the seed of its releases."""
+    sites = independent_sites(scenario, seed)
+    return [variant(scenario, {**values, place: size}) for values, _ in sites], [own for _, own in sites]
 
 
 def _check(scenario: Scenario, place: str, bounds: tuple[float, float], target: Target) -> None:

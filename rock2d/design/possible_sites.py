@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.design.shared_descents import SharedDescents
 from rock2d.errors import InputError
 from rock2d.files.posterior_table import FACTOR, Posterior
 from rock2d.files.scenario import Scenario
@@ -109,10 +110,12 @@ def simulate_sites(
     seeds: Sequence[int],
     releases: int,
     on_progress: Callable[[int], Any] = lambda count: None,
+    descents: SharedDescents | None = None,
 ) -> SiteResults:
     """Simulate releases on each of these scenarios, which have the same blocks and lines; the seed of each says which.
 
-    `on_progress` gets the number of further scenarios that are done. Raises InputError if one cannot be simulated.
+    `on_progress` gets the number of further scenarios that are done; `descents` are what the releases share with those
+    of other sizes. Raises InputError if a scenario cannot be simulated.
     """
     first = scenarios[0]
     blocks, lines = tuple(first.make_blocks()), tuple(first.make_cross_section().measure_lines)
@@ -126,7 +129,11 @@ def simulate_sites(
         job.conditions.check_starts(releases)
         for b in range(len(job.blocks)):
             group = job.conditions.group(b, 0, releases)
-            found = chosen.ensemble(job, group)
+            shared = None if descents is None else descents.of(s, b)
+            if shared is not None and shared.serves(group):
+                found = shared.outcome(job, group)
+            else:
+                found = chosen.ensemble(job, group)
             own = found.passed(len(lines))
             passed[s, b], cut[s, b] = own.T, found.unresolved(len(lines)).T
             for k, ends in enumerate(job.cross_section.measure_lines.values()):

@@ -15,7 +15,7 @@ import numpy as np
 
 from rock2d.compiled import njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
-from rock2d.engines import contact_step
+from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
 from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
@@ -99,6 +99,7 @@ class BatchResult:
     samples : (n, times, 3) x, y, theta at the asked times
     energy_J : (n, 10) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
         energy, and the residual: what the audit does not account for
+    held : (n, contacts, N_HELD) memory of the contacts at the end, of releases that are held or were; else no contacts
     """
 
     stop: Array
@@ -108,6 +109,7 @@ class BatchResult:
     crossings: Array
     samples: Array
     energy_J: Array
+    held: Array
 
 
 def pack(ensemble: Ensemble) -> Packed:
@@ -182,6 +184,8 @@ def run_batch(
     stop_when_captured: bool = False,
     times_s: Array | None = None,
     step_fraction: float = BATCH_STEP_FRACTION,
+    until_m: float = np.inf,
+    held: Array | None = None,
 ) -> BatchResult:
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega in SI), on all threads.
 
@@ -194,6 +198,8 @@ def run_batch(
     stop_when_captured : count a release as at rest as soon as the energy left cannot carry it a fifth of its radius,
         instead of when it lies still: most of a release's time goes into the tremor in between
     times_s : (n, k) or (k,) instants at which to sample the motion
+    until_m : x at which a release is held: at the first contact step beyond it, or before a flight that leads beyond it
+    held : (n, contacts, N_HELD) from releases that were held at `states`, to go on; effects must not act
 
     Raises ValueError if states are not finite or an index does not exist.
     """
@@ -221,13 +227,19 @@ def run_batch(
         np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
         np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)),
     )  # fmt: skip
-    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured)
+    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(until_m))
     starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
-    _run_ensemble(packed, starts, float(gravity_m_s2), rules, written)
+    if held is None:
+        room = max(map(contact_state.contact_count, ensemble.blocks)) if np.isfinite(until_m) else 0
+        held = np.full((n, room, contact_state.N_HELD), np.nan)
+    held = np.array(held, float, order="C")
+    _run_ensemble(packed, starts, float(gravity_m_s2), rules, written, held)
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    return BatchResult(*written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit))
+    return BatchResult(
+        *written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit), held
+    )
 
 
 def run_batch_track(
@@ -246,7 +258,8 @@ def run_batch_track(
     ensemble = Ensemble([block], [cross_section], [table])
     packed = pack(ensemble)
     steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
-    rules = StopRules(float(time_limit_s), impact_limit, False, False)
+    rules = StopRules(float(time_limit_s), impact_limit, False, False, np.inf)
+    no_contacts = np.empty((0, contact_state.N_HELD))
     room = FIRST_KNOTS
     while True:
         impacts = np.full((max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT), N_IMPACT), np.nan)
@@ -255,7 +268,14 @@ def run_batch_track(
             SampleRecord(np.empty(0), np.empty((0, N_POSE))), impacts, np.zeros(N_AUDIT), np.empty((room, N_KNOT)),
         )  # fmt: skip
         stop, _, count, used = release_kernel(
-            packed, np.array(state, float), (0, 0, 0), float(gravity_m_s2), steps, rules, recorder
+            packed,
+            np.array(state, float),
+            (0, 0, 0),
+            float(gravity_m_s2),
+            steps,
+            rules,
+            recorder,
+            no_contacts,
         )
         if used <= room and count <= len(impacts):
             break
@@ -308,7 +328,7 @@ class _Written(NamedTuple):
 
 
 @njit(parallel=True)
-def _run_ensemble(packed, starts, gravity, rules, written):
+def _run_ensemble(packed, starts, gravity, rules, written, held):
     # numba's parallel loop takes arrays, but not records of arrays
     states, block_ids, cross_section_ids, table_ids, step_sizes, time_limits, times = starts
     stop, ends, impact_count, impacts, crossings, samples, audit = written
@@ -321,10 +341,10 @@ def _run_ensemble(packed, starts, gravity, rules, written):
             LineRecord(packed.lines[cross_section_ids[i]], crossings[i]),
             SampleRecord(times[min(i, rows - 1)], samples[i]), impacts[i], audit[i], no_knots,
         )  # fmt: skip
-        own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured)
+        own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.until)
         ids = (block_ids[i], cross_section_ids[i], table_ids[i])
         steps = (step_sizes[i, 0], step_sizes[i, 1])
-        code, t, count, _ = release_kernel(packed, q, ids, gravity, steps, own, recorder)
+        code, t, count, _ = release_kernel(packed, q, ids, gravity, steps, own, recorder, held[i])
         stop[i] = code
         ends[i, TIME] = t
         ends[i, AT] = q

@@ -46,6 +46,10 @@ from rock2d.scene.blocks import Block
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
 DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING = range(7)
 N_INTS, N_REALS = KEY + 1, ACTING + 1
+# a contact of a release that is held, to go on later: its integers, its reals, and the release's largest kinetic energy
+# at the beginning of a contact
+HELD_ENERGY = N_INTS + N_REALS
+N_HELD = HELD_ENERGY + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
@@ -78,6 +82,28 @@ def clear(contacts):
     contacts.ints[:, :], contacts.reals[:, :] = 0, 0.0
     contacts.ints[:, KEY] = -1
     contacts.reals[:, DEPTH] = NOWHERE
+
+
+@kernel
+def hold(memory, energy, held):
+    """Write the memory of all contacts, and the largest kinetic energy (J), into `held` (contacts, N_HELD)."""
+    for j in range(memory.ints.shape[0]):
+        for k in range(N_INTS):
+            held[j, k] = memory.ints[j, k]
+        copy(memory.reals[j], held[j, N_INTS:HELD_ENERGY])
+        held[j, HELD_ENERGY] = energy
+
+
+@kernel
+def go_on(held, memory):
+    """Read the memory of all contacts from `held`; returns (active contacts, largest kinetic energy in J)."""
+    active = 0
+    for j in range(memory.ints.shape[0]):
+        for k in range(N_INTS):
+            memory.ints[j, k] = int(held[j, k])
+        copy(held[j, N_INTS:HELD_ENERGY], memory.reals[j])
+        active += memory.ints[j, ACTIVE]
+    return active, held[0, HELD_ENERGY]
 
 
 @kernel

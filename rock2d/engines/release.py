@@ -69,6 +69,7 @@ from rock2d.records.columns import (
     STOP_BURIED,
     STOP_EXIT,
     STOP_IMPACTS,
+    STOP_REACHED,
     STOP_REST,
     STOP_SPENT,
     STOP_TIME,
@@ -96,6 +97,7 @@ class StopRules(NamedTuple):
     impact_limit: int  # number of impacts after which the release ends; 0: no limit
     spent: bool  # when no measure line that was not crossed is within reach of the energy left
     captured: bool  # stop when the remaining energy cannot move the block on, see `rest.captured`
+    until: float  # x in m at which the release is held, to go on later: in flight a stride before it
 
 
 class Workspace(NamedTuple):
@@ -128,12 +130,14 @@ def _ground(packed, i):
 
 
 @njit
-def release(packed, q, ids, gravity, step_sizes, rules, recorder):
+def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
     """One release; q ends as the last state.
 
     packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
     step_sizes : contact steps in s, (while every contact is in first loading, else)
     rules : StopRules; recorder : `recording.Recorder`
+    held : (contacts, N_HELD) memory of contacts with which the release goes on (NaN: none), and is held at
+        `rules.until`; without room it starts anew
 
     Returns (index into STOPS, time in s, number of impacts, number of knots).
     """
@@ -151,13 +155,14 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder):
     world = WorldArrays(block, ground, packed.tables[table_id], gravity)
     h_loading, h_contact = step_sizes
     sizes = StepSizes(h_loading, FLOATING_STEPS * h_contact, h_contact)
-    return _descend(world, tree, q, sizes, rules, recorder, workspace)
+    return _descend(world, tree, q, sizes, rules, (recorder, held), workspace)
 
 
 @kernel
-def _descend(world, tree, q, sizes, rules, recorder, workspace):
+def _descend(world, tree, q, sizes, rules, written, workspace):
     """`release` on prepared arrays."""
     memory, found, scratch, stack, old, anchor, watch, current = workspace
+    recorder, held = written
     contacts, fast_contacts = (memory, found, scratch), (memory, scratch)
     body, line_record, sample_record = Body(world.block, world.gravity), recorder.lines, recorder.samples
     block, ground, law, gravity = world.block, world.ground, world.law, world.gravity
@@ -179,6 +184,13 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     stale = no  # whether the contacts have not looked at the ground since the block moved
     noticed = no  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
+    stored = 0.0  # by springs at the start
+    if len(held) > 0 and held[0, 0] == held[0, 0]:
+        active, highest_energy = contact_state.go_on(held, memory)
+        stored = contact_energy.stored_energy(memory, law)
+        is_open = stale = active > 0
+        if is_open:
+            open_impact(current, t, q, memory)
     buried = _is_buried(q, world)
     if buried:
         stop, time_limit = STOP_BURIED, 0.0
@@ -186,6 +198,9 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
     while t < time_limit:
         if not ground.x_low <= q[X] <= ground.x_high:
             stop = STOP_EXIT
+            break
+        if q[X] >= rules.until:
+            stop = STOP_REACHED
             break
         flying = active == 0
         if flying:
@@ -195,7 +210,12 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                 tau = min(tau, longest, time_limit - t)
                 copy(q, old)
                 used = knot(knots, used, t, q, 0.0 if airy else 1.0)
-                audit[EFFECTS] += fly(q, tau, gravity, block)
+                taken = fly(q, tau, gravity, block)
+                if q[X] >= rules.until:
+                    copy(old, q)
+                    stop = STOP_REACHED
+                    break
+                audit[EFFECTS] += taken
                 new = cross((t, tau), old, q, flying, body, line_record)
                 at = sample((t, tau), old, q, not airy, gravity, sample_record, at)
                 t += tau
@@ -218,8 +238,8 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
                     stop = STOP_REST
                     break
                 if spent:
-                    stored = contact_energy.stored_energy(memory, law)
-                    if is_spent(q, stored, body, line_record):
+                    springs = contact_energy.stored_energy(memory, law)
+                    if is_spent(q, springs, body, line_record):
                         stop = STOP_SPENT
                         break
         h = h_contact * growth
@@ -305,7 +325,9 @@ def _descend(world, tree, q, sizes, rules, recorder, workspace):
         copy(q[:N_POSE], sample_record.poses[at])
         at += 1
     used = knot(knots, used, t, q, 1.0)
-    audit[ELASTIC] = contact_energy.stored_energy(memory, law)
+    audit[ELASTIC] = contact_energy.stored_energy(memory, law) - stored
+    if len(held) > 0:
+        contact_state.hold(memory, highest_energy, held)
     return stop, t, count, used
 
 

@@ -21,13 +21,13 @@ def after(name: str) -> str:
 
 
 # how a release ends
-STOPS = ("time", "rest", "exit", "impacts", "spent", "buried")
+STOPS = ("time", "rest", "exit", "impacts", "spent", "buried", "reached")
 UNRESOLVED_STOPS = (
     "time",
     "impacts",
     "buried",
 )  # cut short, or where the law does not hold: it could have gone on
-STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED = range(len(STOPS))
+STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED, STOP_REACHED = range(len(STOPS))
 
 # an instant: time and state (knots, ends, crossings)
 INSTANT_NAMES = ("t_s", *STATE_NAMES)

@@ -57,6 +57,23 @@ class Condition(NamedTuple):
     drawn: Mapping[str, float]
 
 
+class Past(NamedTuple):
+    """What n releases of the batch engine bring along that were held on their way, see `engines.batch.run_batch`.
+
+    Attributes
+    ----------
+    elapsed_s : (n,) time since the start
+    held : (n, contacts, N_HELD) memory of their contacts
+    """
+
+    elapsed_s: Array
+    held: Array
+
+    def part(self, some: Array | slice) -> Past:
+        """Some of the releases."""
+        return Past(self.elapsed_s[some], self.held[some])
+
+
 class Group(NamedTuple):
     """Releases of the block with index `block` that are simulated in one call.
 
@@ -65,12 +82,14 @@ class Group(NamedTuple):
     states : (n, 6) incident states
     seeds : (n,) of the releases' own random streams
     conditions : n conditions, or a single one for all
+    past : of releases that were held on their way; None at the start
     """
 
     block: int
     states: Array
     seeds: Array
     conditions: Sequence[Condition]
+    past: Past | None = None
 
     def masses(self) -> Array:
         """(n, 2) mass in kg and moment of inertia in kg m² of each release."""
@@ -81,7 +100,9 @@ class Group(NamedTuple):
         """Some of the releases, by their index in the group."""
         own = range(len(self.states))[some] if isinstance(some, slice) else some
         conditions = self.conditions if len(self.conditions) == 1 else [self.conditions[i] for i in own]
-        return Group(self.block, self.states[some], self.seeds[some], conditions)
+        return Group(
+            self.block, self.states[some], self.seeds[some], conditions, self.past and self.past.part(some)
+        )
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, UNRESOLVED_STOPS
+from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.conditions import Condition, Group
 from rock2d.runs.incident_states import DRAW_GROUP
@@ -31,6 +31,7 @@ class Outcome:
 
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
+    held : what releases that were held bring along
     """
 
     stop: list[str]
@@ -39,6 +40,7 @@ class Outcome:
     impacts: tuple[Array, Array, Array] | None = None
     samples: Array | None = None
     unclosed: int = 0
+    held: Array | None = None
 
     def passed(self, lines: int) -> Array:
         """(n, lines) bool, which releases crossed each of the first `lines` lines."""
@@ -49,8 +51,11 @@ class Outcome:
         return ~self.passed(lines) & np.isin(self.stop, UNRESOLVED_STOPS)[:, None]
 
 
-def batch_outcome(job: Job, group: Group) -> Outcome:
-    """A group of releases with the batch engine."""
+def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
+    """A group of releases with the batch engine, held at the x `until_m`; held ones go on from their states.
+
+    Times count from the start of a release.
+    """
     from rock2d.engines.batch import run_batch
     from rock2d.engines.energy_balance import unclosed
 
@@ -58,11 +63,13 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
 
     def run(part: Group, room: int) -> Any:
         ensemble, (block_ids, ground_ids, table_ids) = _ensemble(part.conditions)
+        elapsed, held = part.past or (0.0, None)
         return run_batch(
             ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
-            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s,
+            gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
+            until_m=until_m, held=held,
         )  # fmt: skip
 
     def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
@@ -70,6 +77,10 @@ def batch_outcome(job: Job, group: Group) -> Outcome:
 
     outcome, result = _outcome(job, group, run, impacts)
     outcome.unclosed = int(unclosed(result.energy_J).sum())
+    outcome.held = result.held
+    if group.past is not None:
+        outcome.ends[:, TIME] += group.past.elapsed_s
+        outcome.crossings[:, :, TIME] += group.past.elapsed_s[:, None]
     if times is not None:
         outcome.samples = result.samples
     return outcome

@@ -1,0 +1,136 @@
+"""The descent that all sizes of an earthwork share: simulated once, down to where their grounds part.
+
+Upslope of an embankment or a ditch nothing depends on its size, and most of a release's time is spent there. Each
+release is held before the grounds part, with the memory of its contacts, and goes on from there with each size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.files.scenario import Scenario
+from rock2d.records.columns import AT, N_INSTANT, STOP_REACHED, STOPS, TIME
+from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
+from rock2d.runs.campaigns.job import Job, job_of
+from rock2d.runs.conditions import Group, Past
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change nothing but the ground
+SHARING_ENGINE = "batch"  # the one that holds releases
+OVERSHOOT = 2.0  # radii that a release may move on in one look before it is held
+REACH = 5.0  # radii ahead of its centroid up to which a block looks at the ground, at most
+
+
+@dataclass(frozen=True)
+class Descent:
+    """The way of n releases of one block on one site to where the grounds of all sizes part, or to a measure line.
+
+    Attributes
+    ----------
+    starts : (n, 6) the states at which they start
+    grounds : one for each release, or a single one for all
+    until_m, radius_m : the x at which they are held, and the largest radius of the blocks
+    states : (n, 6) where they go on with each size, or ended
+    past : what they bring along
+    stop : (n,) why they ended; "reached": they go on
+    """
+
+    starts: Array
+    grounds: Sequence[CrossSection]
+    until_m: float
+    radius_m: float
+    states: Array
+    past: Past
+    stop: Array
+
+    def serves(self, group: Group) -> bool:
+        """Whether these releases begin alike, with the same ground, and no line, as far as the descent goes."""
+        return np.array_equal(self.starts, group.states) and all(
+            parting_m(own, met.cross_section) >= self.until_m + REACH * self.radius_m
+            and _first_line_m(met.cross_section) >= self.until_m + OVERSHOOT * self.radius_m
+            for own, met in zip(self.grounds, group.conditions, strict=True)
+        )
+
+    def outcome(self, job: Job, group: Group) -> Outcome:
+        """What becomes of the releases with the ground of a size."""
+        n, lines = len(group.states), len(job.cross_section.measure_lines)
+        ends, crossings = np.full((n, N_INSTANT), np.nan), np.full((n, lines, N_INSTANT), np.nan)
+        ends[:, TIME], ends[:, AT], stop = self.past.elapsed_s, self.states, self.stop.copy()
+        on = np.flatnonzero(stop == STOPS[STOP_REACHED])
+        if len(on):
+            held = group.part(on)._replace(states=self.states[on], past=self.past.part(on))
+            found = batch_outcome(job, held)
+            ends[on], crossings[on], stop[on] = found.ends, found.crossings, found.stop
+        return Outcome(stop.tolist(), ends, crossings)
+
+
+class SharedDescents:
+    """Descents of all blocks on all sites; each is simulated when it is first asked for.
+
+    Parameters
+    ----------
+    smallest, largest : the scenario of each site with the smallest and the largest size
+    seeds : of the releases of each site
+    releases : of each block on each site
+    """
+
+    def __init__(
+        self, smallest: Sequence[Scenario], largest: Sequence[Scenario], seeds: Sequence[int], releases: int
+    ) -> None:
+        self._scenarios, self._seeds, self._releases = (smallest, largest), seeds, releases
+        self._found: dict[int, list[Descent]] = {}
+
+    def of(self, site: int, block: int) -> Descent:
+        """The descent of a block on a site."""
+        if site not in self._found:
+            seed = self._seeds[site]
+            small, large = (
+                job_of(own[site], SHARING_ENGINE, seed, ("crossings",), Path(), "") for own in self._scenarios
+            )
+            grounds = small.cross_section, large.cross_section
+            limits = parting_m(*grounds), min(map(_first_line_m, grounds))
+            blocks = range(len(large.blocks))
+            self._found[site] = [
+                _descent(large, large.conditions.group(b, 0, self._releases), limits) for b in blocks
+            ]
+        return self._found[site][block]
+
+
+def shares_descents(scenario: Scenario, place: str, engine: str) -> bool:
+    """Whether variants that differ in the number at this place differ in the ground alone, for an engine that can hold
+    releases. Effects of a diagnosis may remember more than the contacts do."""
+    ground_alone = place.split(".")[0] in EARTHWORKS
+    return engine == SHARING_ENGINE and scenario.diagnosed is None and ground_alone
+
+
+def parting_m(one: CrossSection, other: CrossSection) -> float:
+    """The x up to which two grounds are the same."""
+    least = min(len(one.zones), len(other.zones))
+    same = (one.points_m[: least + 1] == other.points_m[: least + 1]).all(axis=1)
+    same[1:] &= [a == b for a, b in zip(one.zones[:least], other.zones[:least], strict=True)]
+    common = len(same) if same.all() else int(np.argmin(same))
+    return min(float(own.points_m[max(common - 1, 0) :, 0].min()) for own in (one, other))
+
+
+def _first_line_m(ground: CrossSection) -> float:
+    """The x up to which no measure line comes."""
+    return min((float(ends[:, 0].min()) for ends in ground.measure_lines.values()), default=np.inf)
+
+
+def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
+    """The descent before `limits`: where the grounds part, and the first measure line."""
+    radius = max(own.block.reach_m for own in group.conditions)
+    until = min(limits[0] - REACH * radius, limits[1] - OVERSHOOT * radius)
+    found = batch_outcome(job, group, until)
+    assert found.held is not None
+    grounds = [own.cross_section for own in group.conditions]
+    past = Past(found.ends[:, TIME], found.held)
+    return Descent(
+        group.states, grounds, until, radius, found.ends[:, AT], past, np.array(found.stop, object)
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import functools
 import json
 import os
 from collections.abc import Mapping
@@ -293,18 +292,19 @@ def least_size(
     """
     from tqdm import tqdm
 
-    from rock2d.design.least_size import Judgement, independent_sites, judge_size, shared_descents
-    from rock2d.design.least_size import least_size as search
+    from rock2d.design.least_size import Judgement, Search
+    from rock2d.design.least_size import least_size as bisect
 
-    chosen, own_seed = engine or scenario.engine, scenario.seed if seed is None else seed
-    sites = len(independent_sites(scenario, own_seed))
-    descents = functools.cache(lambda: shared_descents(scenario, place, bounds, chosen, own_seed))
+    own_seed = scenario.seed if seed is None else seed
+    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
 
     def judged(size: float) -> Judgement:
-        with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            return judge_size(scenario, place, size, target, chosen, own_seed, bar.update, descents())
+        with tqdm(
+            total=len(search.sites), desc=f"{place} = {size:.4g}", unit="site", disable=not progress
+        ) as bar:
+            return search.judge(size, bar.update)
 
-    return search(scenario, place, bounds, target, judged)
+    return bisect(search, judged)
 
 
 def write_report(result: RunResult, folder: str | Path, *, assessment: Assessment | None = None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import shutil
 from collections.abc import Callable, Mapping
@@ -11,16 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rock2d.design.least_size import (
-    Answer,
-    Judgement,
-    Target,
-    independent_sites,
-    judge_size,
-    least_size,
-    releases_of,
-    shared_descents,
-)
+from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
@@ -71,21 +61,21 @@ def run_design(
         report(f"known from an earlier search: {out}")
         return known
     check_replaced(out, overwrite)
-    sites = len(independent_sites(scenario, seed))
-    descents = functools.cache(lambda: shared_descents(scenario, place, bounds, engine, seed))
+    search = Search(scenario, place, bounds, target, engine, seed)
+    sites = len(search.sites)
 
     def judged(size: float) -> Judgement:
         file = stages / f"{key}_{size:.12g}.json"
         if file.is_file():
             return Judgement(**read_json(file))
         with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            found = judge_size(scenario, place, size, target, engine, seed, bar.update, descents())
+            found = search.judge(size, bar.update)
         write_whole(file, json.dumps(asdict(found)))
         return found
 
     make_folder(stages)
     try:
-        answer = least_size(scenario, place, bounds, target, judged, tolerance)
+        answer = least_size(search, judged, tolerance)
     except KeyboardInterrupt:
         done = len(list(stages.glob(f"{key}_*.json")))
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
@@ -95,7 +85,7 @@ def run_design(
         )
         taken = _write_page(partial, scenario, answer, (engine, seed), command)
     shutil.rmtree(stages, ignore_errors=True)
-    report("\n".join([answer_text(answer, scenario, sites), *taken]))
+    report("\n".join([answer_text(answer, search), *taken]))
     report(f"written: {out}")
     return answer
 
@@ -112,7 +102,7 @@ def _known_answer(folder: Path, question: str) -> Answer | None:
     return Answer(found["place"], Target(**found["target"]), found["least"], found["tolerance"], judgements)
 
 
-def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
+def answer_text(answer: Answer, search: Search) -> str:
     """The answer as a person reads it."""
     target, worst = answer.target, []
     for judged in answer.judgements:
@@ -142,11 +132,11 @@ def answer_text(answer: Answer, scenario: Scenario, sites: int) -> str:
             f"with so few releases the bound does not fall below {100 * floor:.3g} % although hardly a block passes: "
             "more releases (uncertainty.releases) may allow a smaller size"
         )
-    known = "" if scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
+    known = "" if search.scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
     return "\n".join(
         [
             head,
-            f"{sites} possible sites{known}, {releases_of(scenario)} releases of each block on each",
+            f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each",
             f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block",
             *worst, *notes,
         ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -112,18 +113,78 @@ class Answer:
         return table_html(self.to_pandas()) + embedded_figure(self.plot())
 
 
-def independent_sites(scenario: Scenario, seed: int) -> list[tuple[dict[str, float], int]]:
-    """Values, and seed of the releases, of each independent possible site, twice the base number of them; one site
-    without values if everything is known."""
-    if scenario.uncertainty is None:
-        return [({}, seed)]
-    sites = draw_sites(scenario, seed, 2 * scenario.uncertainty.sites)
-    return [(sites[int(i)], sites.release_seed(int(i))) for i in sites.independent]
+@dataclass(frozen=True)
+class Search:
+    """What is sought: the least size that meets a target.
 
+    Attributes
+    ----------
+    scenario : of the site
+    place : of the number that is varied, in the scenario file
+    bounds : smallest and largest size
+    target : what must be kept
+    engine, seed : of the simulation
+    """
 
-def releases_of(scenario: Scenario) -> int:
-    """Releases of each block on each site."""
-    return DEFAULT_RELEASES if scenario.uncertainty is None else scenario.uncertainty.releases
+    scenario: Scenario
+    place: str
+    bounds: tuple[float, float]
+    target: Target
+    engine: str
+    seed: int
+
+    def check(self) -> None:
+        """Raises InputError if the place, the line or the bounds make no sense."""
+        low, high = self.bounds
+        if not low < high:
+            raise InputError(f"the range of {self.place} must rise, found {low:g} to {high:g}")
+        if self.scenario.uncertainty is not None and self.place in self.scenario.unknown():
+            message = f"{self.place} is sought and stands under uncertainty: take it away from one of them"
+            raise self.scenario.error(message, "uncertainty", "site", self.place, at="key", code="wrong_kind")
+        lines = self.scenario.make_cross_section().measure_lines
+        if self.target.line not in lines:
+            known = ", ".join(lines) or "none"
+            message = f"no measure line {self.target.line}; there are: {known}"
+            raise self.scenario.error(message, "cross_section", code="unknown_name")
+        if not (0.0 < self.target.frequency < 1.0 and 0.5 <= self.target.confidence < 1.0):
+            raise InputError("the target must lie between 0 and 100 %, the confidence between 50 and 100 %")
+
+    @cached_property
+    def sites(self) -> list[tuple[dict[str, float], int]]:
+        """Values, and seed of the releases, of each independent possible site, twice the base number of them; one
+        site without values if everything is known."""
+        if self.scenario.uncertainty is None:
+            return [({}, self.seed)]
+        sites = draw_sites(self.scenario, self.seed, 2 * self.scenario.uncertainty.sites)
+        return [(sites[int(i)], sites.release_seed(int(i))) for i in sites.independent]
+
+    @property
+    def releases(self) -> int:
+        """Releases of each block on each site."""
+        uncertain = self.scenario.uncertainty
+        return DEFAULT_RELEASES if uncertain is None else uncertain.releases
+
+    def judge(self, size: float, on_progress: Callable[[int], Any] = lambda count: None) -> Judgement:
+        """Simulate all possible sites with this size, and judge it."""
+        results = simulate_sites(
+            self._variants(size), self.engine, self._seeds, self.releases, on_progress, self._descents
+        )
+        return judge(results, size, self.target, self.seed)
+
+    @property
+    def _seeds(self) -> list[int]:
+        return [seed for _, seed in self.sites]
+
+    def _variants(self, size: float) -> list[Scenario]:
+        return [variant(self.scenario, {**values, self.place: size}) for values, _ in self.sites]
+
+    @cached_property
+    def _descents(self) -> SharedDescents | None:
+        """What the releases of all sizes have in common; None if a size changes more than the ground."""
+        if not shares_descents(self.scenario, self.place, SAME_LAW.get(self.engine, self.engine)):
+            return None
+        smallest, largest = map(self._variants, self.bounds)
+        return SharedDescents(smallest, largest, self._seeds, self.releases)
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:
@@ -147,19 +208,14 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
 
 
 def least_size(
-    scenario: Scenario,
-    place: str,
-    bounds: tuple[float, float],
-    target: Target,
-    judged: Callable[[float], Judgement],
-    tolerance: float | None = None,
+    search: Search, judged: Callable[[float], Judgement], tolerance: float | None = None
 ) -> Answer:
-    """Bisect for the least size within `bounds` that meets the target; `judged` judges one size.
+    """Bisect for the least size; `judged` judges one, for example with `Search.judge`.
 
-    Raises InputError if the place, the line or the bounds make no sense.
+    `tolerance` is 1/50 of the range by default. Raises InputError as `Search.check` does.
     """
-    _check(scenario, place, bounds, target)
-    low, high = bounds
+    search.check()
+    low, high = search.bounds
     tolerance = (high - low) / STEPS_OF_RANGE if tolerance is None else tolerance
     tried = {high: judged(high), low: judged(low)}
     if not tried[high].meets:
@@ -172,49 +228,4 @@ def least_size(
             tried[middle] = judged(middle)
             low, high = (low, middle) if tried[middle].meets else (middle, high)
         least = high
-    return Answer(place, target, least, tolerance, tuple(tried[size] for size in sorted(tried)))
-
-
-def judge_size(
-    scenario: Scenario, place: str, size: float, target: Target, engine: str, seed: int,
-    on_progress: Callable[[int], Any] = lambda count: None, descents: SharedDescents | None = None,
-) -> Judgement:  # fmt: skip
-    """Simulate all possible sites with this size, and judge it; `descents` are those of `shared_descents`."""
-    variants, seeds = _variants(scenario, place, size, seed)
-    results = simulate_sites(variants, engine, seeds, releases_of(scenario), on_progress, descents)
-    return judge(results, size, target, seed)
-
-
-def shared_descents(
-    scenario: Scenario, place: str, bounds: tuple[float, float], engine: str, seed: int
-) -> SharedDescents | None:
-    """What the releases of all sizes within the bounds have in common; None if a size changes more than the ground."""
-    if not shares_descents(scenario, place, SAME_LAW.get(engine, engine)):
-        return None
-    (smallest, seeds), (largest, _) = (_variants(scenario, place, size, seed) for size in bounds)
-    return SharedDescents(smallest, largest, seeds, releases_of(scenario))
-
-
-def _variants(scenario: Scenario, place: str, size: float, seed: int) -> tuple[list[Scenario], list[int]]:
-    """The scenario of each possible site with this size, and the seed of its releases."""
-    sites = independent_sites(scenario, seed)
-    return [variant(scenario, {**values, place: size}) for values, _ in sites], [own for _, own in sites]
-
-
-def _check(scenario: Scenario, place: str, bounds: tuple[float, float], target: Target) -> None:
-    low, high = bounds
-    if not low < high:
-        raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
-    if scenario.uncertainty is not None and place in scenario.unknown():
-        message = f"{place} is sought and stands under uncertainty: take it away from one of them"
-        raise scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
-    lines = scenario.make_cross_section().measure_lines
-    if target.line not in lines:
-        known = ", ".join(lines) or "none"
-        raise scenario.error(
-            f"no measure line {target.line}; there are: {known}",
-            "cross_section",
-            code="unknown_name",
-        )
-    if not (0.0 < target.frequency < 1.0 and 0.5 <= target.confidence < 1.0):
-        raise InputError("the target must lie between 0 and 100 %, the confidence between 50 and 100 %")
+    return Answer(search.place, search.target, least, tolerance, tuple(tried[size] for size in sorted(tried)))

@@ -44,7 +44,7 @@ def test_a_search_that_is_done_is_not_done_again(searched, monkeypatch):
     def never(*arguments, **others):
         raise AssertionError("judged again")
 
-    monkeypatch.setattr("rock2d.design.command.judge_size", never)
+    monkeypatch.setattr("rock2d.design.least_size.Search.judge", never)
     again = run_combinations(folder / "small.yaml", PLACE, BOUNDS, OVER, TARGET, folder / "out", **options)
     assert again == found
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rock2d.design.command import answer_text, run_design
-from rock2d.design.least_size import Answer, Judgement, Target, judge, judge_size, least_size
+from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, least_size
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
@@ -16,6 +16,10 @@ from tests.design.small_site import UNKNOWN, small_site
 
 PLACE = "embankment.height_m"
 TARGET = Target("crest", 0.1, 0.95)
+
+
+def search(scenario) -> Search:
+    return Search(scenario, PLACE, (1.0, 5.0), TARGET, "batch", 1)
 
 
 def bound_at(needed: float):
@@ -32,7 +36,7 @@ def bound_at(needed: float):
 
 def test_bisection_finds_the_least_size_with_few_questions(tmp_path):
     judged, asked = bound_at(3.3)
-    answer = least_size(small_site(tmp_path), PLACE, (1.0, 5.0), TARGET, judged, 0.05)
+    answer = least_size(search(small_site(tmp_path)), judged, 0.05)
     assert answer.least is not None and 3.3 <= answer.least <= 3.35 and answer.monotone
     assert len(asked) == 2 + 7  # 4 m halved seven times are less than 0.05 m
     assert [j.size for j in answer.judgements] == sorted(asked)
@@ -40,9 +44,9 @@ def test_bisection_finds_the_least_size_with_few_questions(tmp_path):
 
 def test_a_range_without_an_answer_and_one_that_is_met_everywhere(tmp_path):
     scenario = small_site(tmp_path)
-    assert least_size(scenario, PLACE, (1.0, 5.0), TARGET, bound_at(6.0)[0]).least is None
+    assert least_size(search(scenario), bound_at(6.0)[0]).least is None
     judged, asked = bound_at(0.5)
-    assert least_size(scenario, PLACE, (1.0, 5.0), TARGET, judged).least == 1.0 and len(asked) == 2
+    assert least_size(search(scenario), judged).least == 1.0 and len(asked) == 2
 
 
 def test_the_bound_holds_with_the_stated_confidence():
@@ -74,13 +78,8 @@ def test_the_bound_holds_with_the_stated_confidence():
 def test_questions_that_make_no_sense_are_refused(tmp_path, place, bounds, target, said):
     scenario = small_site(tmp_path)
     with pytest.raises(InputError, match=said):
-        least_size(
-            scenario,
-            place,
-            bounds,
-            target,
-            lambda size: judge_size(scenario, place, size, target, "batch", 1),
-        )
+        asked = Search(scenario, place, bounds, target, "batch", 1)
+        least_size(asked, asked.judge)
 
 
 def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
@@ -110,24 +109,24 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):
-    from rock2d.design import command
-
     small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 20"))
     question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET)
     whole = run_design(*question, tmp_path / "whole", tolerance=1.0, progress=False, report=lambda line: None)
     asked: list[float] = []
 
-    def counted(scenario, place, size, *others):
+    judge_one = Search.judge
+
+    def counted(self, size, on_progress):
         if len(asked) == 2:
             raise KeyboardInterrupt
         asked.append(size)
-        return judge_size(scenario, place, size, *others)
+        return judge_one(self, size)
 
-    monkeypatch.setattr(command, "judge_size", counted)
+    monkeypatch.setattr(Search, "judge", counted)
     with pytest.raises(KeyboardInterrupt, match="2 sizes are judged"):
         run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False)
     before = list(asked)
-    monkeypatch.setattr(command, "judge_size", lambda *given: asked.append(given[2]) or judge_size(*given))
+    monkeypatch.setattr(Search, "judge", lambda *given: asked.append(given[1]) or judge_one(*given))
     again = run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False, report=lambda line: None)
     assert again == whole
     assert not set(before) & set(asked[2:])
@@ -139,7 +138,7 @@ def test_an_answer_that_sampling_decides_says_so(tmp_path):
     def text(bound: float, unresolved: float = 0.0) -> str:
         passes = Judgement(4.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": bound}, True, {"ball": unresolved})
         fails = Judgement(1.0, {"ball": 0.4}, {"ball": 0.3}, {"ball": 0.5}, False)
-        return answer_text(Answer(PLACE, TARGET, 4.0, 0.1, (fails, passes)), scenario, 8)
+        return answer_text(Answer(PLACE, TARGET, 4.0, 0.1, (fails, passes)), search(scenario))
 
     assert "more releases" in text(0.08)
     assert "more releases" not in text(0.01)

@@ -5,41 +5,49 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.design.least_size import Target, judge_size, shared_descents
-from rock2d.design.shared_descents import parting_m
+from rock2d.design import least_size
+from rock2d.design.least_size import Search, Target
+from rock2d.design.shared_descents import Descent, parting_m, shares_descents
 from rock2d.scene.cross_section import CrossSection
 from tests.design.small_site import UNKNOWN, small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.1, 0.95)
 
 
-def frequencies(scenario, place, size, descents=None):
-    found = judge_size(scenario, place, size, TARGET, "batch", 1, descents=descents)
-    return np.array([found.median["ball"], found.low["ball"], found.high["ball"]])
+def found_alone_and_shared(scenario, place, sizes, monkeypatch):
+    """Median frequency and its bounds of each size: (sizes, 3) alone, and with shared descents."""
+
+    def judged(search, size):
+        found = search.judge(size)
+        return [found.median["ball"], found.low["ball"], found.high["ball"]]
+
+    search = Search(scenario, place, BOUNDS, TARGET, "batch", 1)
+    shared = np.array([judged(search, size) for size in sizes])
+    monkeypatch.setattr(least_size, "shares_descents", lambda *given: False)
+    return np.array(
+        [judged(Search(scenario, place, BOUNDS, TARGET, "batch", 1), size) for size in sizes]
+    ), shared
 
 
 @pytest.mark.parametrize("rough", ["", "roughness:\n  slope: {sd_deg: 3, length_m: 0.6}\n"])
-def test_a_size_is_judged_as_it_would_be_alone(tmp_path, rough):
-    scenario = small_site(tmp_path, UNKNOWN + rough)
-    descents = shared_descents(scenario, PLACE, BOUNDS, "batch", 1)
-    assert descents is not None
-    for size in (*BOUNDS, 1.7):
-        shared, alone = frequencies(scenario, PLACE, size, descents), frequencies(scenario, PLACE, size)
-        assert shared == pytest.approx(alone, abs=0.03)  # a release in 40 may stand on a knife edge
-    assert alone[0] > 0.05
+def test_a_size_is_judged_as_it_would_be_alone(tmp_path, monkeypatch, rough):
+    scenario, served = small_site(tmp_path, UNKNOWN + rough), []
+    outcome = Descent.outcome
+    monkeypatch.setattr(Descent, "outcome", lambda *given: served.append(1) or outcome(*given))
+    alone, shared = found_alone_and_shared(scenario, PLACE, (*BOUNDS, 1.7), monkeypatch)
+    assert shared == pytest.approx(alone, abs=0.03)  # a release in 40 may stand on a knife edge
+    assert alone[:, 0].max() > 0.2 and len(served) == 3 * 8  # each size on each site
 
 
-def test_a_size_whose_ground_differs_upslope_is_simulated_whole(tmp_path):
+def test_a_size_whose_ground_differs_upslope_is_simulated_whole(tmp_path, monkeypatch):
     """Descents of other bounds do not serve it, and change nothing."""
-    scenario = small_site(tmp_path)
-    descents = shared_descents(scenario, PLACE, BOUNDS, "batch", 1)
-    place = "embankment.x_m"
-    assert (frequencies(scenario, place, 15.0, descents) == frequencies(scenario, place, 15.0)).all()
+    alone, shared = found_alone_and_shared(small_site(tmp_path), "embankment.x_m", (15.0,), monkeypatch)
+    assert (shared == alone).all()
 
 
 @pytest.mark.parametrize(("place", "engine"), [("blocks.ball.mass_kg", "batch"), (PLACE, "point_mass")])
 def test_nothing_is_shared_where_more_than_the_ground_differs(tmp_path, place, engine):
-    assert shared_descents(small_site(tmp_path), place, BOUNDS, engine, 1) is None
+    assert not shares_descents(small_site(tmp_path), place, engine)
 
 
 def test_where_grounds_part():

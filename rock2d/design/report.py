@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +100,12 @@ class SiteResults:
     compared: pd.DataFrame | None = None
     diagnosis: Sequence[str] = ()
 
+    @cached_property
+    def design_values(self) -> pd.DataFrame:
+        """The design values of all lines, if there are percentiles."""
+        uncertain = self.assessment.uncertain if self.assessment is not None else None
+        return design_table(self.scenario, self.tables["percentiles"], uncertain)
+
 
 def write_report(results: SiteResults, folder: Path, command: str) -> None:
     """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
@@ -164,13 +171,8 @@ def _window(run: RunResult) -> tuple[float, float, float, float] | None:
 def _further_tables(results: SiteResults) -> dict[str, pd.DataFrame]:
     found = {"envelopes": results.sample.to_pandas("envelopes")}
     if "percentiles" in results.tables:
-        found["design_values"] = _design_values(results)
+        found["design_values"] = results.design_values
     return found
-
-
-def _design_values(results: SiteResults) -> pd.DataFrame:
-    uncertain = results.assessment.uncertain if results.assessment is not None else None
-    return design_table(results.scenario, results.tables["percentiles"], uncertain)
 
 
 def _worst(results: SiteResults) -> tuple[str, str, float, float, float] | None:
@@ -342,7 +344,7 @@ def _line_section(results: SiteResults, figures: Mapping[str, Figure]) -> Sectio
 def _design_section(results: SiteResults) -> Section | None:
     if "percentiles" not in results.tables:
         return None
-    values = _design_values(results)
+    values = results.design_values
     if (values["line"] == ARRIVAL_LINE).any():
         values = values[values["line"] == ARRIVAL_LINE]
     if not len(values):

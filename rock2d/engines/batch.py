@@ -116,7 +116,7 @@ def pack(ensemble: Ensemble) -> Packed:
     """Flat arrays of an ensemble."""
     blocks = [block_arrays(b) for b in ensemble.blocks]
     grounds = [ground_arrays(t) for t in ensemble.cross_sections]
-    trees = [facet_tree(g.facets[:, :2]) for g in grounds]
+    trees = [facet_tree(g.facets[:, :2].copy()) for g in grounds]
     names = [list(t.measure_lines.values()) for t in ensemble.cross_sections]
     lines = np.full((len(grounds), max(map(len, names)), 4), np.nan)
     for i, ends in enumerate(names):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.compiled import kernel
+from rock2d.compiled import kernel, njit
 from rock2d.engines.geometry import (
     CONVEX,
     CORNER_X,
@@ -36,10 +36,11 @@ NO_BOX = 1.0e300
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
 
 
-def facet_tree(points: np.ndarray) -> np.ndarray:
-    """(2 m, 7) nodes of a binary tree over the facets of `points` (n + 1, 2).
+@njit
+def facet_tree(points):
+    """(2 m, 7) nodes of a binary tree over the facets of `points` (n + 1, 2), C order.
 
-    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold LEAF facets each.
+    Node i has the children 2 i and 2 i + 1, the root is 1, the leaves m to 2 m - 1 hold NODE_FACETS facets each.
     """
     n = len(points) - 1
     leaves = 1
@@ -49,12 +50,17 @@ def facet_tree(points: np.ndarray) -> np.ndarray:
     tree[:, :HIGH_X], tree[:, HIGH_X:] = NO_BOX, -NO_BOX
     held, first = NODE_FACETS, leaves  # facets that a node holds, first node of the level
     while first >= 1:
-        for node in range(first, first + -(-n // held)):
-            start = (node - first) * held
-            part = points[start : min(start + held, n) + 1]
-            along = part[-1] - part[0]
-            normal = np.array([-along[1], along[0]]) / max(np.hypot(*along), 1e-300)
-            tree[node] = [*part.min(axis=0), *part.max(axis=0), *normal, (part @ normal).max()]
+        for k in range((n + held - 1) // held):
+            begin, end = k * held, min((k + 1) * held, n)
+            dx, dy = points[end, 0] - points[begin, 0], points[end, 1] - points[begin, 1]
+            length = max(np.sqrt(dx * dx + dy * dy), 1e-300)
+            node = tree[first + k]
+            node[HULL_X], node[HULL_Y], node[HULL_OFFSET] = -dy / length, dx / length, -NO_BOX
+            for i in range(begin, end + 1):
+                x, y = points[i, 0], points[i, 1]
+                node[LOW_X], node[LOW_Y] = min(node[LOW_X], x), min(node[LOW_Y], y)
+                node[HIGH_X], node[HIGH_Y] = max(node[HIGH_X], x), max(node[HIGH_Y], y)
+                node[HULL_OFFSET] = max(node[HULL_OFFSET], x * node[HULL_X] + y * node[HULL_Y])
         held, first = 2 * held, first // 2
     return tree
 

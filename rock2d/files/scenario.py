@@ -21,6 +21,7 @@ from rock2d.files.diagnosed_model import DiagnosedModel
 from rock2d.files.diagnosis_reading import found_diagnosis
 from rock2d.files.distributions import Variation, quantiles
 from rock2d.files.experiment import Experiment, load_experiment
+from rock2d.files.field_test_keys import FieldTestKeys
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
 from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
@@ -35,6 +36,7 @@ from rock2d.scene.earthworks import with_earthworks
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
+    from rock2d.field_tests.terrain_sections import TerrainSections
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
 
@@ -67,7 +69,10 @@ class Scenario(Checked):
     )
     cross_section: CrossSectionKeys | None = Field(
         default=None,
-        description="The ground; may be left out when the incident states come from an experiment",
+        description="The ground; may be left out when the incident states come from an experiment, or with field_test",
+    )
+    field_test: FieldTestKeys | None = Field(
+        default=None, description="Measured releases on a slope; the ground is the terrain along their ways"
     )
     embankment: EmbankmentKeys | None = Field(
         default=None, description="An embankment that stands on the cross-section"
@@ -103,6 +108,7 @@ class Scenario(Checked):
 
     _document: Document | None = PrivateAttr(default=None)
     _experiment: Experiment | None = PrivateAttr(default=None)
+    _terrain: TerrainSections | None = PrivateAttr(default=None)
     _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)
     _posterior: Posterior | None = PrivateAttr(default=None)
 
@@ -115,6 +121,11 @@ class Scenario(Checked):
     def experiment(self) -> Experiment | None:
         """The filmed experiment whose releases are restarted, or None."""
         return self._experiment
+
+    @property
+    def terrain(self) -> TerrainSections | None:
+        """The terrain and the releases of the field test, or None."""
+        return self._terrain
 
     @property
     def diagnosed(self) -> DiagnosedModel | None:
@@ -166,6 +177,8 @@ class Scenario(Checked):
     def _natural_ground(self) -> CrossSection:
         if self.cross_section is not None:
             return self.cross_section.make()
+        if self._terrain is not None:
+            return self._terrain.mean_section()
         if self._experiment is None:
             raise InputError(
                 "missing key 'cross_section'", self._file, code="missing_key", key="cross_section"
@@ -225,19 +238,22 @@ def checked_scenario(
     experiment: Experiment | None,
     data_root: str | Path | None = None,
     diagnosed: DiagnosedModel | None = None,
+    terrain: TerrainSections | None = None,
 ) -> Scenario:
-    """Check the data of a scenario file; see `load_scenario`. An `experiment` or a diagnosis that is given is not
-    loaded again."""
+    """Check the data of a scenario file; see `load_scenario`. An `experiment`, a diagnosis or the terrain of a field
+    test that is given is not loaded again."""
     scenario = document.check(Scenario)
     scenario._document = document
     _load_experiment(scenario, data_root, experiment)
+    if scenario.field_test is not None:
+        scenario._terrain = terrain or _found_terrain(scenario, scenario.field_test, data_root)
     if scenario.model.diagnosis is not None:
         root = data_root or os.environ.get(DATA_VARIABLE)
         scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
     if scenario.uncertainty is not None and scenario.uncertainty.posterior is not None:
         scenario._posterior = _found_posterior(scenario, scenario.uncertainty.posterior)
     for key, given in (
-        ("cross_section", scenario.cross_section),
+        ("cross_section", scenario.cross_section or scenario.field_test),
         ("blocks", scenario.blocks or scenario.populations),
     ):
         if not given and scenario.experiment is None:
@@ -286,6 +302,33 @@ def _load_experiment(
             message = f"block {shown(name)} of the experiment is missing"
             raise scenario.error(message, "blocks", at="key", code="missing_key", key=name)
     scenario._experiment = experiment
+
+
+def _found_terrain(
+    scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None
+) -> TerrainSections:
+    """Terrain and releases under the data root, which may also be the folder itself or one between."""
+    from rock2d.field_tests.releases import read_releases
+    from rock2d.field_tests.terrain_sections import TerrainSections
+    from rock2d.profiles.terrain import read_terrain
+
+    root = data_root or os.environ.get(DATA_VARIABLE)
+    if not root:
+        message = f"the data are not here: say where {shown(keys.folder)} lies with --data or {DATA_VARIABLE}"
+        raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
+    steps = Path(keys.folder).parts
+    try:
+        inside = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
+        table = next((file for file in inside if file.is_file()), None)
+        if table is None:
+            message = f"no {keys.releases} in {shown(keys.folder)} under the data root {str(root)!r} (--data or "
+            message += f"{DATA_VARIABLE})"
+            raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
+        grid = path_inside(table.parent, keys.terrain)
+    except OutsideFolderError as error:
+        raise scenario.error(error.message, "field_test", "folder", code="outside_folder") from None
+    known = read_releases(table, keys.block_ids)
+    return TerrainSections(read_terrain(grid), known, keys.zones, keys.edge_m)
 
 
 def _found_experiment(

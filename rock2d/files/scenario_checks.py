@@ -22,6 +22,7 @@ def check_scenario(scenario: Scenario) -> None:
     """Raise InputError, with its place in the file, at the first mistake."""
     _check_earthworks(scenario)
     _check_names(scenario)
+    _check_field_test(scenario)
     _check_diagnosis(scenario)
     _check_parameters(scenario)
     _check_incident(scenario)
@@ -103,6 +104,27 @@ def check_engine(scenario: Scenario, engine: str) -> None:
             "a diagnosis is about the contact law, which engine point_mass does not have; use batch or pymunk"
         )
         raise scenario.error(message, "model", "diagnosis", at="key", code="wrong_kind", engine=engine)
+
+
+def _check_field_test(scenario: Scenario) -> None:
+    keys = scenario.field_test
+    if keys is None:
+        return
+    blocks = scenario.blocks or {}
+    for place, names in (("block_ids", keys.block_ids), ("calibrate_on", keys.calibrate_on)):
+        for name in names:
+            if name not in blocks:
+                message = f"unknown block{did_you_mean(name, blocks)}; blocks of this scenario: {', '.join(blocks)}"
+                raise scenario.error(message, "field_test", place, code="unknown_name", name=name)
+    if min(keys.zones.values()) > 0.0:
+        raise scenario.error("one zone must begin at 0 degrees or less", "field_test", "zones")
+    if scenario.cross_section is not None:
+        message = "the ground is the terrain of the field test: take cross_section away"
+        raise scenario.error(message, "cross_section", at="key", code="wrong_kind")
+    for name, incident in scenario.incident.items():
+        if incident.above_ground is None:
+            message = "releases of a field test start above the ground: expected above_ground"
+            raise scenario.error(message, "incident", name, code="wrong_kind")
 
 
 def _check_parameters(scenario: Scenario) -> None:

@@ -29,7 +29,7 @@ def rough_slope(seed: int) -> CrossSection:
 
 def bound(block, cross_section, q):
     arrays = ground_arrays(cross_section)
-    tree = facet_tree(arrays.facets[:, :2])
+    tree = facet_tree(arrays.facets[:, :2].copy())
     return time_to_ground(q, G, block_arrays(block), arrays.facets, tree, np.empty(64, np.int64))
 
 

@@ -1,0 +1,1 @@
+"""Field tests: real blocks released on a real slope, of which starts and stops are known."""

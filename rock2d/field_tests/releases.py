@@ -1,0 +1,113 @@
+"""The table of a field test: where each block was released, and where it came to rest."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.text_files import read_text
+
+Array = np.ndarray
+
+STARTS, STOPS = ("release_x_m", "release_y_m"), ("stop_x_m", "stop_y_m")
+FARTHEST_M = 1e6
+
+
+@dataclass(frozen=True)
+class FieldReleases:
+    """n releases.
+
+    Attributes
+    ----------
+    names : (n,) of the releases
+    blocks : (n,) of their blocks
+    starts_m, stops_m : (n, 2) horizontal places; NaN where no stop is given
+    """
+
+    names: tuple[str, ...]
+    blocks: tuple[str, ...]
+    starts_m: Array
+    stops_m: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def distances_m(self) -> Array:
+        """(n,) horizontal distance from start to stop."""
+        return np.hypot(*(self.stops_m - self.starts_m).T)
+
+    def part(self, some: Array) -> FieldReleases:
+        """Some of the releases: (n,) bool or indices."""
+        index = np.arange(len(self))[some]
+        return FieldReleases(
+            tuple(self.names[i] for i in index), tuple(self.blocks[i] for i in index),
+            self.starts_m[index], self.stops_m[index],
+        )  # fmt: skip
+
+    def of(self, *blocks: str) -> Array:
+        """(n,) bool, which releases are of these blocks."""
+        return np.isin(self.blocks, blocks)
+
+
+def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) -> FieldReleases:
+    """Read a table (CSV) with the columns release, block_id, release_x_m, release_y_m and, with `stops`, stop_x_m and
+    stop_y_m. Further columns do not count. The same release twice, number for number, counts once.
+
+    Raises InputError with the line of the first mistake.
+    """
+    rows = list(csv.reader(read_text(path).splitlines()))
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    needed = ("release", "block_id", *STARTS, *(STOPS if stops else ()))
+    for name in needed:
+        if name not in header:
+            raise InputError(f"missing column {name}", path, 1, 1, code="bad_table", column=name)
+    names = {number: name for name, number in block_ids.items()}
+    found: dict[str, tuple[str, list[float]]] = {}
+    for n, cells in enumerate(rows[1:], 2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        row = dict(zip(header, (cell.strip() for cell in cells), strict=False))
+        release, block, numbers = _numbers(row, needed, path, n)
+        if block not in names:
+            known = ", ".join(map(str, sorted(names)))
+            raise InputError(
+                f"unknown block_id {block}, the scenario knows {known}", path, n, 1, code="unknown_name"
+            )
+        if release in found:
+            raise InputError(f"release {release} is there twice", path, n, 1, code="bad_table")
+        found[release] = names[block], numbers
+    if not found:
+        raise InputError("there are no releases", path, 1, 1, code="empty")
+    values = np.array([numbers for _, numbers in found.values()])
+    stop = values[:, 2:] if stops else np.full((len(values), 2), np.nan)
+    blocks = tuple(block for block, _ in found.values())
+    releases = FieldReleases(tuple(found), blocks, values[:, :2], stop)
+    return releases.part(_once(blocks, values)) if stops else releases
+
+
+def _once(blocks: tuple[str, ...], values: Array) -> Array:
+    """Indices of the releases without those that repeat an earlier one: two tests never agree in every digit."""
+    first: dict[tuple[str, bytes], int] = {}
+    for i, block in enumerate(blocks):
+        first.setdefault((block, values[i].tobytes()), i)
+    return np.array(sorted(first.values()))
+
+
+def _numbers(row: Mapping[str, str], needed: tuple[str, ...], path: Path, n: int) -> tuple[str, int, list[float]]:
+    for name in needed:
+        if not row.get(name):
+            raise InputError(f"column {name} is empty", path, n, 1, code="bad_table", column=name)
+    try:
+        block = int(row["block_id"])
+        numbers = [float(row[name]) for name in needed[2:]]
+    except ValueError as error:
+        raise InputError(f"expected numbers: {error}", path, n, 1, code="bad_table") from None
+    if not np.isfinite(numbers).all() or max(map(abs, numbers)) > FARTHEST_M:
+        raise InputError("expected finite numbers of m in local coordinates", path, n, 1, code="bad_table")
+    return row["release"], block, numbers

@@ -1,0 +1,118 @@
+"""Cross-sections of the terrain along the ways of releases: straight, from a start in the direction of the stops.
+
+Heights are trusted near the known starts and stops alone. Beyond them a terrain model made from tracks is a guess, and
+the ground goes on level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.field_tests.releases import FieldReleases
+from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    from rock2d.profiles.terrain import Terrain
+
+Array = np.ndarray
+
+EDGE = "edge"  # zone of the ground at the start
+BEHIND_M, LENGTH_M = 5.0, 250.0  # of a section, behind the start and ahead of it
+TRUSTED_CELLS = 1.0  # cells around the known starts and stops within which heights are trusted
+LINE_STEP_M, LINE_HEIGHT_M = 10.0, 50.0  # of measure lines
+NEARBY_M = 10.0  # starts so close to each other have the same direction
+
+
+@dataclass(frozen=True)
+class TerrainSections:
+    """The terrain of a field test, and the releases whose ways are known.
+
+    Attributes
+    ----------
+    terrain : heights
+    known : releases with starts and stops
+    zones : name -> inclination in degrees from which the ground belongs to it
+    edge_m : length of the zone `EDGE` from the start on
+    """
+
+    terrain: Terrain
+    known: FieldReleases
+    zones: Mapping[str, float]
+    edge_m: float
+
+    def direction_rad(self, start_m: Array) -> float:
+        """From a start (2,) towards the mean stop of the known releases, those that start nearby counting most."""
+        apart = np.hypot(*(self.known.starts_m - start_m).T)
+        nearest = apart.min()
+        weight = np.exp(-0.5 * ((apart - nearest) / NEARBY_M) ** 2)
+        ways = self.known.stops_m - self.known.starts_m
+        east, north = (weight[:, None] * ways).sum(axis=0)
+        return float(np.arctan2(north, east))
+
+    @cached_property
+    def lateral_sd_rad(self) -> float:
+        """Standard deviation of the directions of the known releases about `direction_rad`."""
+        ways = self.known.stops_m - self.known.starts_m
+        expected = np.array([self.direction_rad(start) for start in self.known.starts_m])
+        turn = np.angle(np.exp(1j * (np.arctan2(ways[:, 1], ways[:, 0]) - expected)))
+        return float(np.sqrt(np.mean(turn**2)))
+
+    def section(self, start_m: Array, direction_rad: float) -> CrossSection:
+        """The ground from a start (2,) on; x is the horizontal distance from it.
+
+        Raises InputError if the start is beside the terrain.
+        """
+        step = 0.5 * self.terrain.cell_m
+        way = np.arange(-BEHIND_M, LENGTH_M + step, step)
+        ahead = np.array([np.cos(direction_rad), np.sin(direction_rad)])
+        points = np.asarray(start_m) + way[:, None] * ahead
+        heights = self.terrain.heights_m(points)
+        at_start = int(np.searchsorted(way, 0.0))
+        trusted = self._trusted(points) & np.isfinite(heights)
+        trusted[:at_start] = np.isfinite(heights[:at_start])
+        if not trusted[: at_start + 1].all():
+            x, y = start_m
+            raise InputError(f"no height is known around the start at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+        last = int(np.argmin(trusted)) if not trusted.all() else len(way)
+        heights[last:] = heights[last - 1]
+        return CrossSection(np.column_stack([way, heights]), self._zone_names(way, heights))
+
+    def mean_section(self) -> CrossSection:
+        """The ground from the mean start on, with measure lines at the distances `lines_m`."""
+        start = self.known.starts_m.mean(axis=0)
+        ground = self.section(start, self.direction_rad(start))
+        feet = ground.height_m(self.lines_m)
+        lines = {f"at_{x:g}_m": [[x, y], [x, y + LINE_HEIGHT_M]] for x, y in zip(self.lines_m, feet, strict=True)}
+        return CrossSection(ground.points_m, ground.zones, lines)
+
+    @cached_property
+    def lines_m(self) -> Array:
+        """Distances from the start, every 10 m, up to the farthest known stop."""
+        return np.arange(LINE_STEP_M, self.known.distances_m.max() + LINE_STEP_M, LINE_STEP_M)
+
+    def _zone_names(self, way: Array, heights: Array) -> list[str]:
+        inclination = np.degrees(np.arctan(-np.diff(heights) / np.diff(way)))
+        ordered = sorted(self.zones.items(), key=lambda item: -item[1])
+        names = [next(name for name, least in ordered if own >= least or least <= 0) for own in inclination]
+        return [EDGE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
+
+    def _trusted(self, points: Array) -> Array:
+        import shapely
+
+        return np.asarray(shapely.covers(self._known_area, shapely.points(points)))
+
+    @cached_property
+    def _known_area(self) -> Any:
+        import shapely
+
+        places = np.vstack([self.known.starts_m, self.known.stops_m])
+        hull = shapely.convex_hull(shapely.MultiPoint(places))
+        area = hull.buffer(TRUSTED_CELLS * self.terrain.cell_m)
+        shapely.prepare(area)
+        return area

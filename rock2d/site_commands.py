@@ -40,9 +40,12 @@ def command_line() -> str:
               help="What a campaign keeps of each release; may be given several times. Default: ends and "
               "crossings. With crossings alone a release stops once it can reach no other line; samples "
               "(at the scenario's frame rate) are large.")  # fmt: skip
+@click.option("--predict", type=click.Path(path_type=Path), metavar="RELEASES.csv",
+              help="Of a scenario with a field test: forecast the releases of this table; --out is then the table "
+              "(CSV) to write.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, out, data, video, report, overwrite, quiet, **options) -> None:
+def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet, **options) -> None:
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
@@ -60,7 +63,7 @@ def run(scenarios, engines, out, data, video, report, overwrite, quiet, **option
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
     workers = Workers(options["workers"], options["scheduler"])
     resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
-                             page_of=command_line() if report else None,
+                             page_of=command_line() if report else None, predict=predict,
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
     if not resolved:
         sys.exit(4)

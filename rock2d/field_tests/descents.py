@@ -1,18 +1,20 @@
 """Simulated descents of a field test: each release several times, on its own section with its own rough ground.
 
-What is random (direction, roughness, orientation) is drawn once for each descent, from its own seed. Two soils differ by
-their effect and not by chance.
+What is random (direction, roughness, orientation) is drawn once for each descent, from its own seed. Two soils differ
+by their effect and not by chance.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.field_tests.releases import FieldReleases
+from rock2d.field_tests.terrain_sections import EDGE, TerrainSections
 from rock2d.files.scenario import Scenario
 from rock2d.records.columns import AT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
@@ -50,36 +52,46 @@ class Descents:
     releases : n releases
     copies : of each
     seed : of every random draw
+    engine : "batch", or "point_mass"
+    other_blocks : name -> block, of releases whose blocks are none of the scenario's
     """
 
     scenario: Scenario
     releases: FieldReleases
     copies: int
     seed: int
+    engine: str = "batch"
+    other_blocks: Mapping[str, Block] = field(default_factory=dict)
 
     @cached_property
     def blocks(self) -> dict[str, Block]:
         """Name -> block."""
-        return self.scenario.make_blocks()
+        return {**self.scenario.make_blocks(), **self.other_blocks}
 
     @cached_property
-    def sections(self) -> list[CrossSection]:
-        """The section of each descent, without roughness: n copies of the first release, then of the second."""
-        terrain = self.scenario.terrain
-        assert terrain is not None
-        found = []
+    def directions_rad(self) -> Array:
+        """(n copies,) direction of each descent: n copies of the first release, then of the second."""
+        terrain = self._terrain
+        found: list[float] = []
         for start in self.releases.starts_m:
             towards = terrain.direction_rad(start)
-            for copy in range(self.copies):
+            for _ in range(self.copies):
                 turn = self._stream(len(found), START).normal(0.0, terrain.lateral_sd_rad)
-                found.append(terrain.section(start, towards + turn))
-        return found
+                found.append(towards + turn)
+        return np.array(found)
+
+    def sections(self, scenario: Scenario) -> list[CrossSection]:
+        """The section of each descent on the terrain of a scenario, without roughness."""
+        terrain, starts = scenario.terrain, np.repeat(self.releases.starts_m, self.copies, axis=0)
+        assert terrain is not None
+        return [terrain.section(start, way) for start, way in zip(starts, self.directions_rad, strict=True)]
 
     @cached_property
     def states(self) -> Array:
         """(n copies, 6) states at the start. Raises InputError if a block cannot be placed."""
-        found = np.empty((len(self.sections), 6))
-        for k, section in enumerate(self.sections):
+        sections = self.sections(self.scenario)
+        found = np.empty((len(sections), 6))
+        for k, section in enumerate(sections):
             name = self.releases.blocks[k // self.copies]
             stream = self._stream(k, START)
             stream.normal()  # the direction
@@ -94,19 +106,26 @@ class Descents:
         """The ground of each descent with the roughness of a scenario."""
         roughness = {zone: keys.make() for zone, keys in scenario.roughness.items()}
         return [
-            roughened(section, roughness, self._stream(k, GROUND)) for k, section in enumerate(self.sections)
+            roughened(section, roughness, self._stream(k, GROUND))
+            for k, section in enumerate(self.sections(scenario))
         ]
 
     def simulated(self, scenario: Scenario) -> Distances:
-        """The distances with the soil and the roughness of a scenario, with the batch engine."""
+        """The distances with the soil of a scenario: as blocks on its rough ground, or, with the engine point_mass, as
+        points, whose law has a roughness of its own."""
+        return self._as_points(scenario) if self.engine == "point_mass" else self._as_blocks(scenario)
+
+    def _as_blocks(self, scenario: Scenario) -> Distances:
         from rock2d.engines.batch import Ensemble, run_batch
         from rock2d.laws.contact import parameter_table
 
         names = list(self.blocks)
-        zones = tuple(dict.fromkeys(zone for section in self.sections for zone in section.zone_names))
+        zones = (EDGE, *self._terrain.zones)
         grounds = [_with_zone_order(ground, zones) for ground in self.rough_sections(scenario)]
         block_ids = np.repeat([names.index(name) for name in self.releases.blocks], self.copies)
-        tables = [parameter_table(scenario.contact_parameters(block), zones) for block in self.blocks.values()]
+        tables = [
+            parameter_table(scenario.contact_parameters(block), zones) for block in self.blocks.values()
+        ]
         found = run_batch(
             Ensemble(list(self.blocks.values()), grounds, tables), self.states, block_ids=block_ids,
             cross_section_ids=np.arange(len(grounds)), table_ids=block_ids, gravity_m_s2=scenario.gravity_m_s2,
@@ -114,10 +133,34 @@ class Descents:
         )  # fmt: skip
         return self._distances(found.ends[:, AT_X], np.array(STOPS)[found.stop])
 
+    def _as_points(self, scenario: Scenario) -> Distances:
+        from rock2d.engines.point_mass_batch import run_point_mass_batch
+
+        by_block = {name: scenario.rebound_parameters(block) for name, block in self.blocks.items()}
+        limit = scenario.longest_release_s()
+        sections = self.sections(scenario)
+        x, stop = np.empty(len(sections)), np.empty(len(sections), int)
+        for k, section in enumerate(sections):
+            name, seed = (
+                self.releases.blocks[k // self.copies],
+                self._stream(k, GROUND).integers(2**63, size=1),
+            )
+            found = run_point_mass_batch(
+                self.blocks[name], section, by_block[name], self.states[k : k + 1], seed,
+                gravity_m_s2=scenario.gravity_m_s2, time_limit_s=limit,
+            )  # fmt: skip
+            x[k], stop[k] = found.ends[0, AT_X], found.stop[0]
+        return self._distances(x, np.array(STOPS)[stop])
+
     def _distances(self, x: Array, stop: Array) -> Distances:
         shape = len(self.releases), self.copies
         metres = np.where(x < NOT_STARTED_M, np.nan, x)
         return Distances(metres.reshape(shape), np.isin(stop, UNRESOLVED_STOPS).reshape(shape))
+
+    @property
+    def _terrain(self) -> TerrainSections:
+        assert self.scenario.terrain is not None
+        return self.scenario.terrain
 
     def _stream(self, descent: int, kind: int) -> np.random.Generator:
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(descent, kind)))

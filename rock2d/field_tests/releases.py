@@ -66,7 +66,7 @@ def read_releases(path: Path, block_ids: Mapping[str, int], stops: bool = True) 
     needed = ("release", "block_id", *STARTS, *(STOPS if stops else ()))
     for name in needed:
         if name not in header:
-            raise InputError(f"missing column {name}", path, 1, 1, code="bad_table", column=name)
+            raise InputError(f"missing column {name}", path, 1, 1, code="bad_table", key=name)
     names = {number: name for name, number in block_ids.items()}
     found: dict[str, tuple[str, list[float]]] = {}
     for n, cells in enumerate(rows[1:], 2):
@@ -99,10 +99,12 @@ def _once(blocks: tuple[str, ...], values: Array) -> Array:
     return np.array(sorted(first.values()))
 
 
-def _numbers(row: Mapping[str, str], needed: tuple[str, ...], path: Path, n: int) -> tuple[str, int, list[float]]:
+def _numbers(
+    row: Mapping[str, str], needed: tuple[str, ...], path: Path, n: int
+) -> tuple[str, int, list[float]]:
     for name in needed:
         if not row.get(name):
-            raise InputError(f"column {name} is empty", path, n, 1, code="bad_table", column=name)
+            raise InputError(f"column {name} is empty", path, n, 1, code="bad_table", key=name)
     try:
         block = int(row["block_id"])
         numbers = [float(row[name]) for name in needed[2:]]

@@ -1,7 +1,7 @@
 """Cross-sections of the terrain along the ways of releases: straight, from a start in the direction of the stops.
 
-Heights are trusted near the known starts and stops alone. Beyond them a terrain model made from tracks is a guess, and
-the ground goes on level.
+Heights are trusted near the known starts and stops alone: beyond them a terrain model that was made from tracks is a
+guess. There the ground goes on with one inclination.
 """
 
 from __future__ import annotations
@@ -39,12 +39,14 @@ class TerrainSections:
     known : releases with starts and stops
     zones : name -> inclination in degrees from which the ground belongs to it
     edge_m : length of the zone `EDGE` from the start on
+    beyond_deg : inclination of the ground beyond the known starts and stops; positive: it rises
     """
 
     terrain: Terrain
     known: FieldReleases
     zones: Mapping[str, float]
     edge_m: float
+    beyond_deg: float = 0.0
 
     def direction_rad(self, start_m: Array) -> float:
         """From a start (2,) towards the mean stop of the known releases, those that start nearby counting most."""
@@ -78,9 +80,13 @@ class TerrainSections:
         trusted[:at_start] = np.isfinite(heights[:at_start])
         if not trusted[: at_start + 1].all():
             x, y = start_m
-            raise InputError(f"no height is known around the start at x = {x:.6g}, y = {y:.6g}", code="bad_value")
+            raise InputError(
+                f"no height is known around the start at x = {x:.6g}, y = {y:.6g}", code="bad_value"
+            )
         last = int(np.argmin(trusted)) if not trusted.all() else len(way)
-        heights[last:] = heights[last - 1]
+        heights[last:] = heights[last - 1] + (way[last:] - way[last - 1]) * np.tan(
+            np.radians(self.beyond_deg)
+        )
         return CrossSection(np.column_stack([way, heights]), self._zone_names(way, heights))
 
     def mean_section(self) -> CrossSection:
@@ -88,7 +94,9 @@ class TerrainSections:
         start = self.known.starts_m.mean(axis=0)
         ground = self.section(start, self.direction_rad(start))
         feet = ground.height_m(self.lines_m)
-        lines = {f"at_{x:g}_m": [[x, y], [x, y + LINE_HEIGHT_M]] for x, y in zip(self.lines_m, feet, strict=True)}
+        lines = {
+            f"at_{x:g}_m": [[x, y], [x, y + LINE_HEIGHT_M]] for x, y in zip(self.lines_m, feet, strict=True)
+        }
         return CrossSection(ground.points_m, ground.zones, lines)
 
     @cached_property

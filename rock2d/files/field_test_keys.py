@@ -30,6 +30,13 @@ class FieldTestKeys(Checked):
     edge_m: float = Field(
         default=0.0, ge=0, le=100, description="Length of the ground at the start that is zone edge, in m"
     )
+    beyond_deg: float = Field(
+        default=0.0,
+        ge=-30,
+        le=80,
+        description="Inclination of the ground beyond the known starts and stops, where the terrain is a guess; "
+        "positive: it rises",
+    )
     calibrate_on: list[Name] = Field(
         min_length=1, description="Blocks on which the soil is calibrated to predict the others"
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -246,7 +247,8 @@ def checked_scenario(
     scenario._document = document
     _load_experiment(scenario, data_root, experiment)
     if scenario.field_test is not None:
-        scenario._terrain = terrain or _found_terrain(scenario, scenario.field_test, data_root)
+        found = terrain or _found_terrain(scenario, scenario.field_test, data_root)
+        scenario._terrain = replace(found, beyond_deg=scenario.field_test.beyond_deg)
     if scenario.model.diagnosis is not None:
         root = data_root or os.environ.get(DATA_VARIABLE)
         scenario._diagnosed = diagnosed or found_diagnosis(scenario, scenario.model.diagnosis, root)
@@ -304,9 +306,7 @@ def _load_experiment(
     scenario._experiment = experiment
 
 
-def _found_terrain(
-    scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None
-) -> TerrainSections:
+def _found_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:
     """Terrain and releases under the data root, which may also be the folder itself or one between."""
     from rock2d.field_tests.releases import read_releases
     from rock2d.field_tests.terrain_sections import TerrainSections
@@ -321,7 +321,9 @@ def _found_terrain(
         inside = [path_inside(root, str(Path(*steps[i:], keys.releases))) for i in range(len(steps) + 1)]
         table = next((file for file in inside if file.is_file()), None)
         if table is None:
-            message = f"no {keys.releases} in {shown(keys.folder)} under the data root {str(root)!r} (--data or "
+            message = (
+                f"no {keys.releases} in {shown(keys.folder)} under the data root {str(root)!r} (--data or "
+            )
             message += f"{DATA_VARIABLE})"
             raise scenario.error(message, "field_test", "folder", code="missing_data", folder=keys.folder)
         grid = path_inside(table.parent, keys.terrain)

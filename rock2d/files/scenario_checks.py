@@ -114,7 +114,9 @@ def _check_field_test(scenario: Scenario) -> None:
     for place, names in (("block_ids", keys.block_ids), ("calibrate_on", keys.calibrate_on)):
         for name in names:
             if name not in blocks:
-                message = f"unknown block{did_you_mean(name, blocks)}; blocks of this scenario: {', '.join(blocks)}"
+                message = (
+                    f"unknown block{did_you_mean(name, blocks)}; blocks of this scenario: {', '.join(blocks)}"
+                )
                 raise scenario.error(message, "field_test", place, code="unknown_name", name=name)
     if min(keys.zones.values()) > 0.0:
         raise scenario.error("one zone must begin at 0 degrees or less", "field_test", "zones")

@@ -54,7 +54,9 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
         whole = isinstance(here[path[-1]], int) and float(value).is_integer()
         here[path[-1]] = int(value) if whole else float(value)
     try:
-        return checked_scenario(document.with_data(data), scenario.experiment, diagnosed=diagnosed, terrain=scenario.terrain)
+        return checked_scenario(
+            document.with_data(data), scenario.experiment, diagnosed=diagnosed, terrain=scenario.terrain
+        )
     except InputError as error:
         drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
         raise InputError(

@@ -38,12 +38,16 @@ def run_scenarios(
     data_root: Path | None = None,
     video: bool = False,
     page_of: str | None = None,
+    predict: Path | None = None,
     overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
 ) -> bool:
     """Run scenario files with every one of `engines` (default: the scenario's own), each into a folder of its own
     under `out`; False if more than 1 % of the releases of a block are unresolved (see `runs.resolution`).
+
+    A scenario with a field test is a study of it, unless `engines` or a number of releases is given; then its blocks
+    run on the mean section. `predict` is a table of releases to forecast instead, into the file `out`.
 
     `page_of` is the command that the page report.html names; None for no page.
 
@@ -54,6 +58,15 @@ def run_scenarios(
     used.
     """
     loaded = [load_scenario(path, data_root) for path in scenarios]
+    if predict is not None:
+        if len(loaded) != 1:
+            raise InputError("--predict is for one scenario", code="wrong_kind", option="predict")
+        from rock2d.field_tests.command import predict_releases
+
+        predict_releases(
+            loaded[0], predict, out, seed=options.seed, overwrite=overwrite, progress=progress, report=report
+        )
+        return True
     for scenario in loaded:  # before any work
         large = workers.scheduler is not None or is_campaign(scenario, options.releases)
         if options.keep and not large:
@@ -71,6 +84,18 @@ def run_scenarios(
             check_engine(scenario, engine)
     resolved = True
     for scenario in loaded:
+        if scenario.field_test is not None and options.releases is None and not engines:
+            from rock2d.field_tests.command import run_field_test
+
+            run_field_test(
+                scenario,
+                out / scenario.name,
+                seed=options.seed,
+                overwrite=overwrite,
+                progress=progress,
+                report=report,
+            )
+            continue
         for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
             report(f"warning: {remark}")
         for remark in diagnosis_remarks(scenario):

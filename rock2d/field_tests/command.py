@@ -1,0 +1,209 @@
+"""`rock2d run` of a scenario with a field test: the study, or the forecast of a list of releases."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.field_tests.candidates import candidate_table
+from rock2d.field_tests.forecasts import prediction_table
+from rock2d.field_tests.releases import read_releases
+from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
+from rock2d.field_tests.shapes import shape_forecasts, shape_table, shapes_of
+from rock2d.field_tests.study import (
+    POINT_PLACES,
+    Effort,
+    all_soils,
+    calibrate,
+    naive_forecasts,
+    posterior_table,
+    study_forecasts,
+)
+from rock2d.files.folders import atomic_folder, check_folder, check_replaced, make_folder, write_whole
+from rock2d.files.scenario import Scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+REPORT_STREAM, SHAPE_STREAM = 11, 12  # spawn keys
+DENSITY_KG_M3 = 2700.0  # of the shapes that are compared
+SHAPE_SOILS = 32  # draws of the posterior with which they are simulated
+
+
+def run_field_test(
+    scenario: Scenario, folder: Path, *, seed: int | None = None, overwrite: bool = False, progress: bool = True,
+    effort: Effort | None = None, report: Callable[[str], Any] = print,
+) -> dict[str, pd.DataFrame]:  # fmt: skip
+    """Calibrate, predict, compare; write tables and figures into `folder`, and return the tables.
+
+    An interrupted study goes on where it was. Raises InputError if the folder holds results already.
+    """
+    check_replaced(folder, overwrite)
+    seed = scenario.seed if seed is None else seed
+    assert scenario.terrain is not None
+    known, rng = (
+        scenario.terrain.known,
+        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM,))),
+    )
+    with bars(progress) as show:
+        blocks = calibrate(scenario, "batch", seed, stages_of(folder), effort, show)
+        found = study_forecasts(scenario, blocks, show)
+        if any(place.startswith(POINT_PLACES) for place in scenario.unknown()):
+            points = calibrate(scenario, "point_mass", seed, stages_of(folder), effort, show)
+            found |= study_forecasts(scenario, points, show)
+        found |= naive_forecasts(scenario, seed)
+        soils = all_soils(blocks)
+        mass = float(np.median([block.mass_kg for block in scenario.make_blocks().values()]))
+        shapes = shape_forecasts(
+            blocks.unknowns, soils[:SHAPE_SOILS], shapes_of(mass, DENSITY_KG_M3), seed + 2,
+            _counted(show, "shapes", SHAPE_SOILS),
+        )  # fmt: skip
+        candidates = candidate_table(scenario, blocks, stages_of(folder), show)
+    lines = scenario.terrain.lines_m
+    tables = {
+        "runout": runout_table(known, found, rng), "passing": passing_table(known, found, lines, rng),
+        "scores": score_table(known, found, lines, rng), "posterior": posterior_table(blocks, soils),
+        "shapes": shape_table(shapes), "candidates": candidates,
+    }  # fmt: skip
+    report(study_text(tables, mass))
+    facts = {"scenario": scenario.name, "seed": seed, "releases": len(known), "lateral_sd_deg": round(
+        float(np.degrees(scenario.terrain.lateral_sd_rad)), 3)}  # fmt: skip
+    with atomic_folder(folder) as partial:
+        for name, table in tables.items():
+            table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
+        write_whole(partial / "field_test.json", json.dumps(facts, indent=2) + "\n")
+        _write_figures(partial, scenario, found, tables)
+    _remove_stages(folder)
+    report(f"written: {folder}")
+    return tables
+
+
+def predict_releases(
+    scenario: Scenario, table: Path, out: Path, *, seed: int | None = None, overwrite: bool = False,
+    progress: bool = True, effort: Effort | None = None, report: Callable[[str], Any] = print,
+) -> pd.DataFrame:  # fmt: skip
+    """Forecast the releases of a table without stops, calibrated on all known ones; write a row for each to `out`.
+
+    Raises InputError for a mistake in the table, or if `out` is there and is not to be replaced.
+    """
+    if scenario.field_test is None:
+        raise scenario.error(
+            "--predict needs the key field_test", "field_test", code="missing_key", key="field_test"
+        )
+    if out.exists() and not overwrite:
+        raise InputError("is there already: --overwrite replaces it", out, code="exists")
+    seed = scenario.seed if seed is None else seed
+    releases = read_releases(table, scenario.field_test.block_ids, stops=False)
+    with bars(progress) as show:
+        calibration = calibrate(scenario, "batch", seed, stages_of(out), effort, show)
+        found = calibration.forecast(releases, all_soils(calibration), "forecast", show)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM, 1)))
+    predicted = prediction_table(releases, found, rng)
+    write_whole(out, predicted.to_csv(index=False, lineterminator="\n", float_format="%.3f"))
+    _remove_stages(out)
+    report(
+        f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}"
+    )
+    return predicted
+
+
+def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
+    """The main tables as a person reads them."""
+    runout, scores, shapes = tables["runout"], tables["scores"], tables["shapes"]
+    lines = [
+        "distance from start to stop in m: 10, 50, 90 %; error of the median; share within the central 80 and 90 %;",
+        "log score per release; RMSE of passing frequencies (floor of a perfect model)",
+    ]
+    for (_, a), (_, s) in zip(runout.iterrows(), scores.iterrows(), strict=True):
+        measured, expected = (
+            "/".join(f"{a[f'{kind}_q{p}_m']:.0f}" for p in (10, 50, 90)) for kind in ("measured", "forecast")
+        )
+        lines.append(
+            f"  {a['forecast']:36s} {a['block']:8s} n {a['releases']:2d}  measured {measured:12s} "
+            f"forecast {expected:12s}"
+            f" {s['median_error_m']:+6.1f}  {100 * s['inside80']:3.0f} {100 * s['inside90']:3.0f} %  "
+            f"{s['log_score']:6.2f} ± {s['log_score_se']:.2f}  {s['passing_rmse']:.3f} ({s['rmse_floor']:.3f})"
+        )
+    lines.append(f"what shape does: {mass_kg:.0f} kg, the same soils, 10, 50, 90 % in m")
+    lines += [
+        f"  {row['shape']:8s} {row['q10_m']:4.0f} {row['q50_m']:4.0f} {row['q90_m']:4.0f}"
+        for _, row in shapes.iterrows()
+    ]
+    lines.append("changes of the model: gain in log score per held-out release over the model as it is")
+    lines += [
+        f"  {row['change']:32s} {row['gain']:+.3f} ± {row['gain_se']:.3f}"
+        for _, row in tables["candidates"].iterrows()
+    ]
+    return "\n".join(lines)
+
+
+@contextmanager
+def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
+    """A function that shows how many of how many are done of what."""
+    from tqdm import tqdm
+
+    shown: dict[str, Any] = {}
+
+    def show(what: str, done: int, of: int) -> None:
+        if what not in shown:
+            shown[what] = tqdm(total=of, desc=what, disable=not progress)
+        shown[what].update(done - shown[what].n)
+        if done >= of:
+            shown[what].close()
+
+    try:
+        yield show
+    finally:
+        for bar in shown.values():
+            bar.close()
+
+
+def stages_of(out: Path) -> Path:
+    """Folder of what is finished of an interrupted command."""
+    folder = out.parent / f".{out.name}.soils"
+    make_folder(folder)
+    return check_folder(folder)
+
+
+def _remove_stages(out: Path) -> None:
+    import shutil
+
+    shutil.rmtree(out.parent / f".{out.name}.soils", ignore_errors=True)
+
+
+def _counted(show: Callable[[str, int, int], None], what: str, of: int) -> Callable[[int], None]:
+    done = 0
+
+    def step(count: int) -> None:
+        nonlocal done
+        done += count
+        show(what, done, of)
+
+    return step
+
+
+def _write_figures(
+    folder: Path, scenario: Scenario, found: Mapping[str, Forecasts], tables: Mapping[str, pd.DataFrame]
+) -> None:
+    from rock2d.graphics.field_test_figures import passing_figure, stops_figure
+    from rock2d.graphics.figure_style import save_figure
+
+    assert scenario.terrain is not None
+    known = scenario.terrain.known
+    measured = {block: known.distances_m[known.of(block)] for block in dict.fromkeys(known.blocks)}
+    expected: dict[str, dict[str, Any]] = {block: {} for block in measured}
+    for name, own in found.items():
+        if "held out" in name:
+            spread = own.found.spread(np.random.default_rng(0))
+            for block, some in by_block(known, own).items():
+                if block != ALL:
+                    expected[block][name] = spread[some]
+    save_figure(stops_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")
+    from_one = {name: name for name in found if "held out" not in name}
+    save_figure(passing_figure(tables["passing"], from_one), folder / "passing.png")

@@ -1,0 +1,128 @@
+"""Forecasts of how far blocks go, and how well they met what was measured."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.field_tests.descents import Descents
+from rock2d.field_tests.likelihood import Unknowns, log_density
+from rock2d.field_tests.releases import FieldReleases
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+
+QUANTILES = (0.05, 0.10, 0.25, 0.50, 0.75, 0.90, 0.95)
+QUANTILE_NAMES = ("q05", "q10", "q25", "q50", "q75", "q90", "q95")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What is expected of n releases.
+
+    Attributes
+    ----------
+    samples_m : (n, s) equally likely distances
+    kernel_m : (n, s) standard deviation by which each sample is off
+    caught : (n, s) chance that the block is caught anywhere on its way
+    """
+
+    samples_m: Array
+    kernel_m: Array
+    caught: Array
+
+    def part(self, some: Array) -> Forecast:
+        """Some of the releases."""
+        return Forecast(self.samples_m[some], self.kernel_m[some], self.caught[some])
+
+    def spread(self, rng: np.random.Generator) -> Array:
+        """(n, s) distances with all that they can be off by."""
+        shape = self.samples_m.shape
+        whole = np.maximum(self.samples_m + rng.standard_normal(shape) * self.kernel_m, 0.0)
+        on_the_way = rng.random(shape) * self.samples_m
+        return np.where(rng.random(shape) < self.caught, on_the_way, whole)
+
+    def quantiles_m(self, rng: np.random.Generator) -> Array:
+        """(n, quantiles) of the distance of each release."""
+        return np.asarray(np.quantile(self.spread(rng), QUANTILES, axis=1).T)
+
+    def log_scores(self, measured_m: Array) -> Array:
+        """(n,) log of the density in 1/m at what was measured."""
+        return log_density(measured_m, self.samples_m, self.kernel_m, self.caught)
+
+
+def forecast(
+    unknowns: Unknowns,
+    descents: Sequence[Descents],
+    soils: Array,
+    on_progress: Callable[[int], Any] = lambda count: None,
+) -> Forecast:
+    """Simulate releases with soils (s, d) of a posterior; `descents` of the same releases with different seeds take
+    turns.
+
+    A block that does not begin to move is pushed again: another of its distances, or of a block like it, takes the
+    place.
+    """
+    releases, copies = descents[0].releases, descents[0].copies
+    metres = np.empty((len(releases), len(soils) * copies))
+    for i, (own, turn) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
+        metres[:, i * copies : (i + 1) * copies] = turn.simulated(unknowns.soil(own)).metres
+        on_progress(1)
+    rng = np.random.default_rng(np.random.SeedSequence(descents[0].seed, spawn_key=(len(soils),)))
+    simulated = metres.copy()
+    for i, row in enumerate(metres):
+        missing = np.isnan(row)
+        others = row if not missing.all() else simulated[releases.of(releases.blocks[i])]
+        started = others[np.isfinite(others)]
+        row[missing] = rng.choice(started, int(missing.sum())) if len(started) else 0.0
+    kernel, caught = (
+        np.tile(np.repeat(own, copies), (len(metres), 1))
+        for own in (unknowns.discrepancy_m(soils), unknowns.caught(soils))
+    )
+    return Forecast(metres, kernel, caught)
+
+
+def like_those(measured_m: Array, n: int) -> Forecast:
+    """The naive forecast of n releases: they stop where others stopped. Kernel and share of those that are caught are
+    the ones with which these tell each other best, each left out in turn."""
+    others = np.tile(measured_m, (len(measured_m), 1))
+    np.fill_diagonal(others, np.nan)
+    choices = itertools.product(np.geomspace(2.0, 40.0, 40), np.geomspace(0.005, 0.25, 12))
+    width, caught = max(choices, key=lambda pair: log_density(measured_m, others, *pair).sum())
+    shape = n, len(measured_m)
+    return Forecast(np.tile(measured_m, (n, 1)), np.full(shape, width), np.full(shape, caught))
+
+
+def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
+    """One forecast of n releases from forecasts of parts (indices) of them, each with as many samples."""
+    samples = np.empty((n, parts[0][1].samples_m.shape[1]))
+    kernel, caught = np.empty_like(samples), np.empty_like(samples)
+    for some, own in parts:
+        samples[some], kernel[some], caught[some] = own.samples_m, own.kernel_m, own.caught
+    return Forecast(samples, kernel, caught)
+
+
+def folds(releases: FieldReleases, count: int, rng: np.random.Generator) -> list[Array]:
+    """Indices of the releases of each fold; every fold has its share of every block."""
+    fold = np.empty(len(releases), int)
+    place = 0
+    for block in dict.fromkeys(releases.blocks):
+        own = rng.permutation(np.flatnonzero(releases.of(block)))
+        fold[own] = (place + np.arange(len(own))) % count
+        place += len(own)
+    return [np.flatnonzero(fold == k) for k in range(count)]
+
+
+def prediction_table(releases: FieldReleases, found: Forecast, rng: np.random.Generator) -> pd.DataFrame:
+    """A row for each release: release, then the quantiles `QUANTILE_NAMES` of its horizontal distance in m."""
+    import pandas as pd
+
+    table = pd.DataFrame(found.quantiles_m(rng), columns=list(QUANTILE_NAMES))
+    table.insert(0, "release", releases.names)
+    return table

@@ -1,0 +1,187 @@
+"""What measured distances say about a soil: a likelihood by simulation, its emulator, and the posterior.
+
+A soil's likelihood is estimated from a hundred descents, so it is noisy and costs half a second. A Gaussian process
+smooths it over the soils that were simulated, and the posterior is drawn with the smooth one (Gutmann and Corander
+2016, J. Mach. Learn. Res. 17(125)). What was simulated serves any part of the releases: a calibration on one block, or
+a fold.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rock2d.calibration.sequential_monte_carlo import posterior, prior_draws
+from rock2d.field_tests.descents import Descents
+from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import variant
+
+Array = np.ndarray
+
+# share of stops that nothing explains; they lie anywhere up to a distance
+ANYWHERE, LONGEST_M = 0.002, 200.0
+# priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
+# model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
+DISCREPANCY_M, CAUGHT = (2.0, 16.0), (0.005, 0.25)
+PRIOR_SOILS, REFINED_SOILS = 256, 128  # that are simulated
+COPIES = 3  # descents of each release with each soil
+KEPT_DEPTH = 2.0  # of log-likelihood below the best, per release: less is as good as impossible
+TEMPER = 0.4  # power of the likelihood from which refined soils are drawn
+DRAWS = 256  # of a posterior
+PRIOR, REFINED, SMC = range(3)  # spawn keys
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """What is not known: numbers of the scenario, how far off the model is, and how many blocks are caught.
+
+    Attributes
+    ----------
+    scenario : with the key uncertainty
+    quantiles : place -> shares in (0, 1) to values
+    """
+
+    scenario: Scenario
+    quantiles: Mapping[str, Callable[[Any], Any]]
+
+    @property
+    def dimensions(self) -> int:
+        """Of the unit cube: the numbers, and last the discrepancy and the share that is caught."""
+        return len(self.quantiles) + 2
+
+    def values(self, u: Array) -> dict[str, float]:
+        """Place -> value of a soil u (d,)."""
+        return {place: float(q(share)) for (place, q), share in zip(self.quantiles.items(), u, strict=False)}
+
+    def soil(self, u: Array) -> Scenario:
+        """The scenario of a soil."""
+        return variant(self.scenario, self.values(u))
+
+    @staticmethod
+    def discrepancy_m(u: Array) -> Array:
+        """Standard deviation of soils u (..., d)."""
+        low, high = DISCREPANCY_M
+        return np.asarray(low * (high / low) ** u[..., -2])
+
+    @staticmethod
+    def caught(u: Array) -> Array:
+        """Share of the blocks that are caught, of soils u (..., d)."""
+        low, high = CAUGHT
+        return np.asarray(low * (high / low) ** u[..., -1])
+
+
+@dataclass(frozen=True)
+class SimulatedSoils:
+    """Soils that were simulated, and how likely they make each release.
+
+    Attributes
+    ----------
+    u : (k, d) in the unit cube
+    log_density : (k, n) of each measured distance
+    """
+
+    u: Array
+    log_density: Array
+
+    def joined(self, other: SimulatedSoils) -> SimulatedSoils:
+        """These soils and others."""
+        return SimulatedSoils(np.vstack([self.u, other.u]), np.vstack([self.log_density, other.log_density]))
+
+
+def log_density(measured_m: Array, simulated_m: Array, sd_m: Array | float, caught: Array | float) -> Array:
+    """(n,) log of the density in 1/m at measured distances, given simulated ones.
+
+    Parameters
+    ----------
+    measured_m : (n,)
+    simulated_m : (m,) or (n, m); NaN: a block that did not start, which does not count
+    sd_m : of the normal kernel about each simulated distance, a number or the shape of simulated_m
+    caught : share that stops anywhere on its way, likewise
+    """
+    x, some = measured_m[:, None], np.atleast_2d(simulated_m)
+    started = np.isfinite(some)
+    far = np.where(started, some, 1.0)
+    z = (x - far) / sd_m
+    goes_on = np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd_m)
+    density = (1.0 - caught) * goes_on + caught * (x < far) / far
+    mean = (density * started).sum(axis=1) / np.maximum(started.sum(axis=1), 1)
+    return np.asarray(np.log((1.0 - ANYWHERE) * mean + ANYWHERE / LONGEST_M))
+
+
+def log_density_by_block(releases: FieldReleases, metres: Array, sd_m: float, caught: float) -> Array:
+    """(n,) `log_density` of each release among the descents (n, m) of its block."""
+    found = np.empty(len(releases))
+    for block in dict.fromkeys(releases.blocks):
+        own = releases.of(block)
+        found[own] = log_density(releases.distances_m[own], metres[own].ravel(), sd_m, caught)
+    return found
+
+
+def simulate_soils(
+    unknowns: Unknowns, descents: Descents, u: Array, on_progress: Callable[[int], Any] = lambda count: None
+) -> SimulatedSoils:
+    """Simulate all releases with each of these soils (k, d)."""
+    found = []
+    for own in u:
+        metres = descents.simulated(unknowns.soil(own)).metres
+        sd, caught = float(unknowns.discrepancy_m(own)), float(unknowns.caught(own))
+        found.append(log_density_by_block(descents.releases, metres, sd, caught))
+        on_progress(1)
+    return SimulatedSoils(u, np.array(found))
+
+
+def prior_soils(unknowns: Unknowns, seed: int, count: int = PRIOR_SOILS) -> Array:
+    """(count, d) draws of the prior."""
+    drawn = prior_draws(count, unknowns.dimensions, _stream(seed, PRIOR))
+    return np.asarray(drawn.clip(1e-6, 1 - 1e-6))
+
+
+def refined_soils(soils: SimulatedSoils, seed: int, count: int = REFINED_SOILS) -> Array:
+    """(count, d) soils where all releases together are likely, spread more widely than the posterior."""
+    n = soils.log_density.shape[1]
+    return drawn_posterior(soils, np.arange(n), _stream(seed, REFINED), count, TEMPER)
+
+
+def drawn_posterior(
+    soils: SimulatedSoils, some: Array, rng: np.random.Generator, count: int = DRAWS, power: float = 1.0
+) -> Array:
+    """(count, d) draws of the posterior given some releases (indices); `power` below 1 flattens the likelihood."""
+    emulator = Emulator(soils.u, soils.log_density[:, some].sum(axis=1), len(some))
+    start = prior_draws(8 * count, soils.u.shape[1], rng).clip(1e-6, 1 - 1e-6)
+    return posterior(lambda u: power * emulator(u), start, count, rng).u.clip(1e-6, 1 - 1e-6)
+
+
+def posterior_stream(seed: int, part: int) -> np.random.Generator:
+    """Random numbers of the posterior of a part of the releases."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SMC, part)))
+
+
+class Emulator:
+    """A smooth log-likelihood over the unit cube, from noisy ones (k,) at soils (k, d)."""
+
+    def __init__(self, u: Array, log_likelihood: Array, releases: int) -> None:
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
+
+        floor = log_likelihood.max() - KEPT_DEPTH * releases
+        kernel: Kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(
+            np.full(u.shape[1], 0.5), (0.1, 20.0)
+        ) + WhiteKernel(0.05, (1e-4, 1.0))
+        self._process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
+        with warnings.catch_warnings():  # a number that does not matter has no length scale
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            self._process.fit(u, np.maximum(log_likelihood, floor))
+
+    def __call__(self, u: Array) -> Array:
+        """(n,) log-likelihood at soils (n, d)."""
+        return np.asarray(self._process.predict(u))
+
+
+def _stream(seed: int, kind: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(kind,)))

@@ -1,0 +1,214 @@
+"""The study of a field test: calibrate on one block, predict the others; and hold out folds of all blocks.
+
+Both impact laws are treated alike, and two forecasts without any physics are their yardsticks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.field_tests.descents import Descents
+from rock2d.field_tests.forecasts import Forecast, folds, forecast, joined, like_those
+from rock2d.field_tests.likelihood import (
+    COPIES,
+    PRIOR_SOILS,
+    REFINED_SOILS,
+    SimulatedSoils,
+    Unknowns,
+    drawn_posterior,
+    posterior_stream,
+    prior_soils,
+    refined_soils,
+    simulate_soils,
+)
+from rock2d.field_tests.releases import FieldReleases
+from rock2d.field_tests.scores import Forecasts
+from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import scenario_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+OnProgress = Callable[[str, int, int], Any]  # what is done, how many of how many
+
+FOLDS = 5
+POINT_PLACES = "model.probabilistic."  # where the numbers of the rebound law stand
+FOLD_STREAM, FORECAST_STREAM = 7, 8  # first numbers of spawn keys
+TURNS = 16  # starts, ways and rough grounds of each release that a forecast has
+LAWS = {"batch": "blocks", "point_mass": "points"}  # engine -> name of its forecasts
+
+
+def _nothing(what: str, done: int, of: int) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is simulated.
+
+    Attributes
+    ----------
+    prior, refined : soils drawn from the prior, and where they are likely
+    copies : descents of each release with each of them
+    draws : of a posterior, from which a forecast is made
+    """
+
+    prior: int = PRIOR_SOILS
+    refined: int = REFINED_SOILS
+    copies: int = COPIES
+    draws: int = 256
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A law on a field test: what is not known, and how likely the simulated soils make each release."""
+
+    unknowns: Unknowns
+    engine: str
+    soils: SimulatedSoils
+    seed: int
+    effort: Effort
+
+    def posterior(self, some: Array, part: int) -> Array:
+        """(draws, d) soils given some of the known releases; `part` numbers the random stream."""
+        return drawn_posterior(self.soils, some, posterior_stream(self.seed, part), self.effort.draws)
+
+    def forecast(
+        self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress = _nothing
+    ) -> Forecast:
+        """Of releases, with draws of a posterior."""
+        seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(TURNS)
+        scenario = self.unknowns.scenario
+        descents = [Descents(scenario, releases, 1, int(own), self.engine) for own in seeds]
+        done = 0
+
+        def step(count: int) -> None:
+            nonlocal done
+            done += count
+            on_progress(what, done, len(soils))
+
+        return forecast(self.unknowns, descents, soils, step)
+
+
+def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
+    """What is not known for an engine: numbers of the other law do not matter."""
+    of_points = engine == "point_mass"
+    places = {
+        place: quantiles
+        for place, quantiles in scenario.unknown().items()
+        if place.startswith("field_test.") or place.startswith(POINT_PLACES) == of_points
+    }
+    return Unknowns(scenario, places)
+
+
+def calibrate(
+    scenario: Scenario, engine: str, seed: int, stages: Path | None = None, effort: Effort | None = None,
+    on_progress: OnProgress = _nothing,
+) -> Calibration:  # fmt: skip
+    """Simulate all known releases with soils of the prior, then with soils where they are likely.
+
+    Finished parts are kept in the folder `stages` and are not computed again.
+    """
+    assert scenario.terrain is not None
+    effort = effort or Effort()
+    unknowns, known = unknowns_of(scenario, engine), scenario.terrain.known
+    descents = Descents(scenario, known, effort.copies, seed, engine)
+    text = f"{scenario_text(scenario)} {engine} {seed} {effort}".encode()
+    key = fingerprint(
+        np.frombuffer(text, np.uint8), known.starts_m, known.stops_m, scenario.terrain.terrain.height_m
+    )
+
+    def simulated(u: Array, part: str) -> SimulatedSoils:
+        file = None if stages is None else stages / f"{key}_{part}.npz"
+        kept = None if file is None else load_arrays(file)
+        if kept is not None:
+            return SimulatedSoils(kept["u"], kept["log_density"])
+        done = 0
+
+        def step(count: int) -> None:
+            nonlocal done
+            done += count
+            on_progress(f"{LAWS[engine]}: {part} soils", done, len(u))
+
+        found = simulate_soils(unknowns, descents, u, step)
+        if file is not None:
+            save_arrays(file, u=found.u, log_density=found.log_density)
+        return found
+
+    first = simulated(prior_soils(unknowns, seed, effort.prior), "prior")
+    if effort.refined:
+        first = first.joined(simulated(refined_soils(first, seed, effort.refined), "likely"))
+    return Calibration(unknowns, engine, first, seed, effort)
+
+
+def study_forecasts(
+    scenario: Scenario, calibration: Calibration, on_progress: OnProgress = _nothing
+) -> dict[str, Forecasts]:
+    """Of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
+    assert scenario.terrain is not None and scenario.field_test is not None
+    known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
+    source = known.of(*sources)
+    others, law = np.flatnonzero(~source), LAWS[calibration.engine]
+    found = {}
+    if len(others):
+        name = f"{law}, from {' and '.join(sources)}"
+        soils = calibration.posterior(np.flatnonzero(source), 0)
+        found[name] = Forecasts(others, calibration.forecast(known.part(others), soils, name, on_progress))
+    name, parts = f"{law}, held out", []
+    for k, fold in enumerate(fold_indices(known, calibration.seed)):
+        soils = calibration.posterior(np.setdiff1d(np.arange(len(known)), fold), 1 + k)
+        parts.append(
+            (fold, calibration.forecast(known.part(fold), soils, f"{name}, fold {k + 1}", on_progress))
+        )
+    return found | {name: Forecasts(np.arange(len(known)), joined(parts, len(known)))}
+
+
+def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
+    """Without physics: the others stop like the blocks of `calibrate_on`; a block stops like the same block before."""
+    assert scenario.terrain is not None and scenario.field_test is not None
+    known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
+    source, found = known.of(*sources), {}
+    others = np.flatnonzero(~source)
+    if len(others):
+        like = like_those(known.distances_m[source], len(others))
+        found[f"stops like {' and '.join(sources)}"] = Forecasts(others, like)
+    samples = np.full((len(known), len(known)), np.nan)
+    kernel, caught = np.ones_like(samples), np.zeros_like(samples)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FOLD_STREAM, 1)))
+    for fold in fold_indices(known, seed):
+        for i in fold:
+            same = np.setdiff1d(np.flatnonzero(known.of(known.blocks[i])), fold)
+            own = like_those(known.distances_m[same], 1)
+            picked = rng.permutation(np.resize(np.arange(len(same)), len(known)))
+            samples[i] = own.samples_m[0, picked]
+            kernel[i], caught[i] = own.kernel_m[0, 0], own.caught[0, 0]
+    held = Forecasts(np.arange(len(known)), Forecast(samples, kernel, caught))
+    return found | {"stops like the same block, held out": held}
+
+
+def fold_indices(known: FieldReleases, seed: int) -> list[Array]:
+    """Indices of the releases of each fold."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FOLD_STREAM,)))
+    return folds(known, FOLDS, rng)
+
+
+def posterior_table(calibration: Calibration, soils: Array) -> pd.DataFrame:
+    """Draws of a posterior: a column for each place in the scenario file, discrepancy_m, and caught (a share)."""
+    import pandas as pd
+
+    table = pd.DataFrame([calibration.unknowns.values(own) for own in soils])
+    table["discrepancy_m"] = calibration.unknowns.discrepancy_m(soils)
+    table["caught"] = calibration.unknowns.caught(soils)
+    return table
+
+
+def all_soils(calibration: Calibration) -> Array:
+    """(draws, d) draws of the posterior given all known releases."""
+    return calibration.posterior(np.arange(calibration.soils.log_density.shape[1]), 1 + FOLDS)

@@ -3,7 +3,7 @@
     python docs/make_gallery.py            # all of it, into docs/pictures and docs/tutorials
     python docs/make_gallery.py flat_floor # one scenario or tutorial
 
-Scenarios that start from a film need the data folder in the variable ROCK2D_DATA.
+Scenarios with measured data need the data folder in the variable ROCK2D_DATA.
 """
 
 from __future__ import annotations

@@ -189,7 +189,8 @@ def gallery_page() -> str:
         for picture in sorted((DOCS / "pictures").glob(f"{path.stem}_*.png")):
             engine = picture.stem.removeprefix(path.stem + "_").replace("_", "-")
             lines += [f"![{content['name']} with the {engine} engine](pictures/{picture.name})", ""]
-        data = " --data DIR" if "from_experiment" in path.read_text(encoding="utf-8") else ""
+        text = path.read_text(encoding="utf-8")
+        data = " --data DIR" if "from_experiment" in text or "field_test" in text else ""
         lines += ["```bash", f"rock2d run scenarios/{path.name}{data}", "```", ""]
         lines += ['??? note "What this scenario assumes"', ""]
         lines += [f"    - {line}" for line in content.get("assumed", [])]

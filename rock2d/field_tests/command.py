@@ -25,7 +25,7 @@ from rock2d.field_tests.study import (
     posterior_table,
     study_forecasts,
 )
-from rock2d.files.folders import atomic_folder, check_folder, check_replaced, make_folder, write_whole
+from rock2d.files.folders import atomic_folder, check_replaced, make_folder, write_whole
 from rock2d.files.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -107,6 +107,10 @@ def predict_releases(
     predicted = prediction_table(releases, found, rng)
     write_whole(out, predicted.to_csv(index=False, lineterminator="\n", float_format="%.3f"))
     _remove_stages(out)
+    if found.unresolved > 0.0:
+        report(
+            f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there"
+        )
     report(
         f"{len(predicted)} releases, calibrated on {calibration.soils.log_density.shape[1]}; written: {out}"
     )
@@ -129,6 +133,11 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
             f"forecast {expected:12s}"
             f" {s['median_error_m']:+6.1f}  {100 * s['inside80']:3.0f} {100 * s['inside90']:3.0f} %  "
             f"{s['log_score']:6.2f} ± {s['log_score_se']:.2f}  {s['passing_rmse']:.3f} ({s['rmse_floor']:.3f})"
+        )
+    worst = scores["unresolved"].max()
+    if worst > 0.0:
+        lines.append(
+            f"up to {100 * worst:.2g} % of a forecast's descents were cut short or buried: counted as stopped"
         )
     lines.append(f"what shape does: {mass_kg:.0f} kg, the same soils, 10, 50, 90 % in m")
     lines += [
@@ -168,7 +177,7 @@ def stages_of(out: Path) -> Path:
     """Folder of what is finished of an interrupted command."""
     folder = out.parent / f".{out.name}.soils"
     make_folder(folder)
-    return check_folder(folder)
+    return folder
 
 
 def _remove_stages(out: Path) -> None:

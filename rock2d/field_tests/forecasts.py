@@ -31,15 +31,17 @@ class Forecast:
     samples_m : (n, s) equally likely distances
     kernel_m : (n, s) standard deviation by which each sample is off
     caught : (n, s) chance that the block is caught anywhere on its way
+    unresolved : share of the descents that were cut short or buried; they count as stopped there
     """
 
     samples_m: Array
     kernel_m: Array
     caught: Array
+    unresolved: float = 0.0
 
     def part(self, some: Array) -> Forecast:
         """Some of the releases."""
-        return Forecast(self.samples_m[some], self.kernel_m[some], self.caught[some])
+        return Forecast(self.samples_m[some], self.kernel_m[some], self.caught[some], self.unresolved)
 
     def spread(self, rng: np.random.Generator) -> Array:
         """(n, s) distances with all that they can be off by."""
@@ -70,9 +72,11 @@ def forecast(
     place.
     """
     releases, copies = descents[0].releases, descents[0].copies
-    metres = np.empty((len(releases), len(soils) * copies))
+    metres, unresolved = np.empty((len(releases), len(soils) * copies)), 0.0
     for i, (own, turn) in enumerate(zip(soils, itertools.cycle(descents), strict=False)):
-        metres[:, i * copies : (i + 1) * copies] = turn.simulated(unknowns.soil(own)).metres
+        found = turn.simulated(unknowns.soil(own))
+        metres[:, i * copies : (i + 1) * copies] = found.metres
+        unresolved += float(found.unresolved.mean()) / len(soils)
         on_progress(1)
     rng = np.random.default_rng(np.random.SeedSequence(descents[0].seed, spawn_key=(len(soils),)))
     simulated = metres.copy()
@@ -85,7 +89,7 @@ def forecast(
         np.tile(np.repeat(own, copies), (len(metres), 1))
         for own in (unknowns.discrepancy_m(soils), unknowns.caught(soils))
     )
-    return Forecast(metres, kernel, caught)
+    return Forecast(metres, kernel, caught, unresolved)
 
 
 def like_those(measured_m: Array, n: int) -> Forecast:
@@ -105,7 +109,8 @@ def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
     kernel, caught = np.empty_like(samples), np.empty_like(samples)
     for some, own in parts:
         samples[some], kernel[some], caught[some] = own.samples_m, own.kernel_m, own.caught
-    return Forecast(samples, kernel, caught)
+    unresolved = sum(own.unresolved * len(some) for some, own in parts) / n
+    return Forecast(samples, kernel, caught, unresolved)
 
 
 def folds(releases: FieldReleases, count: int, rng: np.random.Generator) -> list[Array]:

@@ -91,6 +91,7 @@ def score_table(
     inside80, inside90 : share of the releases within their central 80 and 90 %, with Wilson's 95 % intervals
     passing_rmse, rmse_floor : of the passing frequencies at the lines, and the median of a perfect model's with so few
         releases
+    unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there
     """
     import pandas as pd
 
@@ -113,6 +114,7 @@ def score_table(
                     f"inside{share}_high": bounds[1],
                 }
             row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[some], lines_m, rng)
+            row["unresolved"] = own.found.unresolved
             rows.append(row)
     return pd.DataFrame(rows)
 

@@ -76,7 +76,7 @@ class TerrainSections:
         points = np.asarray(start_m) + way[:, None] * ahead
         heights = self.terrain.heights_m(points)
         at_start = int(np.searchsorted(way, 0.0))
-        trusted = self._trusted(points) & np.isfinite(heights)
+        trusted = self._trusted(points, start_m) & np.isfinite(heights)
         trusted[:at_start] = np.isfinite(heights[:at_start])
         if not trusted[: at_start + 1].all():
             x, y = start_m
@@ -110,10 +110,17 @@ class TerrainSections:
         names = [next(name for name, least in ordered if own >= least or least <= 0) for own in inclination]
         return [EDGE if end <= self.edge_m else name for name, end in zip(names, way[1:], strict=True)]
 
-    def _trusted(self, points: Array) -> Array:
+    def _trusted(self, points: Array, start_m: Array) -> Array:
         import shapely
 
-        return np.asarray(shapely.covers(self._known_area, shapely.points(points)))
+        area = self._known_area
+        if not area.covers(shapely.Point(start_m)):  # a start of which nothing is known yet
+            area = shapely.union(area, shapely.Point(start_m)).convex_hull.buffer(self._margin_m)
+        return np.asarray(shapely.covers(area, shapely.points(points)))
+
+    @property
+    def _margin_m(self) -> float:
+        return TRUSTED_CELLS * self.terrain.cell_m
 
     @cached_property
     def _known_area(self) -> Any:
@@ -121,6 +128,6 @@ class TerrainSections:
 
         places = np.vstack([self.known.starts_m, self.known.stops_m])
         hull = shapely.convex_hull(shapely.MultiPoint(places))
-        area = hull.buffer(TRUSTED_CELLS * self.terrain.cell_m)
+        area = hull.buffer(self._margin_m)
         shapely.prepare(area)
         return area

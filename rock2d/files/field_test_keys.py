@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from rock2d.files.checked_yaml import Checked
+from rock2d.files.checked_yaml import Checked, mistake
 from rock2d.files.setup_keys import Name
 
 
@@ -40,3 +40,9 @@ class FieldTestKeys(Checked):
     calibrate_on: list[Name] = Field(
         min_length=1, description="Blocks on which the soil is calibrated to predict the others"
     )
+
+    @model_validator(mode="after")
+    def _all_ground_has_a_zone(self) -> FieldTestKeys:
+        if min(self.zones.values()) > 0.0:
+            raise mistake("one zone must begin at 0 degrees or less", "zones")
+        return self

@@ -118,8 +118,6 @@ def _check_field_test(scenario: Scenario) -> None:
                     f"unknown block{did_you_mean(name, blocks)}; blocks of this scenario: {', '.join(blocks)}"
                 )
                 raise scenario.error(message, "field_test", place, code="unknown_name", name=name)
-    if min(keys.zones.values()) > 0.0:
-        raise scenario.error("one zone must begin at 0 degrees or less", "field_test", "zones")
     if scenario.cross_section is not None:
         message = "the ground is the terrain of the field test: take cross_section away"
         raise scenario.error(message, "cross_section", at="key", code="wrong_kind")

@@ -97,7 +97,7 @@ def predict_releases(
             "--predict needs the key field_test", "field_test", code="missing_key", key="field_test"
         )
     if out.exists() and not overwrite:
-        raise InputError("is there already: --overwrite replaces it", out, code="exists")
+        raise InputError("is there already: --overwrite replaces it", out, code="results_exist")
     seed = scenario.seed if seed is None else seed
     releases = read_releases(table, scenario.field_test.block_ids, stops=False)
     with bars(progress) as show:

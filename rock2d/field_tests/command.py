@@ -96,6 +96,10 @@ def predict_releases(
         raise scenario.error(
             "--predict needs the key field_test", "field_test", code="missing_key", key="field_test"
         )
+    if out.suffix.lower() != ".csv":
+        raise InputError(
+            "--predict writes a table: --out predictions.csv", out, code="wrong_kind", option="out"
+        )
     if out.exists() and not overwrite:
         raise InputError("is there already: --overwrite replaces it", out, code="results_exist")
     seed = scenario.seed if seed is None else seed

@@ -28,7 +28,7 @@ def stops_figure(
     forecast of it."""
     figure = blank_figure(8.0, 3.0 + 0.75 * len(measured))
     top, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 0.75 * len(measured) + 0.6])
-    far = max(float(own.max()) for own in measured.values()) + 60.0  # room for the legend
+    far = max(float(own.max()) for own in measured.values()) + 35.0
     x, y = ground.points_m.T
     shown = (x <= far) & (x >= -5.0)
     top.fill_between(x[shown], y[shown], y[shown].min() - 5.0, color=ZONE_TONES[0], lw=0)
@@ -53,7 +53,7 @@ def stops_figure(
     below.set_xlabel("horizontal distance from the start in m")
     handles: list[Any] = [handle("measured stops", marker="|", ls="", color=MEASURED_COLOUR, ms=10)]
     handles += [handle(name, color=BLOCK_COLOURS[i], lw=5, alpha=0.6) for i, name in enumerate(names)]
-    below.legend(handles=handles, fontsize=SMALL_PT, loc="center right", frameon=False)
+    figure.legend(handles=handles, fontsize=SMALL_PT, loc="outside lower center", ncols=4, frameon=False)
     finish(figure, "Stops, and forecasts (median, 50, 80 and 90 %)")
     return figure
 

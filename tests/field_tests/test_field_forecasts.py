@@ -144,3 +144,5 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     assert (np.diff(quantiles, axis=1) >= 0).all() and (quantiles > 0).all()
     with pytest.raises(InputError, match="is there already"):
         predict_releases(scenario, table, tmp_path / "one.csv", progress=False, effort=EFFORT)
+    with pytest.raises(InputError, match="writes a table"):
+        predict_releases(scenario, table, tmp_path / "out", progress=False, effort=EFFORT)

@@ -21,6 +21,7 @@ from rock2d.field_tests.study import (
     Effort,
     all_soils,
     calibrate,
+    counted,
     naive_forecasts,
     posterior_table,
     study_forecasts,
@@ -31,7 +32,7 @@ from rock2d.files.scenario import Scenario
 if TYPE_CHECKING:
     import pandas as pd
 
-REPORT_STREAM, SHAPE_STREAM = 11, 12  # spawn keys
+REPORT_STREAM = 11  # first number of a spawn key
 DENSITY_KG_M3 = 2700.0  # of the shapes that are compared
 SHAPE_SOILS = 32  # draws of the posterior with which they are simulated
 
@@ -47,10 +48,8 @@ def run_field_test(
     check_replaced(folder, overwrite)
     seed = scenario.seed if seed is None else seed
     assert scenario.terrain is not None
-    known, rng = (
-        scenario.terrain.known,
-        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM,))),
-    )
+    known = scenario.terrain.known
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM,)))
     with bars(progress) as show:
         blocks = calibrate(scenario, "batch", seed, stages_of(folder), effort, show)
         found = study_forecasts(scenario, blocks, show)
@@ -62,7 +61,7 @@ def run_field_test(
         mass = float(np.median([block.mass_kg for block in scenario.make_blocks().values()]))
         shapes = shape_forecasts(
             blocks.unknowns, soils[:SHAPE_SOILS], shapes_of(mass, DENSITY_KG_M3), seed + 2,
-            _counted(show, "shapes", SHAPE_SOILS),
+            counted(show, "shapes", SHAPE_SOILS),
         )  # fmt: skip
         candidates = candidate_table(scenario, blocks, stages_of(folder), show)
     lines = scenario.terrain.lines_m
@@ -188,17 +187,6 @@ def _remove_stages(out: Path) -> None:
     import shutil
 
     shutil.rmtree(out.parent / f".{out.name}.soils", ignore_errors=True)
-
-
-def _counted(show: Callable[[str, int, int], None], what: str, of: int) -> Callable[[int], None]:
-    done = 0
-
-    def step(count: int) -> None:
-        nonlocal done
-        done += count
-        show(what, done, of)
-
-    return step
 
 
 def _write_figures(

@@ -49,6 +49,18 @@ def _nothing(what: str, done: int, of: int) -> None:
     pass
 
 
+def counted(on_progress: OnProgress, what: str, of: int) -> Callable[[int], None]:
+    """A function that takes how many more are done, and shows how many of how many are."""
+    done = 0
+
+    def step(count: int) -> None:
+        nonlocal done
+        done += count
+        on_progress(what, done, of)
+
+    return step
+
+
 @dataclass(frozen=True)
 class Effort:
     """How much is simulated.
@@ -87,14 +99,7 @@ class Calibration:
         seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(TURNS)
         scenario = self.unknowns.scenario
         descents = [Descents(scenario, releases, 1, int(own), self.engine) for own in seeds]
-        done = 0
-
-        def step(count: int) -> None:
-            nonlocal done
-            done += count
-            on_progress(what, done, len(soils))
-
-        return forecast(self.unknowns, descents, soils, step)
+        return forecast(self.unknowns, descents, soils, counted(on_progress, what, len(soils)))
 
 
 def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
@@ -130,13 +135,7 @@ def calibrate(
         kept = None if file is None else load_arrays(file)
         if kept is not None:
             return SimulatedSoils(kept["u"], kept["log_density"])
-        done = 0
-
-        def step(count: int) -> None:
-            nonlocal done
-            done += count
-            on_progress(f"{LAWS[engine]}: {part} soils", done, len(u))
-
+        step = counted(on_progress, f"{LAWS[engine]}: {part} soils", len(u))
         found = simulate_soils(unknowns, descents, u, step)
         if file is not None:
             save_arrays(file, u=found.u, log_density=found.log_density)

@@ -12,6 +12,7 @@ import numpy as np
 
 from rock2d.field_tests.study import Calibration, Effort, OnProgress, calibrate, study_forecasts
 from rock2d.files.scenario import Scenario, checked_scenario
+from rock2d.scene.blocks import make_block
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,13 +71,11 @@ def _level_beyond(data: Data) -> bool:
 def _circles(data: Data) -> bool:
     """Discs of the same area: no corners."""
     for name, keys in data["blocks"].items():
-        area = _polygon_area(keys)
-        if area is None:
+        if keys["shape"] != "polygon":
             return False
-        data["blocks"][name] = {
-            "shape": "circle", "diameter_m": float(2.0 * np.sqrt(area / np.pi)), "mass_kg": keys["mass_kg"],
-            "inertia": "uniform",
-        }  # fmt: skip
+        mass = keys["mass_kg"]
+        size = make_block(name, "polygon", mass, vertices_m=keys["vertices_m"]).size_m
+        data["blocks"][name] = {"shape": "circle", "diameter_m": size, "mass_kg": mass, "inertia": "uniform"}
     return True
 
 
@@ -144,10 +143,3 @@ def _know(data: Data, start: str) -> None:
     site = data.get("uncertainty", {}).get("site", {})
     for place in [place for place in site if place.startswith(start)]:
         del site[place]
-
-
-def _polygon_area(keys: Data) -> float | None:
-    if keys["shape"] != "polygon":
-        return None
-    x, y = np.array(keys["vertices_m"], float).T
-    return float(0.5 * abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))

@@ -22,6 +22,7 @@ import numba
 from numba.core import event
 
 from rock2d import compiling
+from rock2d.files.folders import cache_root
 
 _PACKAGE = Path(__file__).resolve().parent
 _KEPT = 4  # older caches are removed, newest first
@@ -68,7 +69,7 @@ def _open_to_others(folder: Path) -> Path | None:
 
 def _choose_cache() -> None:
     """Set the folder of compiled code; a temporary one, for this process and its workers, if others can write it."""
-    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d" / "numba"
+    root = cache_root() / "numba"
     with contextlib.suppress(OSError):  # nowhere to write: numba falls back to its own default
         folder = _cache_folder(root.resolve())
         if (found := _open_to_others(folder)) is not None:

@@ -98,7 +98,7 @@ CHANGES = (
 
 
 def candidate_table(
-    scenario: Scenario, base: Calibration, stages: Path, on_progress: OnProgress
+    scenario: Scenario, base: Calibration, stages: Path | None, on_progress: OnProgress
 ) -> pd.DataFrame:
     """Gain of each change in log score per held-out release over the model as it is, with its standard error.
 

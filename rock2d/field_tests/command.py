@@ -26,7 +26,7 @@ from rock2d.field_tests.study import (
     posterior_table,
     study_forecasts,
 )
-from rock2d.files.folders import atomic_folder, check_replaced, make_folder, write_whole
+from rock2d.files.folders import atomic_folder, check_replaced, user_cache, write_whole
 from rock2d.files.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -43,27 +43,29 @@ def run_field_test(
 ) -> dict[str, pd.DataFrame]:  # fmt: skip
     """Calibrate, predict, compare; write tables and figures into `folder`, and return the tables.
 
-    An interrupted study goes on where it was. Raises InputError if the folder holds results already.
+    Simulated soils are kept in the user's cache: an interrupted study goes on where it was, and a forecast starts from
+    them. Raises InputError if the folder holds results already.
     """
     check_replaced(folder, overwrite)
     seed = scenario.seed if seed is None else seed
     assert scenario.terrain is not None
     known = scenario.terrain.known
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM,)))
+    kept = user_cache("soils")
     with bars(progress) as show:
-        blocks = calibrate(scenario, "batch", seed, stages_of(folder), effort, show)
+        blocks = calibrate(scenario, "batch", seed, kept, effort, show)
         found = study_forecasts(scenario, blocks, show)
         if any(place.startswith(POINT_PLACES) for place in scenario.unknown()):
-            points = calibrate(scenario, "point_mass", seed, stages_of(folder), effort, show)
+            points = calibrate(scenario, "point_mass", seed, kept, effort, show)
             found |= study_forecasts(scenario, points, show)
         found |= naive_forecasts(scenario, seed)
         soils = all_soils(blocks)
         mass = float(np.median([block.mass_kg for block in scenario.make_blocks().values()]))
         shapes = shape_forecasts(
-            blocks.unknowns, soils[:SHAPE_SOILS], shapes_of(mass, DENSITY_KG_M3), seed + 2,
+            blocks.unknowns, soils[:SHAPE_SOILS], shapes_of(mass, DENSITY_KG_M3), seed,
             counted(show, "shapes", SHAPE_SOILS),
         )  # fmt: skip
-        candidates = candidate_table(scenario, blocks, stages_of(folder), show)
+        candidates = candidate_table(scenario, blocks, kept, show)
     lines = scenario.terrain.lines_m
     tables = {
         "runout": runout_table(known, found, rng), "passing": passing_table(known, found, lines, rng),
@@ -78,7 +80,6 @@ def run_field_test(
             table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
         write_whole(partial / "field_test.json", json.dumps(facts, indent=2) + "\n")
         _write_figures(partial, scenario, found, tables)
-    _remove_stages(folder)
     report(f"written: {folder}")
     return tables
 
@@ -104,12 +105,11 @@ def predict_releases(
     seed = scenario.seed if seed is None else seed
     releases = read_releases(table, scenario.field_test.block_ids, stops=False)
     with bars(progress) as show:
-        calibration = calibrate(scenario, "batch", seed, stages_of(out), effort, show)
+        calibration = calibrate(scenario, "batch", seed, user_cache("soils"), effort, show)
         found = calibration.forecast(releases, all_soils(calibration), "forecast", show)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REPORT_STREAM, 1)))
     predicted = prediction_table(releases, found, rng)
     write_whole(out, predicted.to_csv(index=False, lineterminator="\n", float_format="%.3f"))
-    _remove_stages(out)
     if found.unresolved > 0.0:
         report(
             f"{100 * found.unresolved:.2g} % of the descents were cut short or buried: counted as stopped there"
@@ -174,19 +174,6 @@ def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
     finally:
         for bar in shown.values():
             bar.close()
-
-
-def stages_of(out: Path) -> Path:
-    """Folder of what is finished of an interrupted command."""
-    folder = out.parent / f".{out.name}.soils"
-    make_folder(folder)
-    return folder
-
-
-def _remove_stages(out: Path) -> None:
-    import shutil
-
-    shutil.rmtree(out.parent / f".{out.name}.soils", ignore_errors=True)
 
 
 def _write_figures(

@@ -28,10 +28,15 @@ ANYWHERE, LONGEST_M = 0.002, 200.0
 # priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
 # model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
 DISCREPANCY_M, CAUGHT = (2.0, 16.0), (0.005, 0.25)
-PRIOR_SOILS, REFINED_SOILS = 256, 128  # that are simulated
+PRIOR_SOILS, REFINED_SOILS = (
+    256,
+    64,
+)  # that are simulated: of the prior, and in each round where they are likely
 COPIES = 3  # descents of each release with each soil
 KEPT_DEPTH = 2.0  # of log-likelihood below the best, per release: less is as good as impossible
-TEMPER = 0.4  # power of the likelihood from which refined soils are drawn
+# Powers of the likelihood from which each round is drawn. Far from what was simulated the Gaussian process may promise
+# what is not there: each round simulates its promises, and the next knows better.
+ROUNDS = (0.4, 0.4, 0.7, 1.0)
 DRAWS = 256  # of a posterior
 PRIOR, REFINED, SMC = range(3)  # spawn keys
 
@@ -137,14 +142,18 @@ def simulate_soils(
 
 def prior_soils(unknowns: Unknowns, seed: int, count: int = PRIOR_SOILS) -> Array:
     """(count, d) draws of the prior."""
-    drawn = prior_draws(count, unknowns.dimensions, _stream(seed, PRIOR))
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(PRIOR,)))
+    drawn = prior_draws(count, unknowns.dimensions, rng)
     return np.asarray(drawn.clip(1e-6, 1 - 1e-6))
 
 
-def refined_soils(soils: SimulatedSoils, seed: int, count: int = REFINED_SOILS) -> Array:
-    """(count, d) soils where all releases together are likely, spread more widely than the posterior."""
-    n = soils.log_density.shape[1]
-    return drawn_posterior(soils, np.arange(n), _stream(seed, REFINED), count, TEMPER)
+def refined_soils(soils: SimulatedSoils, seed: int, part: int, count: int = REFINED_SOILS) -> Array:
+    """(count, d) soils of a round: where all releases together are likely, as far as is known so far."""
+    n, rng = (
+        soils.log_density.shape[1],
+        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED, part))),
+    )
+    return drawn_posterior(soils, np.arange(n), rng, count, ROUNDS[part])
 
 
 def drawn_posterior(
@@ -181,7 +190,3 @@ class Emulator:
     def __call__(self, u: Array) -> Array:
         """(n,) log-likelihood at soils (n, d)."""
         return np.asarray(self._process.predict(u))
-
-
-def _stream(seed: int, kind: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(kind,)))

@@ -20,6 +20,7 @@ Array = np.ndarray
 
 SLAB = (2.0, 1.0)  # length of a slab's section and its depth, over its height
 SHOWN = (5.0, 10.0, 50.0, 90.0, 95.0)  # percentiles
+SHAPE_STREAM = 9  # first number of a spawn key
 
 
 def shapes_of(mass_kg: float, density_kg_m3: float) -> dict[str, Block]:
@@ -45,7 +46,8 @@ def shape_forecasts(
     names = tuple(name for name in blocks for _ in starts)
     places = np.tile(starts, (len(blocks), 1))
     releases = FieldReleases(tuple(map(str, range(len(names)))), names, places, np.full_like(places, np.nan))
-    descents = Descents(unknowns.scenario, releases, 1, seed, other_blocks=blocks)
+    own_seed = int(np.random.SeedSequence(seed, spawn_key=(SHAPE_STREAM,)).generate_state(1)[0])
+    descents = Descents(unknowns.scenario, releases, 1, own_seed, other_blocks=blocks)
     found = forecast(unknowns, [descents], soils, on_progress)
     return {name: found.part(releases.of(name)) for name in blocks}
 

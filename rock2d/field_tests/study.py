@@ -18,6 +18,7 @@ from rock2d.field_tests.likelihood import (
     COPIES,
     PRIOR_SOILS,
     REFINED_SOILS,
+    ROUNDS,
     SimulatedSoils,
     Unknowns,
     drawn_posterior,
@@ -67,7 +68,7 @@ class Effort:
 
     Attributes
     ----------
-    prior, refined : soils drawn from the prior, and where they are likely
+    prior, refined : soils drawn from the prior, and in each round where they are likely
     copies : descents of each release with each of them
     draws : of a posterior, from which a forecast is made
     """
@@ -117,9 +118,10 @@ def calibrate(
     scenario: Scenario, engine: str, seed: int, stages: Path | None = None, effort: Effort | None = None,
     on_progress: OnProgress = _nothing,
 ) -> Calibration:  # fmt: skip
-    """Simulate all known releases with soils of the prior, then with soils where they are likely.
+    """Simulate all known releases with soils of the prior, then in rounds with soils where they are likely.
 
-    Finished parts are kept in the folder `stages` and are not computed again.
+    Finished parts are kept in the folder `stages`. They serve later calibrations with the same input and the same
+    version of rock2d.
     """
     assert scenario.terrain is not None
     effort = effort or Effort()
@@ -131,20 +133,21 @@ def calibrate(
     )
 
     def simulated(u: Array, part: str) -> SimulatedSoils:
-        file = None if stages is None else stages / f"{key}_{part}.npz"
+        file = None if stages is None else stages / f"{key}_{part.replace(' ', '_')}.npz"
         kept = None if file is None else load_arrays(file)
         if kept is not None:
             return SimulatedSoils(kept["u"], kept["log_density"])
-        step = counted(on_progress, f"{LAWS[engine]}: {part} soils", len(u))
+        step = counted(on_progress, f"{LAWS[engine]}: {part}", len(u))
         found = simulate_soils(unknowns, descents, u, step)
         if file is not None:
             save_arrays(file, u=found.u, log_density=found.log_density)
         return found
 
-    first = simulated(prior_soils(unknowns, seed, effort.prior), "prior")
-    if effort.refined:
-        first = first.joined(simulated(refined_soils(first, seed, effort.refined), "likely"))
-    return Calibration(unknowns, engine, first, seed, effort)
+    soils = simulated(prior_soils(unknowns, seed, effort.prior), "prior soils")
+    for part in range(len(ROUNDS)):
+        likely = refined_soils(soils, seed, part, effort.refined)
+        soils = soils.joined(simulated(likely, f"likely soils {part + 1}"))
+    return Calibration(unknowns, engine, soils, seed, effort)
 
 
 def study_forecasts(

@@ -154,6 +154,22 @@ def _check_parent(target: Path, path: str | Path) -> None:
         pass
 
 
+def cache_root() -> Path:
+    """The folder in which rock2d keeps what it can compute again; not made here."""
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d"
+
+
+def user_cache(name: str) -> Path | None:
+    """A folder of the cache, which this user alone can read and write; None where there can be none."""
+    folder = cache_root() / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        make_folder(folder)
+    except (OSError, InputError):
+        return None
+    return folder
+
+
 def make_folder(path: Path) -> None:
     """Make a folder to write into; InputError where that cannot be."""
     with _errors_of(path, path):

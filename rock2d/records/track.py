@@ -85,20 +85,17 @@ class Track:
         # only intervals in which the centroid comes as far as the line
         span = np.diff(self.knots[:, TIME])
         speed = np.hypot(self.knots[:-1, AT_VX], self.knots[:-1, AT_VY])
-        far = np.abs(side[:-1]) > 1.001 * (speed + self.gravity_m_s2 * span) * span
-        for i in np.flatnonzero(~(far & self.flight[: len(span)])):
+        near = np.abs(side[:-1]) <= 1.001 * (speed + self.gravity_m_s2 * span) * span
+        reaches = (side[:-1] * side[1:] < 0.0) | ((side[:-1] == 0.0) & (side[1:] != 0.0))
+        for i in np.flatnonzero(np.where(self.flight[: len(span)], near, reaches) & (span > 0.0)):
             a, b = self.knots[i], self.knots[i + 1]
-            if span[i] <= 0:
-                continue
             if self.flight[i]:
                 across = a[AT_VX] * normal[0] + a[AT_VY] * normal[1]
                 times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span[i])
                 states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
-            elif side[i] * side[i + 1] < 0 or (side[i] == 0 != side[i + 1]):
+            else:
                 times = [span[i] * side[i] / (side[i] - side[i + 1])]
                 states = _hermite(a[None], b[None], np.array(times) + a[TIME])
-            else:
-                continue
             for tau, state in zip(times, states, strict=True):
                 at = ((state[0] - origin[0]) * along[0] + (state[1] - origin[1]) * along[1]) / length2
                 if 0.0 <= at <= 1.0:

@@ -7,6 +7,7 @@ the ground; smaller turns are joints of a smooth surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -101,7 +102,11 @@ class CrossSection:
         lines = {}
         for name, ends in (measure_lines or {}).items():
             line = np.asarray(ends, float)
-            if line.shape != (2, 2) or not np.isfinite(line).all() or np.allclose(line[0], line[1]):
+            if (
+                line.shape != (2, 2)
+                or not np.isfinite(line).all()
+                or math.dist(*line) <= SHORTEST_FACET * extent
+            ):
                 message = f"measure line {name} must be two different [x, y] points"
                 raise CrossSectionError(message, "measure_lines", line=name)
             lines[name] = line
@@ -117,7 +122,8 @@ class CrossSection:
     @cached_property
     def zone_ids(self) -> Array:
         """(n,) zone id of each facet."""
-        return np.array([self.zone_names.index(z) for z in self.zones], np.int64)
+        ids = {name: i for i, name in enumerate(self.zone_names)}
+        return np.array([ids[zone] for zone in self.zones], np.int64)
 
     @cached_property
     def tangents(self) -> Array:
@@ -147,9 +153,14 @@ class CrossSection:
         """Highest surface height at positions `x_m`; NaN beside the cross-section."""
         x = np.asarray(x_m, float)
         height = np.full(x.shape, -np.inf)
-        for (x0, y0), (x1, y1) in zip(self.points_m[:-1], self.points_m[1:], strict=True):
-            inside = (x >= min(x0, x1)) & (x <= max(x0, x1))
-            y = np.full(x.shape, max(y0, y1)) if x0 == x1 else y0 + (x - x0) * (y1 - y0) / (x1 - x0)
+        (x0, y0), (x1, y1) = self.points_m[:-1].T, self.points_m[1:].T
+        near = (np.minimum(x0, x1) <= x.max(initial=-np.inf)) & (np.maximum(x0, x1) >= x.min(initial=np.inf))
+        for i in np.flatnonzero(near):
+            inside = (x >= min(x0[i], x1[i])) & (x <= max(x0[i], x1[i]))
+            if x0[i] == x1[i]:
+                y = np.full(x.shape, max(y0[i], y1[i]))
+            else:
+                y = y0[i] + (x - x0[i]) * (y1[i] - y0[i]) / (x1[i] - x0[i])
             height = np.where(inside, np.maximum(height, y), height)
         return np.where(np.isfinite(height), height, np.nan)
 

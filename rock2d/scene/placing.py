@@ -26,9 +26,12 @@ def touching_height_m(block: Block, cross_section: CrossSection, x_m: Array, the
     ahead, up = c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]
     below_corners = cross_section.height_m(x[:, None] + ahead) - up
     heights = np.nanmax(np.where(np.isnan(below_corners), -np.inf, below_corners), axis=1)
-    for vertex_x, vertex_y in cross_section.points_m:
+    back, front = ahead.min(axis=1), ahead.max(axis=1)
+    vertices = cross_section.points_m
+    near = (vertices[:, 0] > (x + back).min()) & (vertices[:, 0] < (x + front).max())
+    for vertex_x, vertex_y in vertices[near]:
         under = vertex_x - x
-        for i in np.flatnonzero((under > ahead.min(axis=1)) & (under < ahead.max(axis=1))):
+        for i in np.flatnonzero((under > back) & (under < front)):
             heights[i] = max(heights[i], vertex_y - _underside(ahead[i], up[i], under[i]))
     if not np.isfinite(heights).all():
         raise ValueError("a block lies beside the cross-section")

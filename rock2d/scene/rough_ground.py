@@ -41,23 +41,33 @@ def roughened(
     Raises CrossSectionError if the rough surface crosses itself.
     """
     length = np.hypot(*np.diff(cross_section.points_m, axis=0).T)
-    points: list[np.ndarray] = [cross_section.points_m[:1]]
-    zones: list[str] = []
-    for i, zone in enumerate(cross_section.zones):
-        own = roughness.get(zone)
-        pieces = 0 if own is None else 2 * round(length[i] / (2.0 * own.length_m))
-        if own is None or pieces == 0:
-            points.append(cross_section.points_m[i + 1 : i + 2])
-            zones.append(zone)
-            continue
-        deviation = rng.normal(0.0, own.sd_rad, pieces // 2)
-        limit = min(LARGEST_DEVIATION * own.sd_rad, 1.5)
-        step = length[i] / pieces
-        offset = np.zeros(pieces)
-        offset[::2] = step * np.tan(np.clip(deviation, -limit, limit))
-        along = step * np.arange(1, pieces + 1)
-        piece = cross_section.points_m[i] + along[:, None] * cross_section.tangents[i]
-        points.append(piece + offset[:, None] * cross_section.normals[i])
-        points[-1][-1] = cross_section.points_m[i + 1]
-        zones += [zone] * pieces
-    return CrossSection(np.vstack(points), zones, cross_section.measure_lines)
+    pieces = np.array(
+        [_pieces(n, roughness.get(zone)) for n, zone in zip(length, cross_section.zones, strict=True)]
+    )
+    if not pieces.any():
+        return cross_section
+    sd = np.array([roughness[zone].sd_rad if zone in roughness else 0.0 for zone in cross_section.zones])
+    sd = sd.repeat(pieces // 2)
+    limit = np.minimum(LARGEST_DEVIATION * sd, 1.5)
+    deviation = np.clip(sd * rng.standard_normal(len(sd)), -limit, limit)
+
+    count = np.maximum(pieces, 1)  # a smooth facet is one piece
+    last = np.cumsum(count) - 1
+    facet = np.arange(len(count)).repeat(count)
+    place = np.arange(len(facet)) - (last - count + 1)[facet]  # of a piece within its facet
+    step = (length / count)[facet]
+    off = np.zeros(len(facet))
+    odd = (pieces[facet] > 0) & (place % 2 == 0)
+    off[odd] = step[odd] * np.tan(deviation)
+    along = step * (place + 1)
+    ends = cross_section.points_m[facet] + along[:, None] * cross_section.tangents[facet]
+    ends += off[:, None] * cross_section.normals[facet]
+    ends[last] = cross_section.points_m[1:]
+    points = np.vstack([cross_section.points_m[:1], ends])
+    zones = np.array(cross_section.zones, object)[facet]
+    return CrossSection(points, zones.tolist(), cross_section.measure_lines)
+
+
+def _pieces(length_m: float, roughness: Roughness | None) -> int:
+    """Of a facet; 0 if it stays as it is."""
+    return 0 if roughness is None else 2 * round(length_m / (2.0 * roughness.length_m))

@@ -8,17 +8,25 @@ import pytest
 from scipy import stats
 
 from rock2d.errors import InputError
+from rock2d.field_tests import study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, folds, like_those
-from rock2d.field_tests.likelihood import LONGEST_M, SimulatedSoils, drawn_posterior, log_density
+from rock2d.field_tests.likelihood import (
+    LONGEST_M,
+    ROUNDS,
+    SimulatedSoils,
+    drawn_posterior,
+    log_density,
+    simulate_soils,
+)
 from rock2d.field_tests.releases import FieldReleases
 from rock2d.field_tests.scores import Forecasts, score_table
 from rock2d.field_tests.study import Effort
 from rock2d.files.scenario import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
-EFFORT = Effort(prior=24, refined=8, copies=1, draws=8)
+EFFORT = Effort(prior=24, refined=8, copies=1, draws=32)
 
 
 def test_the_density_is_one_in_all():
@@ -103,7 +111,11 @@ def field(tmp_path_factory):
 def studied(field):
     said: list[str] = []
     scenario = load_scenario(field, field.parent)
-    tables = run_field_test(scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append)
+    with pytest.MonkeyPatch.context() as own:
+        own.setenv("XDG_CACHE_HOME", str(field.parent / "cache"))
+        tables = run_field_test(
+            scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append
+        )
     return field.parent / "out", tables, said
 
 
@@ -126,15 +138,20 @@ def test_a_study_does_not_replace_another_unasked(studied, field):
         run_field_test(load_scenario(field, field.parent), studied[0], progress=False, effort=EFFORT)
 
 
-def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path):
+def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path, monkeypatch):
+    """With soils that are simulated twice, and then with those that are kept."""
     scenario = load_scenario(field, field.parent)
     table = tmp_path / "asked.csv"
     table.write_text("release,block_id,release_x_m,release_y_m\nn1,1,0,0\nn2,2,0.5,1\n")
     found = []
-    for name in ("one.csv", "two.csv"):
+    simulated = []
+    monkeypatch.setattr(study, "simulate_soils", lambda *own: simulated.append(1) or simulate_soils(*own))
+    for name, cache in (("one.csv", "first"), ("two.csv", "second"), ("three.csv", "first")):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / cache))
         predict_releases(scenario, table, tmp_path / name, progress=False, effort=EFFORT, report=str)
         found.append((tmp_path / name).read_text())
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
+    assert len(simulated) == 2 * (1 + len(ROUNDS))
     predicted = pd.read_csv(tmp_path / "one.csv")
     assert list(predicted.columns) == ["release", *QUANTILE_NAMES] and list(predicted["release"]) == [
         "n1",

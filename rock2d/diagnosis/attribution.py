@@ -19,7 +19,8 @@ from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data, model_residuals
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, REFIT_GAIN, Fit, fit, some_releases
+from rock2d.diagnosis.exploring import REFIT_GAIN
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.parallel import Job, try_all

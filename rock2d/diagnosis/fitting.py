@@ -16,7 +16,7 @@ from rock2d.diagnosis.likelihood import (
     normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters
 
 Array = np.ndarray
 
@@ -24,22 +24,12 @@ MOST_ITERATIONS = 15
 MOST_DAMPINGS = 5  # of a step that gains nothing
 START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
-WIDE_SCAN = 10.0  # factor on the variance of the second scan
-SCAN_VALUES = 9  # values of a parameter that a scan tries
-MOST_RESCANS = 3
-RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
-COARSE_CONVERGED_GAIN = 2.0  # the same for an effect that gained nothing on some of the releases
-EXPLORED_GAIN = (
-    1.0  # log likelihood that an effect must gain on some releases for the fit to start from there
-)
-REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are searched again
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 DERIVATIVES_REUSE_CHANGE = (
     0.03  # largest change of the parameters for which the derivatives at the start are used
 )
 EXPLORED_IMPACTS = 100  # impacts with which parameters are explored
-LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the base law that follows a step of the scan
 
 
 @dataclass
@@ -101,106 +91,6 @@ def newton_step(curve: Array, grad: Array, p: Array, low: Array, high: Array) ->
     return step
 
 
-def scan(model: Model, data: Data, p: Array, covariance: Array, slope: Slopes | None) -> Array:
-    """Best parameters of a grid search over the effects' parameters, one after another.
-
-    An effect can be so strong that the residuals of the base law have no useful slope towards it. With the `slope` of a
-    fit nearby, the parameters of the base law follow each step of the grid.
-    """
-    low, high = model.bounds()
-    parameters = [q for own in model.parameters for q in own]
-    n_base = len(BASE_WIDTH)
-    centre, tight = prior(model)
-    everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-
-    def value(q: Array) -> tuple[float, Residuals]:
-        residuals = model_residuals(model, q, data)
-        impacts = log_likelihood(residuals.impacts, covariance).sum()
-        return float(impacts + flight_log_likelihood(residuals.flights).sum()), residuals
-
-    best, _ = value(p)
-    for i, parameter in enumerate(parameters):
-        k = n_base + i
-        if k in scatters(model):
-            continue
-        grid = [to_scale(parameter, v) for v in parameter.choices] or np.linspace(
-            low[k], high[k], SCAN_VALUES
-        )
-        start = p.copy()
-        for z in grid:
-            trial = start.copy()
-            trial[k] = z
-            own, residuals = value(trial)
-            if own > best:
-                best, p = own, trial
-            if slope is None:
-                continue
-            base = Slopes(slope.impacts[..., :n_base], slope.flights[..., :n_base], slope.scatter, covariance)
-            curve, grad = normal_equations(residuals, base, covariance, everything)
-            grad += tight[:n_base] * (trial[:n_base] - centre[:n_base])
-            step = np.linalg.solve(curve + np.diag(tight[:n_base]), grad)
-            followed = trial.copy()
-            followed[:n_base] = np.clip(
-                trial[:n_base] - np.clip(step, -LARGEST_BASE_STEP, LARGEST_BASE_STEP),
-                low[:n_base],
-                high[:n_base],
-            )
-            after, _ = value(followed)
-            if after > best:
-                best, p = after, followed
-    return p
-
-
-def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
-    """Fit a model with more effects than `base` has (which come first).
-
-    Parameters are explored on some releases first (`explore`); the fit to all of them starts there. For an effect that
-    gains enough, the covariance of the noise is computed again: that of a base far from the truth is wrong, too.
-    """
-    start = _extended(base, model)
-    some = some_releases(data)
-    if some.all():
-        found = explore(model, data, base)
-    else:
-        part = base.only(some[data.impact_release], some[data.flight_release])
-        explored = explore(model, data.only(some), part)
-        useful = explored.total() > part.total() + EXPLORED_GAIN
-        found = fit(
-            model,
-            data,
-            explored.p if useful else start,
-            old=base,
-            enough=CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN,
-        )
-    if found.total() > base.total() + REFIT_GAIN:
-        found = fit(model, data, found.p)
-    if found.total() < base.total():
-        # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
-        found = max((found, fit(model, data, start, old=base, enough=COARSE_CONVERGED_GAIN)), key=Fit.total)
-    return found
-
-
-def explore(model: Model, data: Data, base: Fit) -> Fit:
-    """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. If the best fit gains enough, scans around it follow."""
-    start = _extended(base, model)
-    starts = [start]
-    for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
-        found = scan(model, data, start, wide * base.covariance(), slope)
-        if not any(np.allclose(found, p) for p in starts):
-            starts.append(found)
-    best = max((fit(model, data, p, old=base, rounds=EXPLORING_ITERATIONS) for p in starts), key=Fit.total)
-    for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
-        again = scan(model, data, best.p, best.covariance(), best.slope)
-        if np.allclose(again, best.p):
-            break
-        other = fit(model, data, again, old=best, rounds=EXPLORING_ITERATIONS)
-        if other.total() < best.total() + RESCAN_GAIN:
-            break
-        best = other
-    return best
-
-
 def fit(
     model: Model,
     data: Data,
@@ -208,6 +98,7 @@ def fit(
     old: Fit | None = None,
     rounds: int = MOST_ITERATIONS,
     enough: float = CONVERGED_GAIN,
+    keep_slopes: bool = False,
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
@@ -217,6 +108,7 @@ def fit(
     old : a fit whose noise covariance and scatter are the start, and whose slopes are used near its parameters
     rounds : most iterations
     enough : gain in log likelihood of an iteration below which the fit has converged
+    keep_slopes : use the slopes of `old` everywhere
     """
     low, high = model.bounds()
     posterior = _Posterior(model, data, *prior(model))
@@ -225,13 +117,13 @@ def fit(
     scatter = _start_scatter(model, data, old)
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     slope: Slopes | None = old.slope if old is not None else None
-    known_at = _extended(old, model) if old is not None else np.full(model.size, np.inf)
+    known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curve = 1e-3, np.eye(model.size)
     for round in range(rounds):
         # the noise is computed again when the fit has moved far from its start
         moved = round == 2 and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
         noise = None if slope is None or (old is None and (round == 0 or moved)) else slope.covariance
-        near = old is not None and np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
+        near = old is not None and (keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE)
         slope = slopes(
             model, at.p, data, at.residuals, scatter, noise, old.slope if old is not None and near else None
         )
@@ -312,6 +204,6 @@ def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:
     return scatter
 
 
-def _extended(fit: Fit, model: Model) -> Array:
+def extended(fit: Fit, model: Model) -> Array:
     """Parameters of a model with more effects than `fit` has (which come first): the further ones are neutral."""
     return np.concatenate([fit.p, model.start()[len(fit.p) :]])

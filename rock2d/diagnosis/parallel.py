@@ -11,7 +11,8 @@ from pathlib import Path
 from rock2d.diagnosis.checkpoint import load_fit, save_fit
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.fitting import Fit, fit_effects
+from rock2d.diagnosis.exploring import fit_effects
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.processes import as_finished

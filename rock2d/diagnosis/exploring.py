@@ -1,0 +1,152 @@
+"""Fits of effects beside a fit that is known: where they start, and how far they are taken.
+
+An effect can be so strong that the residuals of the fit before have no useful slope towards it. Grids of its parameters
+are tried first, on some of the releases.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.fitting import CONVERGED_GAIN, EXPLORING_ITERATIONS, Fit, extended, fit, some_releases
+from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
+from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
+
+Array = np.ndarray
+
+WIDE_SCAN = 10.0  # factor on the variance of the second scan
+SCAN_VALUES = 9  # values of a parameter that a scan tries
+MOST_RESCANS = 3
+RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
+COARSE_CONVERGED_GAIN = (
+    2.0  # of a step, below which a fit has converged whose effect gained nothing on some releases
+)
+EXPLORED_GAIN = (
+    1.0  # log likelihood that an effect must gain on some releases for the fit to start from there
+)
+REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are searched again
+LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the known fit that follows a step of the scan
+
+
+def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
+    """Fit a model with more effects than `base` has (which come first).
+
+    Parameters are explored on some releases first (`explore`); the fit to all of them starts there. For an effect that
+    gains enough, the covariance of the noise is computed again: that of a base far from the truth is wrong, too.
+    """
+    start, some = extended(base, model), some_releases(data)
+    if some.all():
+        found = explore(model, data, base)
+        found = fit(model, data, found.p, old=base)
+    else:
+        part = base.only(some[data.impact_release], some[data.flight_release])
+        explored = explore(model, data.only(some), part)
+        useful = explored.total() > part.total() + EXPLORED_GAIN
+        enough = CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN
+        found = fit(model, data, explored.p if useful else start, old=base, enough=enough)
+    if found.total() > base.total() + REFIT_GAIN:
+        found = fit(model, data, found.p)
+    if found.total() < base.total():
+        # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
+        found = max((found, fit(model, data, start, old=base, enough=COARSE_CONVERGED_GAIN)), key=Fit.total)
+    return found
+
+
+def explore(model: Model, data: Data, base: Fit) -> Fit:
+    """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
+    reacts to large residuals. If the best fit gains enough, scans around it follow.
+
+    The fits keep the derivatives of `base`: they show where a fit should start, not where it ends.
+    """
+    start, tried = extended(base, model), Tried(model, data)
+    starts = [start]
+    for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
+        found = scan(tried, start, wide * base.covariance(), slope)
+        if not any(np.allclose(found, p) for p in starts):
+            starts.append(found)
+    best = max((_short(tried, p, base) for p in starts), key=Fit.total)
+    for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
+        again = scan(tried, best.p, best.covariance(), best.slope)
+        if np.allclose(again, best.p):
+            break
+        other = _short(tried, again, best)
+        if other.total() < best.total() + RESCAN_GAIN:
+            break
+        best = other
+    return best
+
+
+def _short(tried: Tried, start: Array, base: Fit) -> Fit:
+    return fit(tried.model, tried.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_slopes=True)
+
+
+class Tried:
+    """Residuals of a model, each simulated once."""
+
+    def __init__(self, model: Model, data: Data) -> None:
+        self.model, self.data = model, data
+        self._known: dict[bytes, Residuals] = {}
+
+    def residuals(self, p: Array) -> Residuals:
+        """At parameters p."""
+        key = p.tobytes()
+        if key not in self._known:
+            self._known[key] = model_residuals(self.model, p, self.data)
+        return self._known[key]
+
+
+def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Array:
+    """Best parameters of a grid search over the effects' parameters, one after another.
+
+    With the `slope` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
+    which value would then be best, and a simulation checks it.
+    """
+    model, data = tried.model, tried.data
+    low, high = model.bounds()
+    parameters = [q for own in model.parameters for q in own]
+    first = model.size - len(parameters)
+
+    def value(residuals: Residuals) -> float:
+        impacts = log_likelihood(residuals.impacts, covariance).sum()
+        return float(impacts + flight_log_likelihood(residuals.flights).sum())
+
+    best = value(tried.residuals(p))
+    for k, parameter in enumerate(parameters, first):
+        if k in scatters(model):
+            continue
+        grid = [to_scale(parameter, v) for v in parameter.choices] or np.linspace(
+            low[k], high[k], SCAN_VALUES
+        )
+        trials = [np.where(np.arange(model.size) == k, z, p) for z in grid]
+        followed: list[tuple[float, Array]] = []
+        for trial in trials:
+            residuals = tried.residuals(trial)
+            own = value(residuals)
+            if own > best:
+                best, p = own, trial
+            if slope is not None:
+                step, after = _followed(model, trial, residuals, slope, covariance, data)
+                followed.append((value(after), np.clip(trial - step, low, high)))
+        expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
+        if expected > best and (own := value(tried.residuals(other))) > best:
+            best, p = own, other
+    return p
+
+
+def _followed(
+    model: Model, p: Array, residuals: Residuals, slope: Slopes, covariance: Array, data: Data
+) -> tuple[Array, Residuals]:
+    """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""
+    n = len(BASE_WIDTH)
+    centre, tight = prior(model)
+    own = Slopes(slope.impacts[..., :n], slope.flights[..., :n], slope.scatter, covariance)
+    everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
+    curve, grad = normal_equations(residuals, own, covariance, everything)
+    grad += tight[:n] * (p[:n] - centre[:n])
+    step = np.zeros(model.size)
+    step[:n] = np.linalg.solve(curve + np.diag(tight[:n]), grad).clip(-LARGEST_BASE_STEP, LARGEST_BASE_STEP)
+    return step, Residuals(
+        residuals.impacts - own.impacts @ step[:n], residuals.flights - own.flights @ step[:n]
+    )

@@ -9,55 +9,91 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 MOST_DEATHS = 3  # of workers, one after the other without a finished job between them
 _KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
-def as_finished(
-    work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, shared: tuple[Any, ...] = ()
-) -> Generator[tuple[int, Any]]:
-    """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
+class Processes:
+    """Workers for several rounds of jobs: they start with the first round that needs them, and end with the block.
 
     In this process if one worker is enough, else in `workers` processes with one thread each; `shared` is sent to
-    each of them once. The jobs that a worker did not finish because it died are repeated. Close the iterator
-    (`contextlib.closing`) to kill the workers at once; temporary files of their jobs are left to the caller.
-
-    Raises what `work` raises, and ChildProcessError if workers keep dying.
+    each of them once.
     """
-    workers = min(workers, len(jobs))
-    if workers <= 1:
-        for k, job in enumerate(jobs):
-            yield k, work(*shared, *job)
-        return
-    left, deaths = dict(enumerate(jobs)), 0
-    while left:
-        with _pool(min(workers, len(left)), (work, shared)) as pool:
+
+    def __init__(self, workers: int, shared: tuple[Any, ...] = ()) -> None:
+        self._workers, self._shared = workers, shared
+        self._pool: ExitStack | None = None
+        self._executor: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        pool, self._pool, self._executor = self._pool, None, None
+        if pool is not None:
+            pool.__exit__(*error)
+
+    def as_finished(
+        self, work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]]
+    ) -> Generator[tuple[int, Any]]:
+        """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish.
+
+        The jobs that a worker did not finish because it died are repeated. Raises what `work` raises, and
+        ChildProcessError if workers keep dying.
+        """
+        if min(self._workers, len(jobs)) <= 1 and self._executor is None:
+            for k, job in enumerate(jobs):
+                yield k, work(*self._shared, *job)
+            return
+        left, deaths = dict(enumerate(jobs)), 0
+        while left:
             try:
-                with _interrupts_held():
-                    waiting = {pool.submit(_work, job): k for k, job in left.items()}
-                for done in as_completed(waiting):
-                    result = done.result()
+                for k, result in self._finished(work, left):
                     deaths = 0
-                    del left[waiting[done]]
-                    yield waiting[done], result
+                    del left[k]
+                    yield k, result
             except BrokenProcessPool:
+                self.__exit__(None, None, None)
                 deaths += 1
                 if deaths > MOST_DEATHS:
                     raise ChildProcessError(
                         "several worker processes died at the same job; is there too little memory?"
                     ) from None
 
+    def _finished(
+        self, work: Callable[..., Any], jobs: dict[int, tuple[Any, ...]]
+    ) -> Iterator[tuple[int, Any]]:
+        if self._executor is None:
+            self._pool = ExitStack()
+            self._executor = self._pool.enter_context(_pool(self._workers, self._shared))
+        with _interrupts_held():
+            waiting = {self._executor.submit(_work, work, job): k for k, job in jobs.items()}
+        for done in as_completed(waiting):
+            yield waiting[done], done.result()
+
+
+def as_finished(
+    work: Callable[..., Any], jobs: Sequence[tuple[Any, ...]], workers: int, shared: tuple[Any, ...] = ()
+) -> Generator[tuple[int, Any]]:
+    """One round of jobs of `Processes`.
+
+    Close the iterator (`contextlib.closing`) to kill the workers at once; temporary files of their jobs are left to the
+    caller.
+    """
+    with Processes(min(workers, len(jobs)), shared) as processes:
+        yield from processes.as_finished(work, jobs)
+
 
 @contextmanager
-def _pool(workers: int, given: tuple[Any, ...]) -> Iterator[ProcessPoolExecutor]:
+def _pool(workers: int, shared: tuple[Any, ...]) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are gone after the block, also if it ends before their work."""
     import multiprocessing
 
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=given)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(shared,))
     try:
         yield pool
         pool.shutdown()
@@ -94,20 +130,19 @@ def _interrupts_held() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-_given: tuple[Callable[..., Any], tuple[Any, ...]]
+_shared: tuple[Any, ...]
 
 
-def _begin(work: Callable[..., Any], shared: tuple[Any, ...]) -> None:
-    global _given
-    _given = work, shared
+def _begin(shared: tuple[Any, ...]) -> None:
+    global _shared
+    _shared = shared
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _follow_parent()
     _one_thread()
 
 
-def _work(job: tuple[Any, ...]) -> Any:
-    work, shared = _given
-    return work(*shared, *job)
+def _work(work: Callable[..., Any], job: tuple[Any, ...]) -> Any:
+    return work(*_shared, *job)
 
 
 def _follow_parent() -> None:

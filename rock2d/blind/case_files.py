@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.filming import film_case
-from rock2d.blind.signal_to_noise import signal_to_noise
+from rock2d.blind.signal_to_noise import each_signal_to_noise, signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
@@ -78,7 +78,10 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
         _write(case, folder / name, folder.name, recorded[own], times, np.flatnonzero(own))
     return {
         "label": case.label,
-        "hidden": [{"name": h.name, "form": h.form, "values": h.values} for h in case.hidden],
+        "hidden": [
+            {"name": h.name, "form": h.form, "values": h.values, "signal_to_noise": z}
+            for h, z in zip(case.hidden, each_signal_to_noise(case), strict=True)
+        ],
         "phases": phases(case),
         "signal_to_noise": signal_to_noise(case),
         "kind": case.kind,

@@ -16,8 +16,10 @@ from rock2d.blind import reality
 
 Array = np.ndarray
 
-# shares of all cases; the remaining cases hide one effect
-SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE, SHARE_OF_PAIRS = 0.22, 0.17, 0.08
+# Shares of all cases. A cause from outside the catalogue acts alone in half of its cases, and beside one or two effects
+# in the others. The remaining cases hide one effect.
+SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE = 0.2, 0.2
+SHARE_OF_COUNT = {2: 0.18, 3: 0.11, 4: 0.07}  # number of effects -> share
 LEAST_STRENGTH = 0.02  # of a cause, over the largest plausible one
 # block size and mass of the paper's experiment, and its Table 4: k_l, k_ul, k_t, friction coefficient, k_r
 PAPER_BLOCK_SIZE_M, PAPER_BLOCK_MASS_KG = 0.02, 0.0225
@@ -38,7 +40,7 @@ class Case:
 
     Attributes
     ----------
-    label : "none", "unknown", or the hidden effects, joined by "+"
+    label : "none", or the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"
     shapes : of each block, as the experiment file states it
     heldout : (releases,) mask of those kept for the check
     soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`
@@ -64,17 +66,31 @@ class Case:
 
 
 def assign_causes(count: int, seed: np.random.SeedSequence) -> list[tuple[str, ...]]:
-    """The names of the causes that each of `count` cases hides: effects, one outside cause, or none."""
+    """The names of the causes that each of `count` cases hides: up to four effects, or an outside cause with up to two
+    effects beside it, or none."""
     rng = np.random.default_rng(seed)
-    effects, outside_causes = list(reality.FORMS), list(reality.OUTSIDE)
-    without, outside, pairs = (
-        math.ceil(share * count) for share in (SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE, SHARE_OF_PAIRS)
-    )
-    causes: list[tuple[str, ...]] = [()] * without
-    causes += [(name,) for name in _in_rounds(outside_causes, outside, rng)]
-    causes += [tuple(rng.choice(effects, 2, replace=False)) for _ in range(pairs)]
-    causes += [(name,) for name in _in_rounds(effects, max(count - len(causes), 0), rng)]
+    outside = _in_rounds(list(reality.OUTSIDE), math.ceil(SHARE_OUTSIDE * count), rng)
+    beside = [0 if i % 2 == 0 else 1 + (i // 2) % 2 for i in range(len(outside))]
+    several = [n for n, share in SHARE_OF_COUNT.items() for _ in range(math.ceil(share * count))]
+    without = math.ceil(SHARE_WITHOUT_CAUSE * count)
+    single = [1] * max(count - without - len(outside) - len(several), 0)
+    sizes = [*beside, *several, *single]
+    effects = _groups(sizes, rng)
+    causes = [(*own, name) for own, name in zip(effects, outside, strict=False)]
+    causes += [*effects[len(outside) :], *[()] * without]
     return [causes[i] for i in rng.permutation(len(causes))[:count]]
+
+
+def _groups(sizes: Sequence[int], rng: np.random.Generator) -> list[tuple[str, ...]]:
+    """Groups of different effects of these sizes; taken together, every effect has its turn equally often."""
+    turns = _in_rounds(list(reality.FORMS), 2 * sum(sizes), rng)
+    found = []
+    for size in sizes:
+        own: list[str] = []
+        while len(own) < size:
+            own.append(turns.pop(next(i for i, name in enumerate(turns) if name not in own)))
+        found.append(tuple(own))
+    return found
 
 
 def _in_rounds(names: Sequence[str], count: int, rng: np.random.Generator) -> list[str]:
@@ -112,9 +128,8 @@ def draw_case(causes: tuple[str, ...], seed: np.random.SeedSequence, smallest: b
 
 
 def _label(causes: tuple[str, ...]) -> str:
-    if any(name in reality.OUTSIDE for name in causes):
-        return "unknown"
-    return "+".join(sorted(causes)) or "none"
+    known = sorted(name for name in causes if name not in reality.OUTSIDE)
+    return "+".join([*known, *["unknown"] * (len(known) < len(causes))]) or "none"
 
 
 def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator) -> reality.Law:

@@ -9,8 +9,9 @@ import pytest
 
 from rock2d.diagnosis.attribution import attribute
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import REFIT_GAIN, fit
+from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film

@@ -1,0 +1,285 @@
+"""Sets of causes: effects are added to the base law, taken away and exchanged, as long as held-out releases gain.
+
+What adds little alone may add much beside another cause, and what looks like a cause alone may be needless beside the
+true ones. So after each addition every other member of the set is left out once, and at the end each member is
+exchanged for its rivals. `screening` says which additions are worth a fit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.diagnosis.checkpoint import load_fit, save_fit
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects
+from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.screening import Expected, Screening
+from rock2d.diagnosis.significance import standard_error
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
+from rock2d.processes import Processes
+
+Array = np.ndarray
+Names = frozenset[str]
+
+MOST_CAUSES = 5  # in one set
+ADDED_AT_ONCE = 4  # additions that are fitted at each step
+EXCHANGED_AT_ONCE = 2  # rivals of each member that are fitted
+LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
+LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, that a member must add
+EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
+MOST_EXCHANGES = 3
+
+
+@dataclass
+class CauseSet:
+    """The base law with a set of effects.
+
+    Attributes
+    ----------
+    fit, held_out : the joint fit, and its residuals and scores on held-out releases
+    """
+
+    fit: Fit
+    held_out: HeldOut
+
+    @property
+    def names(self) -> Names:
+        """Of the effects."""
+        return frozenset(effect.name for effect in self.fit.model.effects)
+
+    def gain(self, other: CauseSet) -> Gain:
+        """Over another set."""
+        return Gain(self.held_out.score - other.held_out.score)
+
+
+@dataclass
+class Gain:
+    """(releases,) log likelihood on held-out releases that one model has more than another."""
+
+    per_release: Array
+
+    @property
+    def total(self) -> float:
+        """Over all releases."""
+        return float(self.per_release.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total, over releases."""
+        return standard_error(self.per_release)
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance gives."""
+        return self.total > max(LEAST_GAIN, LEAST_GAIN_Z * self.error)
+
+
+@dataclass
+class Search:
+    """All sets that were fitted, and the best of them.
+
+    Attributes
+    ----------
+    data : of the fits; also in every worker of `processes`
+    effects : of the catalogue
+    known : names -> set; the empty set is the base law
+    best : the set from which no addition, omission or exchange gains more
+    expected : names of a set -> what screening expects of each effect beside it
+    folder : keeps finished fits
+    """
+
+    data: Data
+    effects: Mapping[str, Effect]
+    processes: Processes
+    known: dict[Names, CauseSet]
+    best: CauseSet
+    folder: Path | None = None
+    on_progress: Callable[[str], None] = lambda name: None
+    expected: dict[Names, dict[str, Expected]] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Find the best set."""
+        self._grow()
+        for _ in range(MOST_EXCHANGES):
+            if not self._exchange():
+                break
+            self._grow()
+
+    def without(self, own: CauseSet) -> dict[str, CauseSet]:
+        """The sets that leave out one member each; name of the member -> set."""
+        missing = [name for name in sorted(own.names) if own.names - {name} not in self.known]
+        self._fit([_Reduction(own.fit, name) for name in missing])
+        return {name: self.known[own.names - {name}] for name in sorted(own.names)}
+
+    def beside(self, own: CauseSet) -> dict[str, Expected]:
+        """What screening expects of each further effect."""
+        if own.names not in self.expected:
+            alone = {name: self._alone(name) for name in self.effects}
+            self.expected[own.names] = Screening(own.fit, self.data).all(self.effects, alone)
+        return self.expected[own.names]
+
+    def fitted(self, names: Names) -> CauseSet:
+        """The set with these members: fitted already, or from the largest known set within it."""
+        while names not in self.known:
+            inside = max((own for own in self.known if own < names), key=len)
+            following = min(names - inside)
+            self._fit([_Addition(self.known[inside].fit, following, self._start(self.known[inside], following))])
+        return self.known[names]
+
+    def _grow(self) -> None:
+        while len(self.best.names) < MOST_CAUSES:
+            found = self._additions(self.best)
+            best = max(found, key=lambda own: own.gain(self.best).total, default=None)
+            if best is None or not best.gain(self.best).significant:
+                return
+            added = best.names - self.best.names
+            self.best = best
+            self._prune(added)
+
+    def _additions(self, own: CauseSet) -> list[CauseSet]:
+        """The sets with one more effect that are worth a fit."""
+        if not own.names:  # all effects were fitted alone
+            return [found for names, found in self.known.items() if len(names) == 1]
+        expected = self.beside(own)
+        ranked = sorted(expected, key=lambda name: -expected[name].total)
+        names = [name for name in ranked if expected[name].total > LEAST_EXPECTED_GAIN][:ADDED_AT_ONCE]
+        names += [name for name in self._scatters() if name not in own.names]
+        new = [name for name in names if own.names | {name} not in self.known]
+        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
+        return [self.known[own.names | {name}] for name in names]
+
+    def _prune(self, kept: Names) -> None:
+        """Leave out members that add nothing, the least useful first."""
+        while len(self.best.names) > 1:
+            smaller = {name: own for name, own in self.without(self.best).items() if name not in kept}
+            least = min(smaller, key=lambda name: self.best.gain(smaller[name]).total, default=None)
+            if least is None or self.best.gain(smaller[least]).significant:
+                return
+            self.best = smaller[least]
+
+    def _exchange(self) -> bool:
+        """Exchange a member for a rival that gains more; whether there is one."""
+        rivals: list[CauseSet] = []
+        for own in self.without(self.best).values():
+            rivals += [
+                found
+                for found in self._additions_but(own, self.best.names)
+                if len(found.names) == len(self.best.names)
+            ]
+        best = max(rivals, key=lambda own: own.gain(self.best).total, default=None)
+        if best is None or best.gain(self.best).total < EXCHANGE_GAIN:
+            return False
+        self.best = best
+        return True
+
+    def _additions_but(self, own: CauseSet, names: Names) -> list[CauseSet]:
+        """The sets with one more effect that is none of `names`, of those that gain most beside `own`."""
+        if not own.names:
+            return [found for key, found in self.known.items() if len(key) == 1 and not key & names]
+        expected = self.beside(own)
+        ranked = sorted((name for name in expected if name not in names), key=lambda name: -expected[name].total)
+        tried = [n for n in ranked if expected[n].total > LEAST_EXPECTED_GAIN][:EXCHANGED_AT_ONCE]
+        new = [name for name in tried if own.names | {name} not in self.known]
+        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
+        return [self.known[own.names | {name}] for name in tried]
+
+    def _scatters(self) -> list[str]:
+        """Effects that only widen the scatter, and do so alone."""
+        base = self.known[frozenset()]
+        return [
+            name for name, effect in self.effects.items()
+            if effect.scatter and self.known[frozenset({name})].gain(base).total > LEAST_GAIN
+        ]  # fmt: skip
+
+    def _alone(self, name: str) -> Array:
+        """Parameters of an effect in the fit of the base law with it."""
+        return self.known[frozenset({name})].fit.p[len(BASE_WIDTH) :]
+
+    def _start(self, own: CauseSet, name: str) -> Array | None:
+        return None if self.effects[name].scatter else self.beside(own)[name].p
+
+    def _fit(self, steps: Sequence[_Addition | _Reduction]) -> None:
+        """Fit models that differ from known ones in one effect."""
+        results: dict[int, CauseSet] = {}
+        for k, (fitted, out) in self.processes.as_finished(_fit_step, [(step, self.folder) for step in steps]):
+            results[k] = CauseSet(fitted, out)
+            self.on_progress(" + ".join(steps[k].names))
+        for k in range(len(steps)):  # in the order of the steps, however many processes there are
+            self.known[results[k].names] = results[k]
+
+
+@dataclass
+class _Addition:
+    """A fit, the effect that is added to it, and parameters to start from; without these they are explored."""
+
+    before: Fit
+    name: str
+    start: Array | None
+
+    @property
+    def names(self) -> list[str]:
+        return [*(e.name for e in self.before.model.effects), self.name]
+
+    def fitted(self, data: Data) -> Fit:
+        before = self.before
+        model = Model(before.model.setup, before.model.base, [catalogue()[n] for n in self.names], before.p)
+        if self.start is None:
+            return fit_effects(model, data, before)
+        found = fit(model, data, self.start, old=before)
+        if found.total() > before.total() + REFIT_GAIN:
+            found = fit(model, data, found.p)
+        return found
+
+
+@dataclass
+class _Reduction:
+    """A fit, and the effect that is taken out of it."""
+
+    before: Fit
+    name: str
+
+    @property
+    def names(self) -> list[str]:
+        return [e.name for e in self.before.model.effects if e.name != self.name]
+
+    def fitted(self, data: Data) -> Fit:
+        model, first = self.before.model, len(BASE_WIDTH)
+        kept = np.ones(model.size, bool)
+        for effect, own in zip(model.effects, model.parameters, strict=True):
+            kept[first : first + len(own)] = effect.name != self.name
+            first += len(own)
+        fewer = [effect for effect in model.effects if effect.name != self.name]
+        return fit(Model(model.setup, model.base, fewer, self.before.p), data, self.before.p[kept])
+
+
+def fit_alone(data: Data, base: Fit, name: str, folder: Path | None) -> tuple[Fit, HeldOut]:
+    """The base law with one effect, explored from the base law."""
+    return _fit_step(data, _Addition(base, name, None), folder)
+
+
+def _fit_step(data: Data, step: _Addition | _Reduction, folder: Path | None) -> tuple[Fit, HeldOut]:
+    """Fit and cross-validate, or read the result if it is kept."""
+    path = None
+    if folder is not None:
+        key = hashlib.sha256(b"".join(part.tobytes() for part in (step.before.p, getattr(step, "start", None))
+                                      if part is not None)).hexdigest()[:8]  # fmt: skip
+        path = folder / f"{'+'.join(step.names)}_{key}.npz"
+        model = Model(step.before.model.setup, step.before.model.base, [catalogue()[n] for n in step.names],
+                      step.before.p)  # fmt: skip
+        if (found := load_fit(path, model)) is not None:
+            return found
+    fitted = step.fitted(data)
+    out = cross_validate(fitted, data)
+    if path is not None:
+        save_fit(path, fitted, out)
+        # read back, so that a resumed diagnosis uses arrays with the same memory layout
+        return load_fit(path, fitted.model) or (fitted, out)
+    return fitted, out

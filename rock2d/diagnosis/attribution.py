@@ -15,31 +15,30 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.candidate import Candidate
+from rock2d.diagnosis.cause_sets import CauseSet, Search
 from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data, model_residuals
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
+from rock2d.diagnosis.inclusion import inclusion_statistics
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
-from rock2d.diagnosis.parallel import Job, try_all
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
 from rock2d.diagnosis.significance import significance, standard_error
+from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
+from rock2d.processes import Processes
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-SIGNIFICANT_GAIN_Z = 3.0  # standard errors of a gain
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
 GROUP_Z = 2.0  # standard errors between effects that the data cannot separate
-FIRST_EFFECT_GAIN = 0.01  # log likelihood per segment that the first effect must gain at least
-MOST_EFFECTS = 3  # in one model
 BASE_STARTS = 2  # places from which the base law is fitted
-FURTHER_EFFECTS_TRIED = 6  # beside the best one
-FURTHER_EFFECT_GAIN = 0.05  # the same for a further effect
+MOST_RESTARTS = 2  # with a better base law
 
 
 @dataclass
@@ -50,13 +49,14 @@ class Attribution:
     ----------
     base, base_held_out : the base law refitted
     candidates : name -> candidate
-    chain : the effect with the largest gain, then at each step the effect that adds the largest significant gain. Each
-        has the joint fit of all effects up to it, and its gain over the step before
+    chain : the effects of the best set, the one that gains most alone first. Each has the joint fit of all of them, and
+        its gain over the set without it. Where no effect gains significantly, the best one
     base_regressed, best_regressed : flexible regression of the residuals of the base and of the last model of the
         chain
     probabilities : over the catalogue, "none" and "unknown"; `statistics`: the numbers that they follow from
     group : effects that the data cannot separate from the best, the best first
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
+    significant : whether the effects of the chain gain significantly
     """
 
     base: Fit
@@ -69,6 +69,7 @@ class Attribution:
     group: list[str]
     statistics: dict[str, Any]
     unexplained: list[Discrepancy]
+    significant: bool
 
     @property
     def best(self) -> str:
@@ -130,39 +131,52 @@ def attribute(
     folder: Path | None = None,
     on_progress: Callable[[str], None] = lambda name: None,
 ) -> Attribution:
-    """Try every effect against the base law, and further ones beside the best while the residuals depend on something.
+    """Try every effect against the base law, and then search the set of effects that explains most.
 
-    Where the law of the best candidate fits better without the effect than the base, it becomes the base and
-    everything is tried again.
+    Where the law of the best candidate fits better without the effect than the base, and predicts held-out releases
+    better, it becomes the base and everything is tried again.
 
-    `on_progress` is called with the name of each model when it is done; `folder` keeps finished fits.
+    `on_progress` is called with the names of each model when it is done; `folder` keeps finished fits.
     """
-    setup, base_out = base.model.setup, cross_validate(base, data)
-    job = Job(setup, data, base, folder=folder)
-    results = try_all(job, [(name,) for name in effects], workers, on_progress)
-    candidates = {
-        name: Candidate(effects[name], own, out, out.score - base_out.score)
-        for (name,), (own, out) in results.items()
-    }
-    best = max(candidates, key=lambda name: candidates[name].total)
-    if base.free:
-        # the fit of an effect may have found a better law
-        better = fit(base.model, data, candidates[best].fit.p[: len(base.p)])
-        if better.total() > base.total() + REFIT_GAIN:
-            return attribute(better, data, effects, workers=workers, folder=folder, on_progress=on_progress)
-    chain = [candidates[best]]
-    segments = len(data.impact_release) + len(data.flight_release)
-    if _significant(chain[0], FIRST_EFFECT_GAIN * segments):
-        while len(chain) < MOST_EFFECTS and _residuals_depend(data, chain[-1]):
-            following = _next(job, chain, candidates, workers, on_progress)
-            if following is None or not _significant(following, FURTHER_EFFECT_GAIN * segments):
+    with Processes(workers, (data,)) as processes:
+        search = Search(
+            data, effects, processes, CauseSet(base, cross_validate(base, data)), folder, on_progress
+        )
+        search.try_alone()
+        for _ in range(MOST_RESTARTS if base.free else 0):
+            better = _better_base(search)
+            if better is None:
                 break
-            chain.append(following)
-    covariance = chain[-1].fit.covariance()
-    base_regressed = regress(setup, data, base_out.residuals, covariance)
-    best_regressed = regress(setup, data, chain[-1].held_out.residuals, covariance)
-    base_dependences, best_dependences = discrepancies(base, data), discrepancies(chain[-1].fit, data)
+            search = replace(search, base=better)
+            search.try_alone()
+        search.run()
+    return _attribution(search)
+
+
+def _better_base(search: Search) -> CauseSet | None:
+    """The law of the best candidate without its effect, if it is better than the base."""
+    base, data = search.base, search.data
+    best = max(search.alone.values(), key=lambda own: own.gain(base).total)
+    better = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
+    if better.total() < base.fit.total() + REFIT_GAIN:
+        return None
+    found = CauseSet(better, cross_validate(better, data))
+    return found if found.gain(base).significant else None
+
+
+def _attribution(search: Search) -> Attribution:
+    base, data = search.base, search.data
+    candidates = {name: _candidate(own, name, base) for name, own in search.alone.items()}
+    best = max(candidates, key=lambda name: candidates[name].total)
+    found = _chain(search, candidates)
+    chain = found or [candidates[best]]
+    setup, final = base.fit.model.setup, chain[-1]
+    covariance = final.fit.covariance()
+    base_regressed = regress(setup, data, base.held_out.residuals, covariance)
+    best_regressed = regress(setup, data, final.held_out.residuals, covariance)
+    base_dependences, best_dependences = discrepancies(base.fit, data), discrepancies(final.fit, data)
     numbers = statistics(candidates, best, base_regressed, best_regressed, base_dependences, best_dependences)
+    numbers["causes"] = inclusion_statistics(search, best_dependences[0])
     winner = candidates[best]
     group = [best] + [
         name
@@ -170,42 +184,29 @@ def attribute(
         if name != best and winner.total - other.total < GROUP_Z * standard_error(winner.gain - other.gain)
     ]
     return Attribution(
-        base, base_out, candidates, chain, base_regressed, best_regressed, probabilities(numbers), group, numbers,
-        [d for d in best_dependences if _is_significant(d)],
+        base.fit, base.held_out, candidates, chain, base_regressed, best_regressed, probabilities(numbers), group,
+        numbers, [d for d in best_dependences if _is_significant(d)], bool(found),
     )  # fmt: skip
 
 
-def _significant(candidate: Candidate, least: float) -> bool:
-    """Whether a gain is significant and larger than `least`."""
-    return candidate.total > SIGNIFICANT_GAIN_Z * candidate.error + least
+def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:
+    """The members of the best set, the one that gains most alone first; each has the joint fit, and its gain over the
+    set without it."""
+    best, known = search.best, catalogue()
+    if len(best.names) == 1:
+        return [candidates[name] for name in best.names]
+    smaller = search.without(best)
+    order = sorted(best.names, key=lambda name: -candidates[name].total)
+    return [
+        Candidate(known[name], best.fit, best.held_out, best.gain(smaller[name]).per_release)
+        for name in order
+    ]
 
 
-def _residuals_depend(data: Data, candidate: Candidate) -> bool:
-    """Whether the residuals of a model still depend on something."""
-    return _is_significant(discrepancies(candidate.fit, data)[0])
+def _candidate(own: CauseSet, name: str, base: CauseSet) -> Candidate:
+    return Candidate(catalogue()[name], own.fit, own.held_out, own.gain(base).per_release)
 
 
 def _is_significant(dependence: Discrepancy) -> bool:
     """Whether a dependence is significant."""
     return significance(dependence) > SIGNIFICANT_DEPENDENCE_Z
-
-
-def _next(
-    job: Job,
-    chain: list[Candidate],
-    candidates: Mapping[str, Candidate],
-    workers: int,
-    on_progress: Callable[[str], None],
-) -> Candidate | None:
-    """The effect that gains most beside those of the chain, of the effects without scatter that gained most alone."""
-    names = tuple(c.effect.name for c in chain)
-    others = [c for c in candidates.values() if c.effect.name not in names and not c.effect.scatter]
-    others = sorted(others, key=lambda c: -c.total)[:FURTHER_EFFECTS_TRIED]
-    before = chain[-1]
-    start = Job(job.setup, job.data, before.fit, folder=job.folder)
-    tried = try_all(start, [(*names, c.effect.name) for c in others], workers, on_progress)
-    found = [
-        Candidate(other.effect, own, out, out.score - before.held_out.score)
-        for other, (own, out) in zip(others, tried.values(), strict=True)
-    ]
-    return max(found, key=lambda c: c.total, default=None)

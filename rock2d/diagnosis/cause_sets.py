@@ -33,7 +33,7 @@ MOST_CAUSES = 5  # in one set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step
 EXCHANGED_AT_ONCE = 2  # rivals of each member that are fitted
 LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
-LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, that a member must add
+LEAST_GAIN, LEAST_GAIN_Z = 3.0, 3.0  # log likelihood, and standard errors, that a member must add
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 
@@ -90,23 +90,38 @@ class Search:
     ----------
     data : of the fits; also in every worker of `processes`
     effects : of the catalogue
-    known : names -> set; the empty set is the base law
+    base : the base law
+    folder : keeps finished fits
+    on_progress : called with the names of each set that is fitted
+    known : names -> set
     best : the set from which no addition, omission or exchange gains more
     expected : names of a set -> what screening expects of each effect beside it
-    folder : keeps finished fits
     """
 
     data: Data
     effects: Mapping[str, Effect]
     processes: Processes
-    known: dict[Names, CauseSet]
-    best: CauseSet
+    base: CauseSet
     folder: Path | None = None
     on_progress: Callable[[str], None] = lambda name: None
-    expected: dict[Names, dict[str, Expected]] = field(default_factory=dict)
+    known: dict[Names, CauseSet] = field(init=False)
+    best: CauseSet = field(init=False)
+    expected: dict[Names, dict[str, Expected]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.known, self.best, self.expected = {frozenset(): self.base}, self.base, {}
+
+    def try_alone(self) -> None:
+        """Fit the base law with each effect alone."""
+        self._fit([_Addition(self.base.fit, name, None) for name in self.effects])
+
+    @property
+    def alone(self) -> dict[str, CauseSet]:
+        """The sets of one effect; name -> set."""
+        return {name: self.known[frozenset({name})] for name in self.effects}
 
     def run(self) -> None:
-        """Find the best set."""
+        """Find the best set, once each effect was tried alone."""
         self._grow()
         for _ in range(MOST_EXCHANGES):
             if not self._exchange():
@@ -122,7 +137,7 @@ class Search:
     def beside(self, own: CauseSet) -> dict[str, Expected]:
         """What screening expects of each further effect."""
         if own.names not in self.expected:
-            alone = {name: self._alone(name) for name in self.effects}
+            alone = {name: found.fit.p[len(BASE_WIDTH) :] for name, found in self.alone.items()}
             self.expected[own.names] = Screening(own.fit, self.data).all(self.effects, alone)
         return self.expected[own.names]
 
@@ -131,7 +146,9 @@ class Search:
         while names not in self.known:
             inside = max((own for own in self.known if own < names), key=len)
             following = min(names - inside)
-            self._fit([_Addition(self.known[inside].fit, following, self._start(self.known[inside], following))])
+            self._fit(
+                [_Addition(self.known[inside].fit, following, self._start(self.known[inside], following))]
+            )
         return self.known[names]
 
     def _grow(self) -> None:
@@ -147,7 +164,7 @@ class Search:
     def _additions(self, own: CauseSet) -> list[CauseSet]:
         """The sets with one more effect that are worth a fit."""
         if not own.names:  # all effects were fitted alone
-            return [found for names, found in self.known.items() if len(names) == 1]
+            return list(self.alone.values())
         expected = self.beside(own)
         ranked = sorted(expected, key=lambda name: -expected[name].total)
         names = [name for name in ranked if expected[name].total > LEAST_EXPECTED_GAIN][:ADDED_AT_ONCE]
@@ -183,9 +200,11 @@ class Search:
     def _additions_but(self, own: CauseSet, names: Names) -> list[CauseSet]:
         """The sets with one more effect that is none of `names`, of those that gain most beside `own`."""
         if not own.names:
-            return [found for key, found in self.known.items() if len(key) == 1 and not key & names]
+            return [found for name, found in self.alone.items() if name not in names]
         expected = self.beside(own)
-        ranked = sorted((name for name in expected if name not in names), key=lambda name: -expected[name].total)
+        ranked = sorted(
+            (name for name in expected if name not in names), key=lambda name: -expected[name].total
+        )
         tried = [n for n in ranked if expected[n].total > LEAST_EXPECTED_GAIN][:EXCHANGED_AT_ONCE]
         new = [name for name in tried if own.names | {name} not in self.known]
         self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
@@ -193,15 +212,10 @@ class Search:
 
     def _scatters(self) -> list[str]:
         """Effects that only widen the scatter, and do so alone."""
-        base = self.known[frozenset()]
         return [
-            name for name, effect in self.effects.items()
-            if effect.scatter and self.known[frozenset({name})].gain(base).total > LEAST_GAIN
+            name for name, found in self.alone.items()
+            if self.effects[name].scatter and found.gain(self.base).total > LEAST_GAIN
         ]  # fmt: skip
-
-    def _alone(self, name: str) -> Array:
-        """Parameters of an effect in the fit of the base law with it."""
-        return self.known[frozenset({name})].fit.p[len(BASE_WIDTH) :]
 
     def _start(self, own: CauseSet, name: str) -> Array | None:
         return None if self.effects[name].scatter else self.beside(own)[name].p
@@ -209,7 +223,9 @@ class Search:
     def _fit(self, steps: Sequence[_Addition | _Reduction]) -> None:
         """Fit models that differ from known ones in one effect."""
         results: dict[int, CauseSet] = {}
-        for k, (fitted, out) in self.processes.as_finished(_fit_step, [(step, self.folder) for step in steps]):
+        for k, (fitted, out) in self.processes.as_finished(
+            _fit_step, [(step, self.folder) for step in steps]
+        ):
             results[k] = CauseSet(fitted, out)
             self.on_progress(" + ".join(steps[k].names))
         for k in range(len(steps)):  # in the order of the steps, however many processes there are
@@ -258,11 +274,6 @@ class _Reduction:
             first += len(own)
         fewer = [effect for effect in model.effects if effect.name != self.name]
         return fit(Model(model.setup, model.base, fewer, self.before.p), data, self.before.p[kept])
-
-
-def fit_alone(data: Data, base: Fit, name: str, folder: Path | None) -> tuple[Fit, HeldOut]:
-    """The base law with one effect, explored from the base law."""
-    return _fit_step(data, _Addition(base, name, None), folder)
 
 
 def _fit_step(data: Data, step: _Addition | _Reduction, folder: Path | None) -> tuple[Fit, HeldOut]:

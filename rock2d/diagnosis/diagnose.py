@@ -222,6 +222,8 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 "ci95": [float(low), float(high)],
                 "unit": parameter.unit,
             }
+            if (name := parameter.called(float(value))) is not None:
+                entry[parameter.name]["choice"] = name
             k += 1
         out[effect.name] = entry
     return out
@@ -289,6 +291,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             for d in found.unexplained
         ],
         "beside": _chain_json(found) if found.verdict == found.best else [],
+        "model": _model_json(found),
         "series": _series(result),
         "blocks": {
             name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}
@@ -305,8 +308,9 @@ def _gap_json(found: Attribution, gaps: Mapping[str, Gap]) -> dict[str, Any]:
     An effect that only widens the scatter closes a gap of spread. Unless it is the verdict, the gap of the best effect
     that shifts means is reported.
     """
-    first = reported_effect(found)
-    best = gaps["+".join(c.effect.name for c in found.chain)] if first == found.best else gaps[first]
+    first, together = reported_effect(found), "+".join(c.effect.name for c in found.chain)
+    of_all = first == found.best or (found.verdict == "unknown" and found.significant)
+    best = gaps[together] if of_all else gaps[first]
     return {
         "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
         "closure": best.share_closed, "closure_ci95": list(best.ci95),
@@ -341,8 +345,15 @@ def _to_unit(gap: Gap) -> float:
     )
 
 
+def _model_json(found: Attribution) -> dict[str, Any] | None:
+    """All effects that gain significantly together, with the base law that was fitted with them; None without any."""
+    if not found.significant:
+        return None
+    return {"base": base_values(found.final.fit), "parameters": effect_values(found.final.fit)}
+
+
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:
-    """The effects beside the verdict, in the order found, each with the parameters of all effects up to it."""
+    """The effects beside the verdict, each with the parameters of all effects."""
     return [
         {
             "effect": c.effect.name,

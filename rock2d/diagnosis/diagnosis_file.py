@@ -46,6 +46,11 @@ class _Beside(_Part):
     parameters: dict[str, dict[str, _Value]]
 
 
+class _Model(_Part):
+    base: _Base
+    parameters: dict[str, dict[str, _Value]]
+
+
 class _Law(_Part):
     rolling_in_indentation: bool = False
 
@@ -56,6 +61,7 @@ class _Diagnosis(_Part):
     verdict: str
     effects: dict[str, _Effect] = {}
     beside: list[_Beside] = []
+    model: _Model | None = None
     law: _Law = _Law()
     series: dict[str, int] = {}
 
@@ -82,25 +88,27 @@ def read_model(path: str | Path) -> dict[str, Any]:
 
 
 def _check_effects(checked: _Diagnosis, path: Path) -> None:
-    """Refuse a verdict whose effect, or one beside it, lacks parameters."""
+    """Refuse effects that act and lack parameters."""
     known = catalogue()
     if checked.verdict not in (*known, "none", "unknown"):
         message = f"verdict: expected none, unknown or an effect, found {key_shown(checked.verdict)}"
         raise InputError(message, path, code="unknown_name", name=checked.verdict)
-    if checked.verdict not in known:
-        return
-    if checked.verdict not in checked.effects:
-        message = f"effects: the effect of the verdict, {checked.verdict}, is missing"
-        raise InputError(message, path, code="missing_key", key=checked.verdict)
-    given = {checked.verdict: checked.effects[checked.verdict].parameters}
-    for name, parameters in (checked.beside[-1].parameters if checked.beside else given).items():
-        if name not in known:
-            message = f"beside: no effect {key_shown(name)} in the catalogue"
-            raise InputError(message, path, code="unknown_name", name=name)
-        for parameter in known[name].parameters:
-            if parameter.name not in parameters:
-                message = f"{name}: missing parameter {parameter.name!r}"
-                raise InputError(message, path, code="missing_key", key=parameter.name)
+    given = {"model": checked.model.parameters if checked.model else {}}
+    if checked.verdict in known:
+        if checked.verdict not in checked.effects:
+            message = f"effects: the effect of the verdict, {checked.verdict}, is missing"
+            raise InputError(message, path, code="missing_key", key=checked.verdict)
+        given["effects"] = {checked.verdict: checked.effects[checked.verdict].parameters}
+        given["beside"] = checked.beside[-1].parameters if checked.beside else {}
+    for key, effects in given.items():
+        for name, parameters in effects.items():
+            if name not in known:
+                message = f"{key}: no effect {key_shown(name)} in the catalogue"
+                raise InputError(message, path, code="unknown_name", name=name)
+            for parameter in known[name].parameters:
+                if parameter.name not in parameters:
+                    message = f"{name}: missing parameter {parameter.name!r}"
+                    raise InputError(message, path, code="missing_key", key=parameter.name)
 
 
 def first_mistake(error: ValidationError, path: Path) -> InputError:

@@ -10,6 +10,7 @@ import numpy as np
 from rock2d.diagnosis.data import Data, Residuals, model_residuals
 from rock2d.diagnosis.derivatives import Slopes, slopes, spread
 from rock2d.diagnosis.likelihood import (
+    clustered_covariance,
     fit_scatter,
     flight_log_likelihood,
     log_likelihood,
@@ -20,10 +21,12 @@ from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters
 
 Array = np.ndarray
 
-MOST_ITERATIONS = 15
+MOST_ITERATIONS = 30
+START_DAMPING = 1e-3
 MOST_DAMPINGS = 5  # of a step that gains nothing
 START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
+MOST_UPDATES = 4  # of derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 DERIVATIVES_REUSE_CHANGE = (
@@ -102,6 +105,9 @@ def fit(
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
+    Between steps the derivatives follow by Broyden's (1965) update, which costs no simulation. They are computed again
+    when a step gains nothing with them, so a fit ends where it would with derivatives that are always exact.
+
     Parameters
     ----------
     start : parameters to start from; default: the base law without effects
@@ -114,31 +120,54 @@ def fit(
     posterior = _Posterior(model, data, *prior(model))
     p = np.clip(model.start() if start is None else start, low, high)
     begin, at = p, _Point(p, model_residuals(model, p, data))
-    scatter = _start_scatter(model, data, old)
+    scatter, noise_known = _start_scatter(model, data, old), old is not None
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     slope: Slopes | None = old.slope if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
-    damping, curve = 1e-3, np.eye(model.size)
+    damping, curve = START_DAMPING, np.eye(model.size)
+    updates: int | None = None  # of the derivatives since they were computed; None: they have to be
     for round in range(rounds):
-        # the noise is computed again when the fit has moved far from its start
-        moved = round == 2 and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
-        noise = None if slope is None or (old is None and (round == 0 or moved)) else slope.covariance
-        near = old is not None and (keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE)
-        slope = slopes(
-            model, at.p, data, at.residuals, scatter, noise, old.slope if old is not None and near else None
-        )
+        if updates is None:
+            # the noise is computed again when the fit has moved far from its start
+            moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
+            noise = None if slope is None or (old is None and (round == 0 or moved)) else slope.covariance
+            noise_known = noise_known or moved
+            near = old is not None and (
+                keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
+            )
+            slope = slopes(
+                model,
+                at.p,
+                data,
+                at.residuals,
+                scatter,
+                noise,
+                old.slope if old is not None and near else None,
+            )
+            updates = 0
+        assert slope is not None
         scatter = fit_scatter(at.residuals.impacts, slope, np.maximum(scatter, SMALLEST_START_SCATTER))
         covariance = spread(slope, scatter)
         curve, grad = normal_equations(at.residuals, slope, covariance, everything)
         grad = grad + posterior.tight * (at.p - posterior.centre)
         grad[discrete(model)] = 0.0  # a scan chooses them
+        before = at
         at, damping, gain = _advance(posterior, at, covariance, curve, grad, damping, enough)
-        if gain < enough:
+        if gain >= enough and updates < MOST_UPDATES:
+            slope, updates = _updated(slope, before, at), updates + 1
+        elif gain >= enough or updates > 0:
+            updates, damping = None, START_DAMPING
+        else:
             break
     assert slope is not None
+    if updates is None and not keep_slopes:
+        slope = slopes(model, at.p, data, at.residuals, scatter, slope.covariance)
     for i, k in enumerate(scatters(model)):
         at.p[k] = scatter[len(BASE_WIDTH) + i]
-    p_covariance = np.linalg.inv(curve + np.diag(posterior.tight))
+    p_covariance = clustered_covariance(
+        at.residuals, slope, spread(slope, scatter), curve + np.diag(posterior.tight),
+        (data.impact_release, data.flight_release), len(data.order),
+    )  # fmt: skip
     return Fit(model, at.p, p_covariance, scatter, slope, at.residuals)
 
 
@@ -191,6 +220,25 @@ def _advance(
             return trial, max(damping / 10, 1e-6), gain
         damping *= 10
     return at, damping, gain
+
+
+def _updated(slope: Slopes, before: _Point, after: _Point) -> Slopes:
+    """Derivatives after a step, so that they give the change that the step made: Broyden (1965, Math. Comput. 19(92),
+    577-593)."""
+    step = after.p - before.p
+    along = step / (step @ step)
+    missed = [
+        np.nan_to_num(now - then - own @ step)
+        for now, then, own in (
+            (after.residuals.impacts, before.residuals.impacts, slope.impacts),
+            (after.residuals.flights, before.residuals.flights, slope.flights),
+        )
+    ]
+    impacts, flights = (
+        slope.impacts + missed[0][..., None] * along,
+        slope.flights + missed[1][..., None] * along,
+    )
+    return replace(slope, impacts=impacts, flights=flights)
 
 
 def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:

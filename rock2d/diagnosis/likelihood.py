@@ -97,6 +97,38 @@ def normal_equations(
     return curve, grad
 
 
+def clustered_covariance(
+    residuals: Residuals, slope: Slopes, covariance: Array, curve: Array, release: tuple[Array, Array], count: int
+) -> Array:
+    """(P, P) covariance of fitted parameters that holds where the residuals of a release depend on each other, or are
+    larger than the model says: the sandwich of White (1982), with releases as clusters (Liang and Zeger 1986,
+    Biometrika 73(1), 13-22). No variance is smaller than the inverse of `curve` (P, P) says.
+
+    `curve`: of `normal_equations` and the prior; `release`: of each impact and each flight; `count`: of releases.
+    """
+    scores = np.zeros((count, len(curve)))
+    r, good = np.nan_to_num(residuals.impacts), np.isfinite(residuals.impacts).all(axis=1)
+    u = np.linalg.solve(covariance, r[..., None])[..., 0]
+    df = IMPACT_STUDENT_DF + r.shape[1]
+    weight = good * df / (IMPACT_STUDENT_DF + np.einsum("ni,ni->n", r, u))
+    pull = np.einsum("nip,ni->np", slope.impacts, u)
+    np.add.at(scores, release[0], weight[:, None] * pull)
+    rf, jf = residuals.flights, slope.flights
+    wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
+    np.add.at(scores, release[1], np.einsum("mcd,mcd,mcdp->mp", wf, rf, jf))
+    # the curvature of the Student distribution itself: `curve` takes its weights as constant
+    bent = np.einsum("n,np,nq->pq", 2.0 / df * weight**2, pull, pull)
+    flat = 2.0 / (FLIGHT_STUDENT_DF + 1) * (wf * rf) ** 2
+    bent += np.einsum("mcd,mcdp,mcdq->pq", flat, jf, jf, optimize=True)
+    plain = np.linalg.inv(curve)
+    bread = np.linalg.inv(curve - bent)
+    if np.linalg.eigvalsh(bread)[0] <= 0.0:  # far from a maximum in some direction
+        bread = plain
+    spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
+    wider = np.sqrt(np.maximum(np.diag(spread) / np.diag(plain), 1.0))
+    return np.asarray(plain * wider * wider[:, None])
+
+
 def prior(model: Model) -> tuple[Array, Array]:
     """Weak Gaussian prior: (centre, 1 / variance) of the parameters."""
     width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])

@@ -28,15 +28,9 @@ COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
 def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:
-    """The world of a diagnosis: the base law, or the law and the effects of the verdict."""
+    """The world of a diagnosis: the base law, or the law with all effects that were found."""
     known = catalogue()
-    names = [] if base_only or content["verdict"] not in known else [content["verdict"]]
-    fitted = content["effects"][names[0]] if names else {"base": content["base"]}
-    values = {names[0]: fitted["parameters"]} if names else {}
-    if names and content.get("beside"):
-        fitted = content["beside"][-1]
-        values = fitted["parameters"]
-    law = fitted["base"]
+    law, values = (content["base"], {}) if base_only else _found(content)
     rows = setup.contact.copy()
     rows[..., [K_L, K_UL, K_T, K_R]] = [law["k_l_N_m"], law["k_ul_N_m"], law["k_t_N_m"], law["k_r_Nm_rad"]]
     rows[..., MU] = np.tan(np.deg2rad(law["friction_angle_deg"]))
@@ -46,6 +40,20 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
         if not known[name].scatter:  # a scatter shifts no mean
             world = known[name].apply(world, [own[q.name]["value"] for q in known[name].parameters])
     return world
+
+
+def _found(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Base law and effects of a diagnosis: of the model of all causes if it holds the verdict, else of the verdict."""
+    verdict, model = content["verdict"], content.get("model")
+    if verdict == "none":
+        return content["base"], {}
+    if model and verdict in (*model["parameters"], "unknown"):
+        return model["base"], model["parameters"]
+    if verdict == "unknown":
+        return content["base"], {}
+    if content.get("beside"):  # of a diagnosis without the key model
+        return content["beside"][-1]["base"], content["beside"][-1]["parameters"]
+    return content["effects"][verdict]["base"], {verdict: content["effects"][verdict]["parameters"]}
 
 
 def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:

@@ -37,6 +37,7 @@ EFFECT = Effect(
     summary="wet soil pulls on a leaving block until the block is clear of the ground",
     source="constant tension along the path out of the indentation, the simplest law with a work of separation",
     phase="impact",
+    origin="impact law",
     parameters=(
         Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),
     ),

@@ -28,6 +28,7 @@ EFFECT = Effect(
     summary="drag of the air, with the square of the velocity",
     source="Newton's drag; Hoerner (1965), Fluid-dynamic drag: C_d 0.5 of a ball, 1 to 2 of a cube",
     phase="flight",
+    origin="flight",
     # a 22 g ball of 25 mm in air has 0.007 1/m, a boulder of 1 m 0.0002; light models of foam reach the upper end
     parameters=(
         Parameter(

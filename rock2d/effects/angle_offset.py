@@ -19,9 +19,9 @@ EFFECT = Effect(
     summary="the recorded orientation has a constant offset: corners meet the ground elsewhere than they seem to",
     source="the tracker's zero of the angle, `rock2d.scene.world.View`",
     phase="impact",
+    origin="camera",
     parameters=(
         Parameter("offset_rad", "rad", 0.0, -0.4, 0.4, "recorded less true angle, counter-clockwise"),
     ),
     apply=apply,
-    camera=True,
 )

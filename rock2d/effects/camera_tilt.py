@@ -20,10 +20,10 @@ EFFECT = Effect(
     summary="the image axes are turned against the vertical: gravity seems to have a part along the image's x",
     source="rigid rotation of the image, `rock2d.scene.world.View`",
     phase="all",
+    origin="camera",
     parameters=(
         Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "by how much the record is turned, counter-clockwise"),
         *CENTRE,
     ),
     apply=apply,
-    camera=True,
 )

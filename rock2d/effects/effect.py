@@ -12,14 +12,16 @@ from rock2d.scene.world import World
 
 LABORATORY_M = 0.02  # size of the blocks that plausible ranges are stated for
 STANDARD_GRAVITY_M_S2 = 9.80665
+CAMERA, FLIGHT, BLOCK, GROUND, IMPACT_LAW = ORIGINS = ("camera", "flight", "block", "ground", "impact law")
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect. `neutral` is its value without the effect; `low` and `high` bound the plausible.
 
-    `choices`: the values it can take, if it is no continuous quantity. `length`, `time`: the exponents of its unit; the
-    range (and a neutral value that is not 0) is that of a laboratory, and grows with the set-up, see `at`.
+    `choices`: the values it can take, if it is no continuous quantity, and `choice_names` what they are called.
+    `length`, `time`: the exponents of its unit; the range (and a neutral value that is not 0) is that of a laboratory,
+    and grows with the set-up, see `at`.
     """
 
     name: str
@@ -29,8 +31,13 @@ class Parameter:
     high: float
     meaning: str
     choices: tuple[float, ...] = ()
+    choice_names: tuple[str, ...] = ()
     length: int = 0
     time: int = 0
+
+    def called(self, value: float) -> str | None:
+        """Name of a choice; None for a quantity."""
+        return dict(zip(self.choices, self.choice_names, strict=False)).get(value)
 
     def at(self, size_m: float, gravity_m_s2: float) -> Parameter:
         """The parameter with the range that it has for blocks of this mean size: lengths in units of the size L, times
@@ -54,9 +61,9 @@ class Effect:
     summary : what is missing from the model, one line
     source : where the law comes from
     phase : where it shows: "flight", "impact" or "all"
+    origin : where it comes from, of `ORIGINS`
     parameters : name, unit, neutral value and plausible range of each
     apply : (world, values in the order of `parameters`) -> the world with the effect
-    camera : changes only the record, not the motion
     scatter : the (only) parameter is the standard deviation of a quantity that varies from impact to impact
         with mean zero; `apply` takes one value of that quantity
     columns : names of the columns that its law reads of a contact row, or of a block's `air`
@@ -68,9 +75,9 @@ class Effect:
     summary: str
     source: str
     phase: str
+    origin: str
     parameters: Sequence[Parameter]
     apply: Callable[[World, Sequence[float]], World]
-    camera: bool = False
     scatter: bool = False
     columns: Sequence[str] = ()
     normal: Any = None
@@ -80,6 +87,17 @@ class Effect:
     recoil: Any = None
     departure: Any = None
     damping: Callable[..., Any] | None = None
+
+    def __post_init__(self) -> None:
+        if self.origin not in ORIGINS:
+            raise ValueError(
+                f"effect {self.name}: origin is one of {', '.join(ORIGINS)}; found {self.origin!r}"
+            )
+
+    @property
+    def camera(self) -> bool:
+        """Whether it changes only the record, not the motion."""
+        return self.origin == CAMERA
 
     def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:
         """Processes pass an effect on by its name: compiled laws do not travel."""

@@ -29,6 +29,7 @@ EFFECT = Effect(
     summary="the embankment slides on its base as a body while it is hit",
     source="two bodies in impact: head-on, e is (e M - m) / (M + m) of a block of mass m",
     phase="impact",
+    origin="ground",
     parameters=(
         Parameter(
             "mass_ratio", "1", 0.0, 0.0, 0.6, "blocks' mean mass over the mass of the embankment that moves"

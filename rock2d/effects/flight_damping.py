@@ -26,6 +26,7 @@ EFFECT = Effect(
     summary="drag linear in velocity, on translation and rotation alike",
     source="Stokes's drag; the global damping of many discrete-element codes has the same form",
     phase="flight",
+    origin="flight",
     parameters=(
         Parameter("rate_1_s", "1/s", 0.0, 0.0, 2.0, "share of velocity and spin lost per second", time=-1),
     ),

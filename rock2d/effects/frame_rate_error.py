@@ -19,11 +19,11 @@ EFFECT = Effect(
     summary="the true frame rate differs from the stated one: gravity goes with its square, contact times with it",
     source="the camera's clock, `rock2d.scene.world.View`",
     phase="all",
+    origin="camera",
     parameters=(
         Parameter(
             "time_scale", "1", 1.0, 0.85, 1.15, "true duration over recorded one: stated over true rate"
         ),
     ),
     apply=apply,
-    camera=True,
 )

@@ -60,6 +60,7 @@ EFFECT = Effect(
     summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
     source="geometry: facing and ditch are found by shape, `CrossSection.embankment`",
     phase="impact",
+    origin="ground",
     parameters=(
         Parameter(
             "facing_rad", "rad", 0.0, -0.2, 0.2, "turn of the uphill facing about its foot, or of all ground"

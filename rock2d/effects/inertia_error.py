@@ -21,6 +21,7 @@ EFFECT = Effect(
     summary="the moment of inertia differs from the stated block's: hollow, cored, or not of one material",
     source="definition; a thin shell has 5/3 of a solid ball's, a square frame 2 of a solid square's",
     phase="impact",
+    origin="block",
     parameters=(Parameter("factor", "1", 1.0, 0.5, 2.0, "true over stated moment of inertia"),),
     apply=apply,
 )

@@ -22,6 +22,7 @@ EFFECT = Effect(
     summary="radial distortion of the image: what lies off its middle is recorded too far out, or in",
     source="first term of D. C. Brown (1971), Close-range camera calibration: r (1 + k r²), `rock2d.scene.world.View`",
     phase="all",
+    origin="camera",
     parameters=(
         Parameter(
             "edge",
@@ -34,5 +35,4 @@ EFFECT = Effect(
         *CENTRE,
     ),
     apply=apply,
-    camera=True,
 )

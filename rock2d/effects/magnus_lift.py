@@ -27,6 +27,7 @@ EFFECT = Effect(
     summary="force of the air across the velocity, proportional to the spin",
     source="Magnus effect; Rubinow & Keller (1961), Kutta & Joukowski; positive lifts a block with backspin",
     phase="flight",
+    origin="flight",
     # physical for a 22 g ball of 25 mm: 0.0009; a boulder: 0.001
     parameters=(
         Parameter("lift_per_mass", "1", 0.0, -0.03, 0.03, "c / m: turning rate of the path over the spin"),

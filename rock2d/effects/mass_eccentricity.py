@@ -23,6 +23,7 @@ EFFECT = Effect(
     summary="the centre of mass is not the centroid that is tracked: flights wobble, impacts turn the block",
     source="rigid-body mechanics about the centre of mass, `rock2d.engines.geometry`",
     phase="all",
+    origin="block",
     parameters=(
         Parameter(
             "along", "1", 0.0, -0.15, 0.15, "offset along the block's own x over the blocks' mean size"

@@ -25,6 +25,7 @@ EFFECT = Effect(
     summary="an axis, or the sense of rotation, is recorded with the wrong sign",
     source="handedness of the image axes (y down in most image formats), `rock2d.scene.world.View`",
     phase="all",
+    origin="camera",
     parameters=(
         Parameter(
             "axis",
@@ -32,10 +33,10 @@ EFFECT = Effect(
             float(MIRROR_NONE),
             float(MIRROR_NONE),
             float(MIRROR_THETA),
-            "0 none, 1 x, 2 y, 3 theta; no size",
+            "the axis whose sign is wrong (1 x, 2 y, 3 theta)",
             choices=(float(MIRROR_X), float(MIRROR_Y), float(MIRROR_THETA)),
+            choice_names=("x", "y", "theta"),
         ),
     ),
     apply=apply,
-    camera=True,
 )

@@ -31,6 +31,7 @@ EFFECT = Effect(
     summary="the block ploughs: tangential resistance that grows with depth and speed",
     source="drag of the ploughed front, proportional to its area and to the speed",
     phase="impact",
+    origin="impact law",
     parameters=(
         Parameter(
             "rate_1_s",

@@ -23,6 +23,7 @@ EFFECT = Effect(
     summary="corners of square, rectangle and polygon are rounded; mass and inertia stay",
     source="geometry: circles that touch both faces, `rock2d.engines.geometry`",
     phase="impact",
+    origin="block",
     parameters=(
         Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over half the width of the narrowest block"),
     ),

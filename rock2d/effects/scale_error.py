@@ -19,7 +19,7 @@ EFFECT = Effect(
     summary="metres per pixel are off: lengths and speeds, gravity among them, all come out too large or too small",
     source="similarity of the image, `rock2d.scene.world.View`",
     phase="all",
+    origin="camera",
     parameters=(Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"), *CENTRE),
     apply=apply,
-    camera=True,
 )

@@ -32,6 +32,7 @@ EFFECT = Effect(
     summary="friction changes with the sliding speed, from its value at rest to another one",
     source="exponential (Stribeck) law, Bo & Pavelescu (1982), The friction-speed relation",
     phase="impact",
+    origin="impact law",
     parameters=(
         Parameter("change", "1", 0.0, -0.9, 2.0, "relative change of tan φ at high sliding speed"),
         Parameter(

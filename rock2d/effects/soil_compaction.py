@@ -31,6 +31,7 @@ EFFECT = Effect(
     summary="the soil stiffens from release to release, as blows compact it",
     source="linear trend of stiffness with the number of blows, the first term of any hardening",
     phase="impact",
+    origin="ground",
     parameters=(
         Parameter("rate", "1", 0.0, 0.0, 0.1, "growth of k_l and k_ul with each release of the same block"),
         Parameter(

@@ -22,6 +22,7 @@ EFFECT = Effect(
     summary="the local slope varies from impact to impact: scatter of the rebound, no mean",
     source="random slope of the impact surface, as in Pfeiffer & Bowen (1989), Computer simulation of rockfalls",
     phase="impact",
+    origin="ground",
     parameters=(Parameter("sd_rad", "rad", 0.0, 0.0, 0.3, "standard deviation of the local slope"),),
     apply=apply,
     scatter=True,

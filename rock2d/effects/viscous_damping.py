@@ -35,6 +35,7 @@ EFFECT = Effect(
     source="dashpot beside the spring: Cundall & Strack (1979), A discrete model for granular assemblies; one that "
     "grows with the depth: Hunt & Crossley (1975), Coefficient of restitution interpreted as damping in vibroimpact",
     phase="impact",
+    origin="impact law",
     # critical is 2 √(k_l / m): 1,300 1/s for the paper's blocks, if they penetrate by a tenth of their size
     parameters=(
         Parameter("rate_1_s", "1/s", 0.0, 0.0, 600.0, "dashpot over the blocks' mean mass", time=-1),

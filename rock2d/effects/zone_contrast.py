@@ -30,6 +30,7 @@ EFFECT = Effect(
     summary="the embankment's soil differs from the ditch's in stiffness, restitution or friction",
     source="two soils for the paper's law (its Table 4 has one for both); restitution e = √(k_l / k_ul)",
     phase="impact",
+    origin="ground",
     parameters=(
         Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment's zones over that of the others"),
         Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the others"),

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rock2d.diagnosis.data import Residuals
+from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.fitting import newton_step
+from rock2d.diagnosis.likelihood import clustered_covariance, normal_equations
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -23,3 +26,33 @@ def test_a_parameter_held_by_its_bound_leaves_the_others_at_their_least(seed):
     assert (grad + curve @ (after - p))[[1, 2, 4]] == pytest.approx(np.zeros(3), abs=1e-9)
     grad[0] = 1.0  # downhill is back inside
     assert newton_step(curve, grad, p, low, high)[0] != 0.0
+
+
+@pytest.mark.parametrize("shared", [0.0, 1.5])
+def test_intervals_hold_where_the_residuals_of_a_release_depend_on_each_other(shared):
+    """Draws of residuals with and without a part that a whole release shares: the stated variance of a fitted slope is
+    the one that the fits have, and never smaller than for independent residuals."""
+    rng = np.random.default_rng(1)
+    releases, each = 60, 8
+    release, none = np.repeat(np.arange(releases), each), np.empty(0, np.int64)
+    j = np.column_stack([np.ones(releases * each), np.repeat(rng.normal(size=releases), each)])[:, None]
+    noise, flights = np.ones((releases * each, 1, 1)), np.empty((0, 3, 2))
+    slope = Slopes(j, np.empty((0, 3, 2, 2)), np.empty((releases * each, 1, 0)), noise)
+    keep = np.ones(releases * each, bool), np.ones(0, bool)
+    found, stated, plain = [], [], []
+    for _ in range(300):
+        r = rng.normal(size=(releases * each, 1)) + shared * rng.normal(size=(releases, 1))[release]
+        step = np.zeros(2)
+        for _ in range(20):
+            left = Residuals(r - j @ step, flights)
+            curve, grad = normal_equations(left, slope, noise, keep)
+            step += np.linalg.solve(curve, grad)
+        found.append(step)
+        own = clustered_covariance(left, slope, noise, curve, (release, none), releases)
+        stated.append(np.diag(own))
+        plain.append(np.diag(np.linalg.inv(curve)))
+    ratio = np.mean(stated, axis=0) / np.var(found, axis=0)
+    assert ratio == pytest.approx(np.ones(2), abs=0.3)
+    assert (np.array(stated) >= np.array(plain) * (1.0 - 1e-12)).all()
+    if shared:
+        assert (np.mean(plain, axis=0) < 0.4 * np.var(found, axis=0)).all()

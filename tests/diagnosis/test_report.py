@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 import rock2d
-from rock2d.diagnosis import fitting
+from rock2d.diagnosis import exploring, fitting
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
 from rock2d.diagnosis.report import page, side_by_side
@@ -69,8 +69,8 @@ def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
     """A diagnosis with coarse fits that do not fit the scatter of the soil: enough to test the page."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
-        patch.setattr(fitting, "SCAN_VALUES", 3)
-        patch.setattr(fitting, "MOST_RESCANS", 0)
+        patch.setattr(exploring, "SCAN_VALUES", 3)
+        patch.setattr(exploring, "MOST_RESCANS", 0)
         return diagnose(experiment, effects=effects)
 
 

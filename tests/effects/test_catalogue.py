@@ -205,7 +205,7 @@ def normal(strength, depth, rate, peak, bottom, force_n):
 
 
 EFFECT = Effect(
-    name="a_stiffer_spring", summary="beside the law's", source="a test", phase="impact",
+    name="a_stiffer_spring", summary="beside the law's", source="a test", phase="impact", origin="impact law",
     parameters=(Parameter("strength_N_m", "N/m", 0.0, 0.0, 1e4, "of the spring"),),
     apply=lambda world, values: with_column(world, "stiffer_N_m", values[0]),
     columns=("stiffer_N_m",), normal=normal,

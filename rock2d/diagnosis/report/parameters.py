@@ -104,7 +104,7 @@ def effect_rows(models: Models) -> list[EffectRow]:
             least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))
             remark = ""
             if parameter.choices:
-                shown, plausible = Value(number(value), ""), ""
+                shown, plausible = Value(parameter.called(value) or number(value), ""), ""
             else:
                 shown = Value(number(value, 0.5 * (high - low)), interval(low, high) if high > low else "")
                 plausible = f"{least:.3g} to {most:.3g}".replace("-", "−")

@@ -116,8 +116,8 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
         )
     if verdict == "unknown":
         return "Unknown cause", (
-            "There is a gap between film and simulation, but no effect of the catalogue explains it. The cause lies "
-            f"outside the catalogue.{_hint(content)}"
+            "There is a gap between film and simulation, but no effect of the catalogue explains all of it. A cause "
+            f"lies outside the catalogue.{_parts(content)}{_hint(content)}"
         )
     cause = effects[verdict].summary if verdict in effects else "an effect outside the catalogue"
     beside = [c["effect"] for c in content.get("beside", [])]
@@ -126,6 +126,15 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     doubt = f" These data cannot separate it from {listed(rivals, 'or')}." if rivals else ""
     sentence = f"This explains the gap between film and simulation: {cause}.{together}{doubt}"
     return spoken(verdict).capitalize(), sentence
+
+
+def _parts(content: Mapping[str, Any]) -> str:
+    """The effects that explain part of a gap whose cause is unknown."""
+    model = content.get("model")
+    if not model:
+        return ""
+    closed = share_closed(content["gap"]["closure"], content["gap"]["closure_ci95"])
+    return f" Part of it is explained by {listed(list(model['parameters']))}: {closed} of the gap."
 
 
 def _hint(content: Mapping[str, Any]) -> str:
@@ -193,7 +202,7 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     own = fitted["parameters"][effect.name] if content.get("beside") else fitted[effect.name]["parameters"]
     value, unit = in_degrees(parameter, own[parameter.name]["value"])
     if parameter.choices:
-        return [Tile("Choice", f"{value:g}", parameter.meaning)]
+        return [Tile("Choice", parameter.called(value) or f"{value:g}", parameter.meaning)]
     low, high = (in_degrees(parameter, v)[0] for v in own[parameter.name]["ci95"])
     text = number(value, 0.5 * (high - low)) + (unit if unit == "°" else f" {unit}" if unit else "")
     return [Tile("Size", text, parameter.meaning)]

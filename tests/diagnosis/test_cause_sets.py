@@ -1,0 +1,76 @@
+"""Sets of causes: films with two hidden effects, and with none. The engine is the same, so answers must be exact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.cause_sets import CauseSet, Search
+from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.model import Model
+from rock2d.effects import catalogue
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.processes import Processes
+from tests.kinematics.synthetic_films import film, series_order, world
+
+RELEASES = 16
+TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
+HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0]}
+
+
+def searched(hidden: dict[str, list[float]]) -> Search:
+    true = world(series_order(RELEASES))
+    for name, values in hidden.items():
+        true = catalogue()[name].apply(true, values)
+    experiment = film(true, RELEASES, seed=7)
+    setup = setup_world(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    base = fit(Model(setup, base_start(experiment)), data)
+    effects = {name: catalogue()[name] for name in TRIED}
+    with Processes(1, (data,)) as processes:
+        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)))
+        search.try_alone()
+        search.run()
+    return search
+
+
+@pytest.fixture(scope="module")
+def two() -> Search:
+    return searched(HIDDEN)
+
+
+def test_two_hidden_effects_are_found_and_measured(two):
+    assert two.best.names == set(HIDDEN)
+    model = two.best.fit.model
+    found = dict(zip((e.name for e in model.effects), model.values(two.best.fit.p), strict=True))
+    for name, values in HIDDEN.items():
+        assert found[name][0] == pytest.approx(values[0], rel=0.15)
+    for smaller in two.without(two.best).values():
+        assert two.best.gain(smaller).significant
+
+
+def test_screening_expects_most_of_the_effect_that_is_there(two):
+    """Beside one of two hidden effects. It expects less than a fit gains, whose scatter of the soil falls as well."""
+    for name, other in (("camera_tilt", "zone_contrast"), ("zone_contrast", "camera_tilt")):
+        own = two.known[frozenset({name})]
+        expected = {key: found.total for key, found in two.beside(own).items()}
+        assert max(expected, key=lambda key: expected[key]) == other
+        assert expected[other] > 4.0 * max(expected["inertia_error"], expected["angle_offset"], 1.0)
+        assert expected[other] < 1.5 * two.best.gain(own).total
+
+
+def test_no_effect_makes_the_empty_set():
+    search = searched({})
+    assert search.best.names == set()
+    assert max(own.gain(search.base).total for own in search.alone.values()) < 10.0
+
+
+def test_the_order_in_which_effects_are_tried_does_not_matter(two):
+    again = Search(two.data, dict(reversed(two.effects.items())), Processes(1, (two.data,)), two.base)
+    again.try_alone()
+    again.run()
+    assert again.best.names == two.best.names
+    assert np.abs(again.best.held_out.score - two.best.held_out.score).max() < 1.0

@@ -98,7 +98,12 @@ def normal_equations(
 
 
 def clustered_covariance(
-    residuals: Residuals, slope: Slopes, covariance: Array, curve: Array, release: tuple[Array, Array], count: int
+    residuals: Residuals,
+    slope: Slopes,
+    covariance: Array,
+    curve: Array,
+    release: tuple[Array, Array],
+    count: int,
 ) -> Array:
     """(P, P) covariance of fitted parameters that holds where the residuals of a release depend on each other, or are
     larger than the model says: the sandwich of White (1982), with releases as clusters (Liang and Zeger 1986,

@@ -35,6 +35,7 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks
@@ -132,7 +133,7 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
             return sanity, None
         world = sanity.registered or setup
         data = FilmData.of(film, world)
-        sanity.remarks += shape_remarks(data, world)
+        sanity.remarks += shape_remarks(data, world) + rest_remarks(film, world)
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
@@ -13,6 +14,7 @@ from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks
@@ -135,6 +137,24 @@ def test_real_squares_are_no_circles_of_their_size(data_root, diameters):
 
 def test_the_right_shapes_are_not_remarked(many):
     assert not shape_remarks(FilmSegments.of(load_film(many), setup_world(many)), setup_world(many))
+
+
+@pytest.mark.parametrize("raised_m", [0.0, 0.0008])
+def test_a_block_that_rests_above_the_ground_is_remarked(raised_m):
+    """Releases that end at rest on level ground, recorded as they are or too high."""
+    rng = np.random.default_rng(2)
+    rows = []
+    for release in range(8):
+        for frame in range(40):
+            y = 0.0095 + raised_m + (0.05 - 0.5 * 9.81 * (frame / 200) ** 2 if frame < 20 else 0.0)
+            noise = rng.normal(0.0, 1e-4, 2)
+            rows.append((release, "cube", frame / 200, 0.5 + noise[0], y + noise[1], 0.0))
+    table = pd.DataFrame(rows, columns=["release", "block", "t_s", "x_m", "y_m", "theta_rad"])
+    experiment = replace(film(world(), 2), trajectories=table, fps=200.0)
+    remarks = rest_remarks(load_film(experiment), setup_world(experiment))
+    assert len(remarks) == (raised_m > 0.0)
+    if remarks:
+        assert "block cube lies 0.8" in remarks[0] and "8 releases" in remarks[0]
 
 
 def test_wrong_frame_rate_shows_in_gravity(plain):

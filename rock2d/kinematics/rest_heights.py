@@ -1,0 +1,51 @@
+"""Where blocks lie at rest: a block that hovers above the stated ground has another size, or the film another scale,
+origin or ground.
+
+Only heights above the ground are judged: how deep a block lies in its indentation is a property of the soil.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.kinematics.flights import Film, clearances
+from rock2d.records.columns import POSITION
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+REST_FRAMES = 10  # last frames of a release, in which a block at rest does not move
+STILL_SDS = 8.0  # standard deviations of the noise by which their positions may differ
+FEWEST_RESTS = 5  # of a block
+# of the mean height, in its standard errors, and in block radii
+CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
+
+
+def rest_remarks(film: Film, world: World) -> list[str]:
+    """A remark on each block that comes to rest above the ground of a world."""
+    remarks = []
+    for b, (name, block) in enumerate(world.blocks.items()):
+        heights = _rest_heights_m(film, world, b)
+        if len(heights) < FEWEST_RESTS:
+            continue
+        height = float(heights.mean())
+        error = float(heights.std(ddof=1) / np.sqrt(len(heights)))
+        if height > max(CLEAR_HEIGHT * error, LEAST_HEIGHT_RADII * block.radius_m):
+            remarks.append(
+                f"at rest, block {name} lies {1e3 * height:.2g} ± {1e3 * error:.1g} mm above the ground (mean of "
+                f"{len(heights)} releases): are its sizes, the scale, the origin and the ground right?"
+            )
+    return remarks
+
+
+def _rest_heights_m(film: Film, world: World, block: int) -> Array:
+    """(n,) height above the ground of the lowest point of a block, of the releases that end at rest."""
+    ground, own = ground_arrays(world.cross_section), block_arrays(list(world.blocks.values())[block])
+    ends = np.searchsorted(film.release, np.arange(len(film.release_names)), side="right")
+    poses = []
+    for release in np.flatnonzero(film.release_block == block):
+        pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
+        if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
+            poses.append(pose.mean(axis=0))
+    return clearances(own, ground, world.view.true(np.array(poses).reshape(-1, 3)))

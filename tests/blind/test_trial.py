@@ -38,8 +38,13 @@ def test_every_effect_and_enough_other_cases_are_assigned():
     assert len(causes) == 200
     assert causes.count(()) >= 0.2 * 200 <= SHARE_WITHOUT_CAUSE * 200
     assert len(outside) >= SHARE_OUTSIDE * 200 >= 0.15 * 200
-    assert {name for own in outside for name in own} == set(reality.OUTSIDE)
-    assert {name for own in causes if len(own) == 1 for name in own} >= set(catalogue())
+    assert {name for own in outside for name in own} - set(catalogue()) == set(reality.OUTSIDE)
+    assert sum(len(own) == 1 for own in outside) == len(outside) / 2
+    effects = [set(own) & set(catalogue()) for own in causes]
+    assert all(len(own) == len(set(own)) for own in causes) and max(map(len, effects)) == 4
+    assert sum(len(own) >= 2 for own in effects) >= 0.35 * 200
+    turns = [sum(name in own for own in effects) for name in catalogue()]
+    assert max(turns) - min(turns) <= 2  # every effect has its turn
     assert causes == assign_causes(200, np.random.SeedSequence(1))
 
 

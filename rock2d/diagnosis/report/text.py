@@ -12,6 +12,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
 
+LEAST_PART = 0.1  # of the gap, that effects beside an unknown cause must close to be named
 # effects that are hard to separate with such data
 LOOKALIKES = (
     ("scale_error", "frame_rate_error"),
@@ -128,13 +129,18 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     return spoken(verdict).capitalize(), sentence
 
 
-def _parts(content: Mapping[str, Any]) -> str:
-    """The effects that explain part of a gap whose cause is unknown."""
+def explained_part(content: Mapping[str, Any]) -> str:
+    """The effects that close a part worth naming of a gap whose cause is unknown, and the share; "" where none do."""
     model = content.get("model")
-    if not model:
+    if not model or content["gap"]["closure_ci95"][0] < LEAST_PART:
         return ""
-    closed = share_closed(content["gap"]["closure"], content["gap"]["closure_ci95"])
-    return f" Part of it is explained by {listed(list(model['parameters']))}: {closed} of the gap."
+    gap = content["gap"]
+    return f"{listed(list(model['parameters']))} ({share_closed(gap['closure'], gap['closure_ci95'])} of the gap)"
+
+
+def _parts(content: Mapping[str, Any]) -> str:
+    part = explained_part(content)
+    return f" Part of the gap closes with {part}." if part else ""
 
 
 def _hint(content: Mapping[str, Any]) -> str:

@@ -39,9 +39,13 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
             *_next_release(content),
         ]
     if verdict not in catalogue():
+        part = text.explained_part(content)
         return [
-            "Do not correct anything: no effect of the catalogue explains the gap, and the best one would be a wrong "
-            "correction.",
+            f"Check the set-up for {part}. Correct nothing that you cannot confirm there: the rest of the gap has a "
+            "cause outside the catalogue, and these effects may explain a part that belongs to it."
+            if part
+            else "Do not correct anything: no effect of the catalogue explains the gap, and the best one would be a "
+            "wrong correction.",
             "Look at the places with the largest share of the gap and at the impacts with the largest residuals in the "
             "film. If you find the cause, add it to the catalogue as an effect (one file, see CONTRIBUTING.md).",
             *_next_release(content),

@@ -51,6 +51,14 @@ def test_effect_shrinks_the_miss_on_other_releases(content):
     assert np.median(misses(augmented, other.trajectories)) < 4 * other.position_noise_m
 
 
+def test_what_was_found_beside_an_unknown_cause_is_used(content):
+    other, unknown = film(TILTED, 8, seed=99), {**content, "verdict": "unknown"}
+    assert list(content["model"]["parameters"]) == ["camera_tilt"]
+    pd.testing.assert_frame_equal(predict(other, unknown), predict(other, content))
+    base = predict(other, content, base_only=True)
+    pd.testing.assert_frame_equal(predict(other, {**unknown, "model": None}), base)
+
+
 def test_segments_cover_what_follows_the_first_flight(content):
     other = film(TILTED, 6, seed=5)
     table = predict(other, content)

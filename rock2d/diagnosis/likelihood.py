@@ -18,6 +18,7 @@ Array = np.ndarray
 
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
 FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
+LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
 
@@ -126,9 +127,8 @@ def clustered_covariance(
     flat = 2.0 / (FLIGHT_STUDENT_DF + 1) * (wf * rf) ** 2
     bent += np.einsum("mcd,mcdp,mcdq->pq", flat, jf, jf, optimize=True)
     plain = np.linalg.inv(curve)
-    bread = np.linalg.inv(curve - bent)
-    if np.linalg.eigvalsh(bread)[0] <= 0.0:  # far from a maximum in some direction
-        bread = plain
+    # as a mean share over all directions: in a single one a few outliers can take all curvature away
+    bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curve), LARGEST_BEND))
     spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
     wider = np.sqrt(np.maximum(np.diag(spread) / np.diag(plain), 1.0))
     return np.asarray(plain * wider * wider[:, None])

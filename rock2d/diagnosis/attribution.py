@@ -150,7 +150,7 @@ def attribute(
             search = replace(search, base=better)
             search.try_alone()
         search.run()
-    return _attribution(search)
+        return _attribution(search)
 
 
 def _better_base(search: Search) -> CauseSet | None:

@@ -141,19 +141,11 @@ class Search:
             self.expected[own.names] = Screening(own.fit, self.data).all(self.effects, alone)
         return self.expected[own.names]
 
-    def fitted(self, names: Names) -> CauseSet:
-        """The set with these members: fitted already, or from the largest known set within it."""
-        while names not in self.known:
-            inside = max((own for own in self.known if own < names), key=len)
-            following = min(names - inside)
-            self._fit(
-                [_Addition(self.known[inside].fit, following, self._start(self.known[inside], following))]
-            )
-        return self.known[names]
-
     def _grow(self) -> None:
         while len(self.best.names) < MOST_CAUSES:
-            found = self._additions(self.best)
+            found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
+            if self.best.names:
+                found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)
             best = max(found, key=lambda own: own.gain(self.best).total, default=None)
             if best is None or not best.gain(self.best).significant:
                 return
@@ -161,14 +153,16 @@ class Search:
             self.best = best
             self._prune(added)
 
-    def _additions(self, own: CauseSet) -> list[CauseSet]:
-        """The sets with one more effect that are worth a fit."""
+    def _additions(self, own: CauseSet, but: Names, most: int) -> list[CauseSet]:
+        """The sets with one more effect, none of `but`: the `most` of them from which screening expects most."""
         if not own.names:  # all effects were fitted alone
-            return list(self.alone.values())
-        expected = self.beside(own)
-        ranked = sorted(expected, key=lambda name: -expected[name].total)
-        names = [name for name in ranked if expected[name].total > LEAST_EXPECTED_GAIN][:ADDED_AT_ONCE]
-        names += [name for name in self._scatters() if name not in own.names]
+            return [found for name, found in self.alone.items() if name not in but]
+        expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
+        ranked = sorted(expected, key=lambda name: -expected[name])
+        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own)
+
+    def _with(self, names: Sequence[str], own: CauseSet) -> list[CauseSet]:
+        """A set with each of these effects in addition."""
         new = [name for name in names if own.names | {name} not in self.known]
         self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
         return [self.known[own.names | {name}] for name in names]
@@ -186,29 +180,12 @@ class Search:
         """Exchange a member for a rival that gains more; whether there is one."""
         rivals: list[CauseSet] = []
         for own in self.without(self.best).values():
-            rivals += [
-                found
-                for found in self._additions_but(own, self.best.names)
-                if len(found.names) == len(self.best.names)
-            ]
+            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE)
         best = max(rivals, key=lambda own: own.gain(self.best).total, default=None)
         if best is None or best.gain(self.best).total < EXCHANGE_GAIN:
             return False
         self.best = best
         return True
-
-    def _additions_but(self, own: CauseSet, names: Names) -> list[CauseSet]:
-        """The sets with one more effect that is none of `names`, of those that gain most beside `own`."""
-        if not own.names:
-            return [found for name, found in self.alone.items() if name not in names]
-        expected = self.beside(own)
-        ranked = sorted(
-            (name for name in expected if name not in names), key=lambda name: -expected[name].total
-        )
-        tried = [n for n in ranked if expected[n].total > LEAST_EXPECTED_GAIN][:EXCHANGED_AT_ONCE]
-        new = [name for name in tried if own.names | {name} not in self.known]
-        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
-        return [self.known[own.names | {name}] for name in tried]
 
     def _scatters(self) -> list[str]:
         """Effects that only widen the scatter, and do so alone."""

@@ -144,7 +144,7 @@ def blind() -> None:
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def blind_make(cases, seed, out, workers, quiet) -> None:
-    """Make sealed cases: films with a hidden effect, none, two, or one from outside the catalogue.
+    """Make sealed cases: films with up to four hidden effects, or with a cause from outside the catalogue.
 
     Example: rock2d blind make --cases 40 --seed 1 --out trial
     """

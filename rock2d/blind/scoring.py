@@ -117,7 +117,9 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
         "nulls_called_none": _share(nulls["right"]),
         "outside_called_unknown": _share(outside["right"]),
         "outside_clear_called_unknown": _share(strong["right"]),
-        "auroc_unknown": auroc(cases["p_unknown"].to_numpy(), (cases["label"] == "unknown").to_numpy()),
+        "auroc_unknown": auroc(
+            cases["p_unknown"].to_numpy(), cases["label"].str.contains("unknown").to_numpy()
+        ),
         "wrong_and_sure": wrong[["case", "label", "verdict", "p", "signal_to_noise"]].to_dict("records"),
         "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
         "ece_if_calibrated": chance_error(cases["p"].to_numpy()),

@@ -65,7 +65,7 @@ def examples(cases: Iterable[LabelledResult]) -> dict[str, Examples]:
     """
     cases = list(cases)
     out = {question: Examples() for question in FEATURES}
-    outside = sum(label["label"] == "unknown" for label, _ in cases)
+    outside = sum("unknown" in label["label"].split("+") for label, _ in cases)
     without_effect = sum(bool(result["without_best"]) for _, result in cases)
     half, share = (0.5, 0.5 * outside / without_effect) if without_effect else (1.0, 0.0)
 
@@ -82,9 +82,9 @@ def examples(cases: Iterable[LabelledResult]) -> dict[str, Examples]:
         add(ANY, found["case"], some)
         if not some:
             continue
-        known = label["label"] != "unknown"
+        known = "unknown" not in truth
         add(KNOWN, found["case"], known, 1.0 if known else half)
-        if label["label"] == "unknown":
+        if not known:
             continue
         for effect, values in found["effects"].items():
             add(WHICH, values, effect in truth)

@@ -40,15 +40,13 @@ class _Effect(_Part):
     parameters: dict[str, _Value]
 
 
-class _Beside(_Part):
-    effect: str
-    base: _Base
-    parameters: dict[str, dict[str, _Value]]
-
-
 class _Model(_Part):
     base: _Base
     parameters: dict[str, dict[str, _Value]]
+
+
+class _Beside(_Model):
+    effect: str
 
 
 class _Law(_Part):

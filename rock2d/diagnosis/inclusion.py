@@ -1,9 +1,9 @@
-"""How probable each effect is as a member of the set of causes.
+"""What tells whether each effect is a member of the set of causes.
 
 The best model with an effect is compared with the best model without it, on held-out releases. Where effects can stand
 for each other, each gains little over the other: then neither is sure. The comparison does not give a probability by
-itself, because no law of the model is exactly true. A logistic regression turns it into one; it is trained on films
-whose causes are known (`rock2d blind train`).
+itself, because no law of the model is exactly true. The statistics are kept for a regression on films whose causes are
+known.
 """
 
 from __future__ import annotations

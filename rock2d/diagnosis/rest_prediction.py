@@ -16,12 +16,12 @@ from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.kinematics.film_segments import STATE_SIZE
+from rock2d.kinematics.rest_heights import REST_FRAMES
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-REST_FRAMES = 10  # last frames of a film; their mean is the pose at rest
 SCATTER_STEP = 0.02  # of a parameter's scale, for differences
 
 

@@ -7,7 +7,6 @@ the ground; smaller turns are joints of a smooth surface.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -102,11 +101,7 @@ class CrossSection:
         lines = {}
         for name, ends in (measure_lines or {}).items():
             line = np.asarray(ends, float)
-            if (
-                line.shape != (2, 2)
-                or not np.isfinite(line).all()
-                or math.dist(*line) <= SHORTEST_FACET * extent
-            ):
+            if line.shape != (2, 2) or not np.isfinite(line).all() or _same(*line):
                 message = f"measure line {name} must be two different [x, y] points"
                 raise CrossSectionError(message, "measure_lines", line=name)
             lines[name] = line
@@ -205,6 +200,11 @@ def by_zone(parameters: Mapping[str, Parameters], zone_names: Sequence[str], law
             raise ValueError(f"no {law} parameters for zone {zone!r} and no default")
         found.append(own)
     return found
+
+
+def _same(a: Array, b: Array) -> bool:
+    """Whether two points are equal to rounding: `numpy.allclose`, whose checks cost more than a rough surface."""
+    return bool((np.abs(a - b) <= 1e-8 + 1e-5 * np.abs(b)).all())
 
 
 def _refuse_crossing(points: Array) -> None:

@@ -53,7 +53,6 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
 
     from rock2d.diagnosis.attribution import attribute
     from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
-    from rock2d.diagnosis.gap import share_closed_by_regression
     from rock2d.effects import catalogue
     from rock2d.files.experiment import load_experiment
 
@@ -74,7 +73,7 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
             assert data is not None
             kept["statistics"] = found.statistics
             kept["closures"] = {name: gap.share_closed for name, gap in (result.gaps or {}).items()}
-            kept["regression_closure"] = share_closed_by_regression(data, found)
+            kept["regression_closure"] = result.regression_closes
             kept["heldout"] = _heldout(case / "heldout", content)
             if without_best and found.chain[0].total > CLEAR_GAIN * found.chain[0].error:
                 names = {c.effect.name for c in found.chain}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.scoring import read_results
 from rock2d.diagnosis.classification import ANY, KNOWN, PRIOR, PRIOR_SHARE, UNSEEN, WHICH, chance
+from rock2d.diagnosis.inclusion import INCLUDED, OUTSIDE
 from rock2d.files.folders import write_whole
 
 Array = np.ndarray
@@ -30,9 +31,36 @@ FEATURES = {
         "gain_z",
     ),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
+    INCLUDED: (
+        "z",
+        "log_gain",
+        "share",
+        "log_gain_per_segment",
+        "left_over_gain",
+        "left_z",
+        "beside_learnt_z",
+        "beside_learnt_log",
+        "alone_z",
+        "fitted",
+        "scatter",
+        "causes",
+    ),
+    OUTSIDE: (
+        "learnt_log",
+        "learnt_z",
+        "learnt_share",
+        "left_log",
+        "left_z",
+        "left_over_named",
+        "left_share",
+        "flights_log",
+        "causes",
+        "scatter",
+    ),
 }
 INVERSE_REGULARISATION = 1.0
 VISIBLE_SIGNAL_TO_NOISE = 2.0  # below it a hidden cause counts as none
+INVISIBLE_SIGNAL_TO_NOISE = 0.5  # a cause between the two is no example of either answer
 
 
 LabelledResult = tuple[dict[str, Any], dict[str, Any]]  # a case's label and its result
@@ -78,6 +106,7 @@ def examples(cases: Iterable[LabelledResult]) -> dict[str, Examples]:
         found, truth = result["statistics"], set(label["label"].split("+"))
         if found is None:
             continue
+        _add_causes(label, found, add)
         some = label["label"] != "none" and label["signal_to_noise"] >= VISIBLE_SIGNAL_TO_NOISE
         add(ANY, found["case"], some)
         if not some:
@@ -93,6 +122,20 @@ def examples(cases: Iterable[LabelledResult]) -> dict[str, Examples]:
             add(ANY, without["case"], True, share)
             add(KNOWN, without["case"], False, share)
     return out
+
+
+def _add_causes(
+    label: Mapping[str, Any], found: Mapping[str, Any], add: Callable[[str, dict[str, float], bool], None]
+) -> None:
+    """Examples of effects that are among the causes, or not, and of causes outside the catalogue."""
+    sizes = {cause["name"]: cause["signal_to_noise"] for cause in label["hidden"]}
+    for effect, values in found["causes"].items():
+        size = sizes.get(effect, 0.0)
+        if not INVISIBLE_SIGNAL_TO_NOISE <= size < VISIBLE_SIGNAL_TO_NOISE:
+            add(INCLUDED, values, size >= VISIBLE_SIGNAL_TO_NOISE)
+    largest = max((size for name, size in sizes.items() if name not in found["causes"]), default=0.0)
+    if not INVISIBLE_SIGNAL_TO_NOISE <= largest < VISIBLE_SIGNAL_TO_NOISE:
+        add(OUTSIDE, found["outside"], largest >= VISIBLE_SIGNAL_TO_NOISE)
 
 
 def regression(features: Sequence[str], given: Examples) -> dict[str, Any]:

@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.candidate import Candidate
-from rock2d.diagnosis.cause_sets import CauseSet, Search
+from rock2d.diagnosis.cause_sets import CauseSet, Gain, Names, Search
 from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data, model_residuals
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
-from rock2d.diagnosis.inclusion import inclusion_statistics
+from rock2d.diagnosis.inclusion import inclusion, inclusion_statistics, outside_statistics
+from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
@@ -36,6 +37,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
+NAMED_PROBABILITY = 0.5  # from which on an effect is one of the causes
 GROUP_Z = 2.0  # standard errors between effects that the data cannot separate
 BASE_STARTS = 2  # places from which the base law is fitted
 MOST_RESTARTS = 2  # with a better base law
@@ -56,7 +58,11 @@ class Attribution:
     probabilities : over the catalogue, "none" and "unknown"; `statistics`: the numbers that they follow from
     group : effects that the data cannot separate from the best, the best first
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
-    significant : whether the effects of the chain gain significantly
+    learnt : what was learnt beside these effects, or beside the base law if they do not
+    left_regressed : flexible regression of what is left beside the learnt changes
+    named : the effects that are probable, all of them in the chain; there may be none
+    rivals : each of these -> effects that these data cannot tell from it
+    sets : residuals and scores of the sets that tell what each of these closes
     """
 
     base: Fit
@@ -69,7 +75,16 @@ class Attribution:
     group: list[str]
     statistics: dict[str, Any]
     unexplained: list[Discrepancy]
-    significant: bool
+    learnt: Learnt
+    left_regressed: RegressedResiduals
+    named: Names
+    rivals: dict[str, list[str]]
+    sets: dict[Names, HeldOut]
+
+    @property
+    def significant(self) -> bool:
+        """Whether any effect is probable."""
+        return bool(self.named)
 
     @property
     def best(self) -> str:
@@ -166,17 +181,27 @@ def _better_base(search: Search) -> CauseSet | None:
 
 def _attribution(search: Search) -> Attribution:
     base, data = search.base, search.data
+    learnt, beside_learnt = _learn_beside(search)
+    left = discrepancies(search.best.fit, data)
+    causes = inclusion_statistics(search, left[0], beside_learnt)
+    named = frozenset(name for name, p in inclusion(causes).items() if p >= NAMED_PROBABILITY)
+    if named != search.best.names:
+        search.best = search.joint(named)
+        learnt = learn(search.best.fit, search.best.held_out, data)
     candidates = {name: _candidate(own, name, base) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
-    found = _chain(search, candidates)
-    chain = found or [candidates[best]]
+    chain = _chain(search, candidates) or [candidates[best]]
     setup, final = base.fit.model.setup, chain[-1]
     covariance = final.fit.covariance()
     base_regressed = regress(setup, data, base.held_out.residuals, covariance)
     best_regressed = regress(setup, data, final.held_out.residuals, covariance)
+    left_regressed = {id(base.fit): base_regressed, id(final.fit): best_regressed}.get(
+        id(learnt.fit)
+    ) or regress(setup, data, learnt.held_out.residuals, covariance)
     base_dependences, best_dependences = discrepancies(base.fit, data), discrepancies(final.fit, data)
     numbers = statistics(candidates, best, base_regressed, best_regressed, base_dependences, best_dependences)
-    numbers["causes"] = inclusion_statistics(search, best_dependences[0])
+    numbers["causes"] = causes
+    numbers["outside"] = outside_statistics(search, learnt, best_dependences, numbers["case"])
     winner = candidates[best]
     group = [best] + [
         name
@@ -185,15 +210,33 @@ def _attribution(search: Search) -> Attribution:
     ]
     return Attribution(
         base.fit, base.held_out, candidates, chain, base_regressed, best_regressed, probabilities(numbers), group,
-        numbers, [d for d in best_dependences if _is_significant(d)], bool(found),
+        numbers, [d for d in best_dependences if _is_significant(d)], learnt, left_regressed, search.best.names,
+        search.rivals(search.best, GROUP_Z),
+        {names: own.held_out for names, own in search.within(search.best.names).items()},
     )  # fmt: skip
+
+
+def _learn_beside(search: Search) -> tuple[Learnt, dict[str, Gain]]:
+    """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each
+    member adds."""
+    while True:
+        learnt = learn(search.best.fit, search.best.held_out, search.data)
+        if not learnt.changes or not search.best.names:
+            return learnt, {}
+        smaller = search.without(search.best)
+        others = {name: learn(own.fit, own.held_out, search.data) for name, own in smaller.items()}
+        gains = {name: Gain(learnt.held_out.score - own.held_out.score) for name, own in others.items()}
+        least = min(gains, key=lambda name: gains[name].total)
+        if gains[least].significant:
+            return learnt, gains
+        search.best = smaller[least]
 
 
 def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:
     """The members of the best set, the one that gains most alone first; each has the joint fit, and its gain over the
     set without it."""
     best, known = search.best, catalogue()
-    if len(best.names) == 1:
+    if len(best.names) < 2:
         return [candidates[name] for name in best.names]
     smaller = search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)

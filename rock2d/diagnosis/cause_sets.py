@@ -21,7 +21,7 @@ from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
-from rock2d.diagnosis.significance import standard_error
+from rock2d.diagnosis.significance import SMALLEST_ERROR, standard_error
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.processes import Processes
@@ -134,6 +134,41 @@ class Search:
         self._fit([_Reduction(own.fit, name) for name in missing])
         return {name: self.known[own.names - {name}] for name in sorted(own.names)}
 
+    def rivals(self, own: CauseSet, z: float) -> dict[str, list[str]]:
+        """Member -> effects in whose place the set is less than z standard errors better."""
+        smaller = self.without(own)
+        return {
+            name: [
+                rival
+                for rival in self.effects
+                if rival not in own.names
+                and (score := self._score(less, rival)) is not None
+                and _within(Gain(own.held_out.score - score), z)
+            ]
+            for name, less in smaller.items()
+        }
+
+    def _score(self, own: CauseSet, name: str) -> Array | None:
+        """(releases,) score of a set with one more effect, fitted or expected; None if neither is known."""
+        if (found := self.known.get(own.names | {name})) is not None:
+            return found.held_out.score
+        expected = self.expected.get(own.names, {}).get(name)
+        return None if expected is None else own.held_out.score + expected.gain
+
+    def joint(self, names: Names) -> CauseSet:
+        """The set of these effects."""
+        own = self.best
+        for name in sorted(own.names - names):
+            own = self.without(own)[name]
+        for name in sorted(names - own.names):
+            own = self._with([name], own)[0]
+        return own
+
+    def within(self, names: Names) -> dict[Names, CauseSet]:
+        """The known sets whose effects are all among `names`."""
+        self.without(self.known[names])
+        return {subset: own for subset, own in self.known.items() if subset <= names}
+
     def beside(self, own: CauseSet) -> dict[str, Expected]:
         """What screening expects of each further effect."""
         if own.names not in self.expected:
@@ -207,6 +242,10 @@ class Search:
             self.on_progress(" + ".join(steps[k].names))
         for k in range(len(steps)):  # in the order of the steps, however many processes there are
             self.known[results[k].names] = results[k]
+
+
+def _within(gain: Gain, z: float) -> bool:
+    return gain.total < z * max(gain.error, SMALLEST_ERROR)
 
 
 @dataclass

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from rock2d.diagnosis.candidate import Candidate
-from rock2d.diagnosis.discrepancy import FLIGHT_LEVER, Discrepancy
+from rock2d.diagnosis.discrepancy import Discrepancy
+from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.residual_regression import RegressedResiduals
 from rock2d.diagnosis.significance import significance, standard_error
 
@@ -84,8 +85,8 @@ def statistics(
     reducible = max(base - final + max(remaining, 0.0), gap, 1e-9)
     flights = np.mean(best_regressed.flights**2) if best_regressed.flights.size else 1.0
     gain_z = significance(winner)
-    in_flight = [significance(d) for d in best_dependences if d.lever == FLIGHT_LEVER]
-    in_impacts = [significance(d) for d in best_dependences if d.lever != FLIGHT_LEVER]
+    in_flight = [significance(d) for d in best_dependences if d.lever == FLIGHT]
+    in_impacts = [significance(d) for d in best_dependences if d.lever != FLIGHT]
     case = {
         "gain_z": float(np.clip(gain_z, 0.0, LARGEST_Z)),
         "gain_seen": visible(gain_z),

@@ -71,11 +71,8 @@ class Data(Protocol):
     def impact_features(self, world: World) -> Array:
         """(n, features) of each impact, known before it happens."""
 
-    def impact_groups(self, world: World) -> dict[str, Array]:
-        """Name -> (n, features): groups of quantities that an impact may depend on, standardised."""
-
-    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
-        """Bend of each flight (m,) under an acceleration; groups of quantities that it may depend on, as above."""
+    def impact_quantities(self, world: World) -> dict[str, Array]:
+        """Name -> (n,): what an impact may depend on, see `quantities`."""
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of each flight."""
@@ -83,4 +80,4 @@ class Data(Protocol):
 
 def model_residuals(model: Model, p: Array, data: Data, shift: Array | None = None) -> Residuals:
     """Residuals of the model at p; see `Data.residuals`."""
-    return data.residuals(model.world(p, data.impact_order), shift)
+    return model.residuals(p, data, shift)

@@ -69,7 +69,7 @@ def slopes(
         if effect.scatter:  # differentiated by the same amount at every impact
             amounts = [list(v) for v in model.values(p)]
             amounts[i] = [from_scale(model.parameters[i][0], DIFFERENCE_STEP)]
-            moved = data.residuals(model.world(p, data.impact_order, amounts))
+            moved = model.residuals(p, data, amounts=amounts)
             columns.append(((moved.impacts - at.impacts) / DIFFERENCE_STEP)[..., None])
     scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
     if covariance is None:

@@ -12,21 +12,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
+from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
 from rock2d.diagnosis.data import model_residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import (
     FLIGHT_CHANNELS,
-    GAP_UNIT,
     Cell,
     Gap,
+    Gaps,
     Part,
     flight_part,
-    gap_of,
     impact_part,
     where,
 )
 from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.inclusion import inclusion, outside
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
@@ -46,6 +47,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
+LEAST_LISTED_PROBABILITY = 0.05  # of an effect among the causes
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
     400,
@@ -57,7 +59,8 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
-    `seed` is that of the bootstrap; None if nothing was drawn.
+    `gaps` is what each effect closes alone; `regression_closes` the share that a flexible regression closes without any
+    effect; `seed` that of the bootstrap, None if nothing was drawn.
     """
 
     experiment: Experiment
@@ -66,6 +69,8 @@ class Diagnosis:
     data: FilmData | TableData | None = None
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
+    budget: Budget | None = None
+    regression_closes: float = 0.0
     cells: list[Cell] | None = None
     seed: int | None = None
 
@@ -117,8 +122,9 @@ def diagnose(
         on_progress("base")
         found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=on_progress)
     result.data, result.found, result.seed = data, found, seed
-    result.gaps = {name: gap_of(data, found, c, seed) for name, c in found.candidates.items()}
-    result.gaps["+".join(c.effect.name for c in found.chain)] = gap_of(data, found, found.final, seed)
+    gaps = Gaps(data, found, seed)
+    result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
+    result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
     result.cells = locate(experiment, data, found, setup)
     return result
 
@@ -237,8 +243,8 @@ def base_values(fit: Fit) -> dict[str, float]:
 
 
 def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
-    """The content of diagnosis.json (schema 1)."""
-    head: dict[str, Any] = {"schema": 1, "experiment": result.experiment.name}
+    """The content of diagnosis.json (schema 2)."""
+    head: dict[str, Any] = {"schema": 2, "experiment": result.experiment.name}
     sanity = {
         "faults": [fault.message for fault in result.sanity.faults],
         "fault_codes": [fault.code for fault in result.sanity.faults],
@@ -258,7 +264,7 @@ def _faulty_json(result: Diagnosis) -> dict[str, Any]:
     gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
     return {
         "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
-        "gap": {"unit": GAP_UNIT} | gap, "next_release": "",
+        "gap": {"unit": GAP_UNIT} | gap, "next_release": "", "causes": [], "outside": None, "floor": None,
     }  # fmt: skip
 
 
@@ -266,6 +272,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     """What diagnosis.json holds of an experiment that was diagnosed."""
     names, found, data = list(catalogue()), result.found, result.data
     assert found is not None and data is not None and result.gaps is not None and result.cells is not None
+    assert result.budget is not None
     zones = result.experiment.cross_section.zone_names
     return {
         "base": base_values(found.base),
@@ -285,7 +292,14 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             for name, c in found.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],
-        "gap": _gap_json(found, result.gaps),
+        "gap": _gap_json(found, result.budget, result.gaps),
+        "causes": _causes_json(found, result.budget),
+        "outside": _outside_json(found, result.budget),
+        "floor": {
+            "regression": result.budget.regression,
+            "replicates": result.budget.replicates,
+            "used": result.budget.used,
+        },
         "next_release": next_release(data, result.setup, found, result.cells, zones),
         "unexplained": [
             {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
@@ -303,21 +317,72 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _gap_json(found: Attribution, gaps: Mapping[str, Gap]) -> dict[str, Any]:
-    """The gap that the best model closes.
+def _gap_json(found: Attribution, budget: Budget, gaps: Mapping[str, Gap]) -> dict[str, Any]:
+    """The gap that the best model closes: all causes and learnt changes together.
 
-    An effect that only widens the scatter closes a gap of spread. Unless it is the verdict, the gap of the best effect
-    that shifts means is reported.
+    An effect that only widens the scatter closes a gap of spread; where it is the verdict, that gap is reported. So is
+    the gap of a verdict that is not sure enough to be a part of the model.
     """
-    first, together = reported_effect(found), "+".join(c.effect.name for c in found.chain)
-    of_all = first == found.best or (found.verdict == "unknown" and found.significant)
-    best = gaps[together] if of_all else gaps[first]
+    own = found.candidates.get(found.verdict)
+    if own is not None and (own.effect.scatter or found.verdict not in found.named):
+        best = gaps[found.verdict]
+    else:
+        best = Gap(budget.base, budget.learnt, budget.used, budget.closed.closes, budget.closed.ci95)
     return {
         "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
         "closure": best.share_closed, "closure_ci95": list(best.ci95),
-        # with a floor of 1, the fitted noise and scatter: a lower bound of the share closed
-        "closure_to_unit_variance": _to_unit(best),
     }  # fmt: skip
+
+
+def _share_json(share: Share) -> dict[str, Any]:
+    return {"closes": share.closes, "closes_ci95": list(share.ci95), "closes_range": list(share.range)}
+
+
+def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
+    """The causes, most probable first: effects of the model with the share that each closes, and others that are
+    possible, with the parameters that they have alone."""
+    known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
+    chances = inclusion(found.statistics["causes"])
+    out = []
+    for name in sorted(chances, key=lambda n: -chances[n]):
+        if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:
+            continue
+        own = joint[name] if name in joint else effect_values(found.candidates[name].fit)[name]
+        share = (
+            _share_json(budget.causes[name])
+            if name in budget.causes
+            else dict.fromkeys(("closes", "closes_ci95", "closes_range"))
+        )
+        out.append(
+            {
+                "effect": name,
+                "p": chances[name],
+                "parameters": own,
+                "origin": known[name].origin,
+                "group": found.rivals.get(name, []),
+            }
+            | share
+        )
+    return out
+
+
+def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
+    """What depends on something, but has no name."""
+    changes = found.learnt.changes
+    names = [change.basis.name for change in changes] + [d.basis.name for d in found.unexplained]
+    return {
+        "p": outside(found.statistics["outside"]),
+        "share": budget.outside.closes,
+        "share_ci95": list(budget.outside.ci95),
+        "depends_on": list(dict.fromkeys(names)),
+        "learnt": {
+            "closes": budget.closed_by_learnt.closes,
+            "closes_ci95": list(budget.closed_by_learnt.ci95),
+            "changes": [change.name for change in changes],
+        }
+        if changes
+        else None,
+    }
 
 
 def reported_effect(found: Attribution) -> str:
@@ -339,18 +404,32 @@ def reading_sentence(base: Fit) -> str:
     )
 
 
-def _to_unit(gap: Gap) -> float:
-    """Share of the gap closed with a floor of 1; 0 where there is no gap."""
-    return (
-        (gap.base - gap.augmented) / (gap.base - 1.0) if gap.share_closed != 0.0 and gap.base > 1.0 else 0.0
-    )
-
-
 def _model_json(found: Attribution) -> dict[str, Any] | None:
-    """All effects that gain significantly together, with the base law that was fitted with them; None without any."""
-    if not found.significant:
+    """All causes, with the base law that was fitted with them; and the same with the learnt changes, for predictions of
+    this set-up. None without any."""
+    learnt = found.learnt
+    if not (found.named or learnt.changes):
         return None
-    return {"base": base_values(found.final.fit), "parameters": effect_values(found.final.fit)}
+    plain = found.final.fit if found.named else found.base
+    changed = {
+        "base": base_values(learnt.fit),
+        "parameters": effect_values(learnt.fit),
+        "changes": [
+            change.basis.content()
+            | {
+                "lever": change.lever,
+                "coefficients": change.coefficients.tolist(),
+                "heldout_score_gain": change.total,
+                "heldout_score_gain_se": change.error,
+            }
+            for change in learnt.changes
+        ],
+    }
+    return {
+        "base": base_values(plain),
+        "parameters": effect_values(plain),
+        "learnt": changed if learnt.changes else None,
+    }
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from rock2d.diagnosis.learnt_prediction import read_changes
+from rock2d.diagnosis.levers import FLIGHT, LEVER_SIZES
 from rock2d.diagnosis.model import BASE_NAMES
+from rock2d.diagnosis.quantities import FLIGHT_QUANTITIES, IMPACT_QUANTITIES
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import in_words, key_shown
@@ -40,12 +45,33 @@ class _Effect(_Part):
     parameters: dict[str, _Value]
 
 
-class _Model(_Part):
+class _Fitted(_Part):
     base: _Base
     parameters: dict[str, dict[str, _Value]]
 
 
-class _Beside(_Model):
+class _Curve(_Part):
+    quantity: str
+    kind: Literal["spline", "harmonics", "kinds", "line"]
+    numbers: list[float] = Field(min_length=1)
+
+
+class _Change(_Part):
+    lever: Literal["law", "incident state", "outcome", "flight"]
+    depends_on: str
+    curves: list[_Curve]
+    coefficients: list[list[float]] = Field(min_length=1)
+
+
+class _Learnt(_Fitted):
+    changes: list[_Change]
+
+
+class _Model(_Fitted):
+    learnt: _Learnt | None = None
+
+
+class _Beside(_Fitted):
     effect: str
 
 
@@ -54,7 +80,7 @@ class _Law(_Part):
 
 
 class _Diagnosis(_Part):
-    schema_: Literal[1] = Field(alias="schema")
+    schema_: Literal[1, 2] = Field(alias="schema")
     base: _Base
     verdict: str
     effects: dict[str, _Effect] = {}
@@ -71,8 +97,8 @@ def read_model(path: str | Path) -> dict[str, Any]:
     """
     path = Path(path)
     content = read_json(path)
-    if not isinstance(content, dict) or content.get("schema") != 1:
-        raise InputError('expected a diagnosis with "schema": 1', path, code="wrong_kind")
+    if not isinstance(content, dict) or content.get("schema") not in (1, 2):
+        raise InputError('expected a diagnosis with "schema": 1 or 2', path, code="wrong_kind")
     if content.get("base") == {}:
         message = f"expected base parameters {', '.join(BASE_NAMES)}; this diagnosis has none to predict with"
         raise InputError(message, path, code="missing_key", key="base")
@@ -91,7 +117,11 @@ def _check_effects(checked: _Diagnosis, path: Path) -> None:
     if checked.verdict not in (*known, "none", "unknown"):
         message = f"verdict: expected none, unknown or an effect, found {key_shown(checked.verdict)}"
         raise InputError(message, path, code="unknown_name", name=checked.verdict)
-    given = {"model": checked.model.parameters if checked.model else {}}
+    model = checked.model
+    given = {"model": model.parameters if model else {}}
+    if model and model.learnt:
+        given["model.learnt"] = model.learnt.parameters
+        _check_changes(model.learnt.changes, path)
     if checked.verdict in known:
         if checked.verdict not in checked.effects:
             message = f"effects: the effect of the verdict, {checked.verdict}, is missing"
@@ -107,6 +137,27 @@ def _check_effects(checked: _Diagnosis, path: Path) -> None:
                 if parameter.name not in parameters:
                     message = f"{name}: missing parameter {parameter.name!r}"
                     raise InputError(message, path, code="missing_key", key=parameter.name)
+
+
+def _check_changes(changes: Sequence[_Change], path: Path) -> None:
+    """Refuse learnt changes whose coefficients do not fit their curves, or whose quantities do not exist."""
+    for i, change in enumerate(changes):
+        where = f"model.learnt.changes.{i}"
+        given = read_changes([change.model_dump()])[0]
+        names = FLIGHT_QUANTITIES if change.lever == FLIGHT else IMPACT_QUANTITIES
+        for curve in change.curves:
+            if curve.quantity not in names:
+                message = f"{where}: no quantity {key_shown(curve.quantity)}"
+                raise InputError(message, path, code="unknown_name", name=curve.quantity)
+        try:
+            functions = given.basis.features(
+                {c.quantity: np.zeros(1) for c in change.curves} or {"": np.zeros(1)}
+            )
+        except ValueError:
+            raise InputError(f"{where}: breakpoints of a spline must rise", path) from None
+        widths = {len(row) for row in change.coefficients}
+        if widths != {functions.shape[1]} or len(change.coefficients) not in LEVER_SIZES[change.lever]:
+            raise InputError(f"{where}: coefficients do not fit the curves", path)
 
 
 def first_mistake(error: ValidationError, path: Path) -> InputError:

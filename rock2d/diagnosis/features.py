@@ -1,18 +1,30 @@
-"""Features of an impact that are known before it happens: for the regression of the residuals and, in groups, for the
-search for dependences."""
+"""What is known of an impact before it happens: features for the regression of the residuals, and the quantities that
+dependences are searched for."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from rock2d.diagnosis.quantities import (
+    BLOCK,
+    HISTORY,
+    LEAN_RAD,
+    MOST_COUNTED_IMPACTS,
+    NORMAL_SPEED_M_S,
+    PLACE_M,
+    SERIES,
+    SLIDING_SPEED_M_S,
+    SPIN_M_S,
+    TANGENTIAL_SPEED_M_S,
+    THETA_RAD,
+    ZONE,
+)
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, THETA, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
-PLACES = 10  # parts of the set-up, with equal numbers of impacts
-CONSTANT = "nothing"  # the group of a constant, which depends on nothing
 # the orientation at the touch is extrapolated over this time: radii over the normal velocity, which counts at least as
 TOUCH_RADII, SLOWEST_TOUCH_M_S = 0.3, 0.1
 
@@ -20,12 +32,9 @@ TOUCH_RADII, SLOWEST_TOUCH_M_S = 0.3, 0.1
 def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
     """(n, features) of impacts from the states `before` them (n, 6)."""
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
-    tx, ty = tangent.T
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
-    omega = before[:, OMEGA]
-    spin = omega * size
-    closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
-    lean = before[:, THETA] + omega * TOUCH_RADII * size / closing - np.arctan2(ty, tx)
+    spin = before[:, OMEGA] * size
+    lean = _lean(size, tangent, before, across)
     angles = [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
     kinds = [block == b for b in range(len(world.blocks))] + [zone == z for z in np.unique(zone)]
     return np.column_stack(
@@ -34,46 +43,37 @@ def incident_features(world: World, block: Array, zone: Array, tangent: Array, b
     )  # fmt: skip
 
 
-def incident_groups(
+def incident_quantities(
     world: World, block: Array, zone: Array, tangent: Array, before: Array
 ) -> dict[str, Array]:
-    """Groups of features of the states before the impacts: name -> (n, features), see `discrepancy`."""
+    """Name -> (n,): what the states `before` the impacts (n, 6) say; see `quantities`."""
     size = np.array([b.radius_m for b in world.blocks.values()])[block]
-    tx, ty = tangent.T
     along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
-    theta, spin = before[:, THETA], before[:, OMEGA] * size
-    lean = theta - np.arctan2(ty, tx)
-    groups = {
-        "block": np.eye(len(world.blocks))[block],
-        "zone": np.eye(int(zone.max()) + 1)[zone],
-        "place": place_features(before[:, X]),
-        "orientation to the ground": np.column_stack(
-            [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
-        ),
-        "orientation": np.column_stack([f(k * theta) for k in (1, 2) for f in (np.sin, np.cos)]),
-        "speed": np.column_stack([along, across, np.hypot(along, across)]),
-        "spin": np.column_stack([spin, np.abs(spin), along + spin, np.abs(along + spin)]),
+    spin = before[:, OMEGA] * size
+    return {
+        BLOCK: block.astype(float),
+        ZONE: zone.astype(float),
+        PLACE_M: before[:, X],
+        LEAN_RAD: _lean(size, tangent, before, across),
+        THETA_RAD: before[:, THETA],
+        NORMAL_SPEED_M_S: -across,
+        TANGENTIAL_SPEED_M_S: along,
+        SLIDING_SPEED_M_S: along + spin,
+        SPIN_M_S: spin,
     }
-    return {CONSTANT: np.ones((len(block), 1))} | {k: standardised(v) for k, v in groups.items()}
 
 
-def place_features(x: Array) -> Array:
-    """(n, PLACES) in which part of the set-up each place is, as 0 and 1; every part holds equally many places."""
-    return np.eye(PLACES)[np.digitize(x, np.quantile(x, np.linspace(0.0, 1.0, PLACES + 1)[1:-1]))]
+def _lean(size: Array, tangent: Array, before: Array, across: Array) -> Array:
+    """(n,) orientation of the blocks to the ground at the touch, in rad."""
+    closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
+    slope = np.arctan2(tangent[:, Y], tangent[:, X])
+    return np.asarray(before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * size / closing - slope)
 
 
-def history_groups(release: Array, order: Array, began: Array) -> dict[str, Array]:
+def history_quantities(release: Array, order: Array, began: Array) -> dict[str, Array]:
     """What happened before an impact: `order` of its release in the series, instant at which it `began`."""
     number = np.zeros(len(release))
     for r in np.unique(release):
         own = release == r
         number[own] = np.argsort(np.argsort(began[own]))
-    groups = {"series": order[:, None], "history": np.column_stack([number, number == 0])}
-    return {k: standardised(v) for k, v in groups.items()}
-
-
-def standardised(features: Array) -> Array:
-    """Columns with zero mean and unit variance; constant columns are dropped."""
-    spread = features.std(axis=0)
-    varies = spread > 1e-9 * (1.0 + np.abs(features).max(axis=0, initial=0.0))
-    return np.asarray((features[:, varies] - features[:, varies].mean(axis=0)) / spread[varies])
+    return {SERIES: order.astype(float), HISTORY: np.minimum(number, MOST_COUNTED_IMPACTS)}

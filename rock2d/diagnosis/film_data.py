@@ -7,14 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import (
-    CONSTANT,
-    history_groups,
-    incident_features,
-    incident_groups,
-    place_features,
-    standardised,
-)
+from rock2d.diagnosis.features import history_quantities, incident_features, incident_quantities
 from rock2d.diagnosis.impact_prediction import outcomes
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.states import drift
@@ -98,12 +91,20 @@ class FilmData(FilmSegments):
             ]
         )
 
-    def impact_groups(self, world: World) -> dict[str, Array]:
-        """Groups of what is known of each impact; see `incident_groups`."""
+    def impact_quantities(self, world: World) -> dict[str, Array]:
+        """What is known of each impact before it happens; see `incident_quantities`."""
         impacts = self.impacts
-        groups = incident_groups(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
         began = self.basis.middle[impacts.before] + impacts.start_s
-        return groups | history_groups(impacts.release, impacts.order, began)
+        found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        return found | history_quantities(impacts.release, impacts.order, began)
+
+    def flight_noise(self, world: World) -> Array:
+        """(m, 3) standard deviation of the true coefficients of a flight that is 1 in the residuals."""
+        noise = np.tile(self.film.long_noise, (len(self.flight_release), 1))
+        middle = self.states(world).middle
+        for c, axis in ((X, (1.0, 0.0)), (Y, (0.0, 1.0))):
+            noise[:, c] *= world.view.true_per_recorded(middle, np.array(axis))
+        return noise
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: accelerations that forces would cause, times the effect of one acceleration."""
@@ -118,23 +119,6 @@ class FilmData(FilmSegments):
         return np.column_stack(
             [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
         )
-
-    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
-        """Bend of each flight (m,) under an acceleration, and groups of quantities that accelerations may depend on."""
-        x, y, theta, vx, vy, w = self.states(world).middle.T
-        speed = np.hypot(vx, vy)
-        groups = {
-            "velocity": np.column_stack([vx, vy, speed * vx, speed * vy]),
-            "spin": np.column_stack([w, w * vx, w * vy]),
-            "height": np.column_stack([y, y**2]),
-            "place": place_features(x),
-            "orientation": np.column_stack([np.sin(theta), np.cos(theta), w**2 * np.sin(theta), w**2 * np.cos(theta)]),
-            "block": np.eye(len(world.blocks))[self.segmentation.flights.block],
-            "series": self.order[self.segmentation.flights.release][:, None],
-        }  # fmt: skip
-        return self._lever(), {CONSTANT: np.ones((len(x), 1))} | {
-            k: standardised(v) for k, v in groups.items()
-        }
 
     def _lever(self) -> Array:
         """(m,) bend of each flight under one acceleration, of unit mean square."""

@@ -1,8 +1,7 @@
-"""The sim-to-real gap: how large it is, which share of it an effect closes, and where it lies, on held-out releases.
+"""The sim-to-real gap: which share of it each model closes, and where it lies, on held-out releases.
 
-The *gap* of a model is the mean square of its held-out residuals, in standard deviations of noise and the soil's
-scatter (one number for each channel of every impact and flight, clipped). The *noise floor* is the mean square that
-remains after a flexible regression has subtracted everything that it can predict.
+How large a gap is, `budget` says. Its floor is the lower one of two: what remains once a flexible regression has
+subtracted all that it can predict, and what near-replicates leave (`replicates`).
 """
 
 from __future__ import annotations
@@ -13,21 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.budget import Budget, Draws, Sizes, budget
 from rock2d.diagnosis.candidate import Candidate
-from rock2d.diagnosis.cross_validation import HeldOut
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals, clipped
+from rock2d.diagnosis.replicates import replicate_ratio
+from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
 
 Array = np.ndarray
 
-GAP_BOOTSTRAPS = 1000
 SIGNIFICANT_CELL_Z = 2.0
-GAP_UNIT = "mean square residual over the variance that noise and the soil's scatter leave"
 
 
 @dataclass
 class Gap:
-    """Gap of the base, of the model with the effect (`augmented`), and the noise floor.
+    """Gap of the base, of the model with the effect (`augmented`), and the floor.
 
     share_closed = (base - augmented) / (base - floor), with its 95 % interval.
     """
@@ -39,81 +37,54 @@ class Gap:
     ci95: tuple[float, float]
 
 
-def squares(data: Data, out: HeldOut, covariance: Array) -> tuple[Array, Array]:
-    """Clipped squares of held-out residuals in standard deviations: impacts (n, d), flights (m, 3 × degrees)."""
-    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    flights = clipped(out.residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
-        len(out.residuals.flights), 3 * FLIGHT_DEGREES
-    )
-    return clipped(out.residuals.impacts / scale) ** 2, flights**2
+class Gaps:
+    """The gap of an attribution: its budget, and what each effect closes alone."""
+
+    def __init__(self, data: Data, found: Attribution, seed: int) -> None:
+        self._found = found
+        covariance = found.final.fit.covariance()
+        self._sizes = sizes = Sizes(data, covariance)
+        self._draws = Draws(sizes, seed)
+        base, learnt = sizes.of(found.base_held_out.residuals), sizes.of(found.learnt.held_out.residuals)
+        regression = sizes.remaining(found.left_regressed)
+        world = found.final.fit.model.world(found.final.fit.p, data.impact_order)
+        ratio = replicate_ratio(data, world, clipped(sizes.z(found.learnt.held_out.residuals)))
+        gap = self._draws.gap
+        floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
+        self._base, self._flexible = gap(base), gap(sizes.remaining(found.base_regressed))
+        self._floor = np.minimum.reduce([*floors, self._flexible, self._base])
+        sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
+        self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
+
+    def of(self, candidate: Candidate) -> Gap:
+        """What a candidate closes."""
+        if candidate.effect.scatter:
+            return self._misstated(candidate)
+        augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
+        return _gap(self._base, augmented, np.minimum(self._floor, augmented))
+
+    def by_regression(self) -> float:
+        """Share of the gap that a flexible regression on top of the base law closes, without effects."""
+        return _gap(self._base, self._flexible, self._floor).share_closed
+
+    def _misstated(self, candidate: Candidate) -> Gap:
+        """A wider scatter shifts no mean: its gap is the difference between the stated and the observed spread, as
+        minus the log likelihood over that of the better model."""
+        both = -self._found.base_held_out.score, -candidate.held_out.score
+        best = min(float(part.sum()) for part in both)
+        base, augmented = (1.0 + (self._draws.sums(part) - best) / len(part) for part in both)
+        return _gap(base, augmented, np.minimum(np.minimum(base, augmented), 1.0))
 
 
-def per_release(data: Data, impacts: Array, flights: Array) -> Array:
-    """(releases,) sums over impacts and flights."""
-    n = len(data.order)
-    total = np.bincount(data.impact_release, impacts.sum(axis=1), n)
-    return total + np.bincount(data.flight_release, flights.sum(axis=1), n)
-
-
-def gap_of(data: Data, found: Attribution, candidate: Candidate, seed: int) -> Gap:
-    """Gap that an effect closes, with a bootstrap interval over releases."""
-    covariance = found.final.fit.covariance()
-    base = per_release(data, *squares(data, found.base_held_out, covariance))
-    augmented = per_release(data, *squares(data, candidate.held_out, covariance))
-    if candidate.effect.scatter:
-        # a wider scatter shifts no mean: its gap is the difference between the stated and the observed spread
-        base, augmented = _misstated(data, found, candidate)
-    floors = _floors(data, found.base_regressed, found.best_regressed)
-    if candidate.effect.scatter:
-        floors = np.zeros((1, len(base)))
-    count = per_release(
-        data, np.ones_like(found.base_regressed.impacts), np.ones_like(found.base_regressed.flights)
-    )
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    draws = rng.multinomial(len(base), np.full(len(base), 1.0 / len(base)), size=GAP_BOOTSTRAPS)
-    b, a, f = draws @ base, draws @ augmented, (draws @ floors.T).min(axis=1)
-    floor = floors[floors.sum(axis=1).argmin()]
-    low, high, share_closed = 0.0, 0.0, 0.0
-    if np.quantile(b - f, 0.025) > 0:  # else there is no gap to close
-        low, high = np.quantile((b - a) / np.maximum(b - f, 1e-12), [0.025, 0.975])
-        share_closed = (base.sum() - augmented.sum()) / (base.sum() - floor.sum())
-    total = count.sum()
-    return Gap(
-        base.sum() / total,
-        augmented.sum() / total,
-        floor.sum() / total,
-        float(share_closed),
-        (float(low), float(high)),
-    )
-
-
-def share_closed_by_regression(data: Data, found: Attribution) -> float:
-    """Share of the gap that a flexible regression on top of the base law closes, without effects; 0 without a gap."""
-    floors = _floors(data, found.base_regressed, found.best_regressed).sum(axis=1)
-    _, _, base, flexible = floors
-    return float((base - flexible) / (base - floors.min())) if base > floors.min() else 0.0
-
-
-def _floors(data: Data, base_regressed: RegressedResiduals, best_regressed: RegressedResiduals) -> Array:
-    """(4, releases) squares of the residuals of the best effect, of a regression on top of it, of the base and of a
-    regression on top of that. The smallest sum is the floor, separately in every bootstrap draw."""
-    return np.array([
-        per_release(data, impacts**2, flights**2)
-        for impacts, flights in (
-            (best_regressed.impacts, best_regressed.flights),
-            (best_regressed.impacts_remaining, best_regressed.flights_remaining),
-            (base_regressed.impacts, base_regressed.flights),
-            (base_regressed.impacts_remaining, base_regressed.flights_remaining),
-        )
-    ])  # fmt: skip
-
-
-def _misstated(data: Data, found: Attribution, candidate: Candidate) -> tuple[Array, Array]:
-    """(releases,) minus the log likelihood of base and augmented model, relative to the better of the two."""
-    base, augmented = -found.base_held_out.score, -candidate.held_out.score
-    return base - np.minimum(base.sum(), augmented.sum()) / len(base), augmented - np.minimum(
-        base.sum(), augmented.sum()
-    ) / len(base)
+def _gap(base: Array, augmented: Array, floor: Array) -> Gap:
+    """The gap from values of the releases as they are (first) and of bootstrap draws."""
+    low, high, share = 0.0, 0.0, 0.0
+    open_gap = base - floor
+    if np.quantile(open_gap[1:], 0.025) > 0.0 and open_gap[0] > 0.0:  # else there is no gap to close
+        closed = (base - augmented) / np.maximum(open_gap, 1e-12)
+        low, high = np.quantile(closed[1:], [0.025, 0.975])
+        share = closed[0]
+    return Gap(float(base[0]), float(augmented[0]), float(floor[0]), float(share), (float(low), float(high)))
 
 
 @dataclass

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import history_groups, incident_features, incident_groups
+from rock2d.diagnosis.features import history_quantities, incident_features, incident_quantities
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
@@ -99,14 +99,12 @@ class TableData(ImpactTable):
             ]
         )
 
-    def impact_groups(self, world: World) -> dict[str, Array]:
-        """Groups of what is known of each impact."""
-        groups = incident_groups(world, self.impact_block, self.impact_zone, self.tangent, self.before)
-        return groups | history_groups(self.impact_release, self.impact_order, np.arange(len(self.before)))
-
-    def flight_groups(self, world: World) -> tuple[Array, dict[str, Array]]:
-        """A table has no flights."""
-        return np.empty(0), {}
+    def impact_quantities(self, world: World) -> dict[str, Array]:
+        """What is known of each impact before it happens; see `incident_quantities`."""
+        found = incident_quantities(
+            world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
+        )
+        return found | history_quantities(self.impact_release, self.impact_order, np.arange(len(self.before)))
 
     def flight_features(self, world: World) -> Array:
         """A table has no flights."""

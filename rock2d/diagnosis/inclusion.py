@@ -1,32 +1,57 @@
-"""What tells whether each effect is a member of the set of causes.
+"""How probable each effect is as a member of the set of causes, and something outside the catalogue beside them.
 
 The best model with an effect is compared with the best model without it, on held-out releases. Where effects can stand
 for each other, each gains little over the other: then neither is sure. The comparison does not give a probability by
-itself, because no law of the model is exactly true. The statistics are kept for a regression on films whose causes are
-known.
+itself, because no law of the model is exactly true. A logistic regression turns it into one. It is trained on films
+whose causes are known (`rock2d blind train`), and so is that of a cause outside the catalogue.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from rock2d.diagnosis.cause_sets import Gain, Search
+from rock2d.diagnosis.classification import chance, weights
 from rock2d.diagnosis.discrepancy import Discrepancy
+from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import significance
 
+INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
 
 
-def inclusion_statistics(search: Search, left: Discrepancy) -> dict[str, dict[str, float]]:
-    """Effect -> name of a statistic -> value; `left`: the strongest dependence in the residuals of the best set."""
+def inclusion(
+    causes: Mapping[str, Mapping[str, float]], known: Mapping[str, Any] | None = None
+) -> dict[str, float]:
+    """Effect -> probability that it is one of the causes, from `inclusion_statistics`; `known`: other weights than the
+    own."""
+    question = (weights() if known is None else known)[INCLUDED]
+    return {name: chance(question, values) for name, values in causes.items()}
+
+
+def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None) -> float:
+    """Probability that something outside the catalogue acts, from `outside_statistics`."""
+    return chance((weights() if known is None else known)[OUTSIDE], values)
+
+
+def inclusion_statistics(
+    search: Search, left: Discrepancy, beside_learnt: Mapping[str, Gain]
+) -> dict[str, dict[str, float]]:
+    """Effect -> name of a statistic -> value.
+
+    `left`: the strongest dependence in the residuals of the best set; `beside_learnt`: what members add beside the
+    learnt changes, where there are any.
+    """
     segments = len(search.data.impact_release) + len(search.data.flight_release)
     explained = max(search.best.gain(search.base).total, 1.0)
     found = {}
     for name, effect in search.effects.items():
         gain, fitted = _with_over_without(search, name)
         alone = search.alone[name].gain(search.base)
+        beside = beside_learnt.get(name, gain)
         found[name] = {
             "z": float(np.clip(significance(gain), LEAST_Z, LARGEST_Z)),
             "log_gain": signed_log(gain.total),
@@ -34,12 +59,40 @@ def inclusion_statistics(search: Search, left: Discrepancy) -> dict[str, dict[st
             "log_gain_per_segment": signed_log(100.0 * gain.total / segments),
             "left_over_gain": signed_log(left.total) - signed_log(gain.total),
             "left_z": float(np.clip(significance(left), 0.0, LARGEST_Z)),
+            "beside_learnt_z": float(np.clip(significance(beside), LEAST_Z, LARGEST_Z)),
+            "beside_learnt_log": signed_log(beside.total),
             "alone_z": float(np.clip(significance(alone), LEAST_Z, LARGEST_Z)),
             "fitted": float(fitted),
             "scatter": float(effect.scatter),
             "causes": float(len(search.best.names)),
         }
     return found
+
+
+def outside_statistics(
+    search: Search, learnt: Learnt, left: Sequence[Discrepancy], case: Mapping[str, float]
+) -> dict[str, float]:
+    """Name of a statistic of whether something outside the catalogue acts -> value.
+
+    `left`: the dependences in the residuals of the best set, the strongest first; `case`: statistics of the film.
+    """
+    best = search.best
+    gain = Gain(learnt.held_out.score - best.held_out.score)
+    named = best.gain(search.base).total
+    z = [significance(d) for d in left]
+    strongest = left[0]
+    return {
+        "learnt_log": signed_log(gain.total),
+        "learnt_z": float(np.clip(significance(gain), 0.0, LARGEST_Z)),
+        "learnt_share": float(gain.total / max(gain.total + named, 1.0)),
+        "left_log": signed_log(strongest.total),
+        "left_z": float(np.clip(max(z), 0.0, LARGEST_Z)),
+        "left_over_named": signed_log(strongest.total) - signed_log(named),
+        "causes": float(len(best.names)),
+        "left_share": case["left_share"],
+        "flights_log": case["flights_log"],
+        "scatter": float(any(effect.scatter for effect in best.fit.model.effects)),
+    }
 
 
 def _with_over_without(search: Search, name: str) -> tuple[Gain, bool]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
+
+if TYPE_CHECKING:
+    from rock2d.diagnosis.data import Data, Residuals
 
 Array = np.ndarray
 
@@ -91,6 +95,27 @@ class Model:
             if not effect.scatter or amounts is not None:
                 world = effect.apply(world, values)
         return world
+
+    def residuals(
+        self,
+        p: Array,
+        data: Data,
+        shift: Array | None = None,
+        amounts: Sequence[Sequence[float]] | None = None,
+    ) -> Residuals:
+        """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts` as above."""
+        return data.residuals(self.world(p, data.impact_order, amounts), shift)
+
+
+def with_changed_law(world: World, change: Array) -> World:
+    """The world with another soil for each of n releases; `change` (n, 5): logarithms, as in the parameters of
+    `Model`."""
+    n = len(change)
+    rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
+    k_l, ratio, k_t, mu, k_r = change.T
+    rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(np.column_stack([k_l, k_l + ratio, k_t, mu, k_r]))[:, None]
+    rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
+    return replace(world, contact=rows)
 
 
 def is_factor(p: Parameter) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.diagnosis.learnt_prediction import KnownChange, LearntMotion, Segments, read_changes
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
@@ -48,12 +50,20 @@ def _found(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     if verdict == "none":
         return content["base"], {}
     if model and verdict in (*model["parameters"], "unknown"):
+        model = model.get("learnt") or model
         return model["base"], model["parameters"]
     if verdict == "unknown":
         return content["base"], {}
     if content.get("beside"):  # of a diagnosis without the key model
         return content["beside"][-1]["base"], content["beside"][-1]["parameters"]
     return content["effects"][verdict]["base"], {verdict: content["effects"][verdict]["parameters"]}
+
+
+def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
+    """The learnt changes of a diagnosis, if its model is used."""
+    if content["verdict"] == "none" or not (content.get("model") or {}).get("learnt"):
+        return []
+    return read_changes(content["model"]["learnt"]["changes"])
 
 
 def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:
@@ -82,10 +92,13 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
     world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
-    return pd.DataFrame(_segments(film, data, world, flights), columns=list(COLUMNS))
+    changes = [] if base_only else learnt_changes(content)
+    return pd.DataFrame(_segments(film, data, world, flights, changes), columns=list(COLUMNS))
 
 
-def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> dict[str, Array]:
+def _segments(
+    film: Film, data: FilmSegments, world: World, flights: Array, changes: Sequence[KnownChange]
+) -> dict[str, Array]:
     """Rows of all segments that begin with one of `flights`."""
     own, scale = data.segmentation.flights, world.view.time_scale
     ends = np.searchsorted(film.release, own.release[flights], side="right")
@@ -101,20 +114,36 @@ def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> d
     for i, (flight, rows) in enumerate(zip(flights, frames, strict=True)):
         instants[i, : len(rows)] = film.t_s[rows] - data.basis.middle[flight] - data.start_s[flight]
     limits = np.where(np.isfinite(instants), instants, 0.0).max(axis=1)
+    segment = _numbers(own.release[flights])
+    motion = None
+    if changes:
+        release = own.release[flights]
+        start_s = data.start_s[flights]
+        began = data.basis.middle[flights] + start_s - film.t_s[np.searchsorted(film.release, release)]
+        known = Segments(
+            flights,
+            own.block[flights],
+            world.order,
+            segment,
+            starts,
+            start_s,
+            began * scale,
+            limits * scale + 1e-9,
+        )
+        motion = LearntMotion(changes, world, data, known)
+        world, starts = motion.world, motion.start
     ensemble, tables = world_ensemble(world)
     result = run_batch(
         ensemble, starts, block_ids=own.block[flights], table_ids=tables, gravity_m_s2=world.gravity_m_s2,
         time_limit_s=limits * scale + 1e-9, times_s=instants * scale,
     )  # fmt: skip
     samples = result.samples
+    if motion is not None:
+        samples += motion.added(instants * scale, samples)
     for k in range(1, room):  # where a block has left the cross-section, its last pose stays
         gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = samples[gone, k - 1]
     poses = world.view.record(centroid_poses(world, own.block[flights], samples))
-    segment = np.zeros(len(flights), np.int64)
-    for i in range(1, len(flights)):
-        if own.release[flights[i]] == own.release[flights[i - 1]]:
-            segment[i] = segment[i - 1] + 1
     counts = [len(rows) for rows in frames]
     index = np.concatenate(frames)
     pose = np.concatenate([poses[i, :count] for i, count in enumerate(counts)])
@@ -128,3 +157,12 @@ def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> d
         "y_m": pose[:, Y],
         "theta_rad": pose[:, THETA],
     }
+
+
+def _numbers(release: Array) -> Array:
+    """(n,) number of each segment within its release, from 0; segments follow each other."""
+    number = np.zeros(len(release), np.int64)
+    for i in range(1, len(release)):
+        if release[i] == release[i - 1]:
+            number[i] = number[i - 1] + 1
+    return number

@@ -6,16 +6,15 @@ lie on the same cross-section.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.model import BASE_K_L, BASE_RATIO, BASE_WIDTH, SMALLEST_STIFFNESS_RATIO
+from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.records.columns import X
 from rock2d.scene.world import World
 
@@ -82,12 +81,7 @@ def simulated_releases(
 
 def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
     """The world with another soil for each of n releases."""
-    rows = np.repeat(world.contact, n, axis=0) if len(world.contact) == 1 else world.contact.copy()
-    draw = rng.normal(size=(n, 1, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)]
-    draw[..., BASE_RATIO] += draw[..., BASE_K_L]  # from k_ul / k_l to k_ul
-    rows[..., [K_L, K_UL, K_T, MU, K_R]] *= np.exp(draw)
-    rows[..., K_UL] = np.maximum(rows[..., K_UL], SMALLEST_STIFFNESS_RATIO * rows[..., K_L])
-    return replace(world, contact=rows)
+    return with_changed_law(world, rng.normal(size=(n, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)])
 
 
 def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Array, signs: Signs) -> Array:

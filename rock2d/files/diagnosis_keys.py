@@ -72,6 +72,13 @@ class CausePart(_Part):
     parameters: dict[str, ValuePart]
 
 
+class ModelPart(_Part):
+    """The joint fit of all causes (schema 2)."""
+
+    base: SoilPart
+    parameters: dict[str, dict[str, ValuePart]]
+
+
 class LawPart(_Part):
     """Which reading of the law the data chose."""
 
@@ -99,6 +106,7 @@ class DiagnosisKeys(_Part):
     effects: dict[str, EffectPart] = Field(default={})
     beside: list[BesidePart] = Field(default=[])
     causes: list[CausePart] = Field(default=[])
+    model: ModelPart | None = None
     blocks: dict[str, ScalePart] = Field(default={})
     gravity_m_s2: float | None = Field(default=None, ge=0, le=1000)
 

@@ -4,7 +4,7 @@
 - none or unknown: the refitted soil alone; of what acts nothing is known
 - a group that the data cannot tell apart: each of its effects is an alternative with its probability; releases outside
   of an assessment meet the refitted soil alone
-- several causes (schema 2): all that are more likely than not
+- causes that are more likely than not (schema 2): all of them, on the soil that was fitted together with them
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class _Reader:
     def alternatives(self, soil: Mapping[str, Any]) -> tuple[FittedModel, ...]:
         """The models that the verdict leaves: one for each effect of a group, else one."""
         keys = self.keys
-        if keys.schema_ == 2:
+        if any(own.p >= LEAST_INCLUSION for own in keys.causes):
             return (self._causes(soil),)
         if keys.verdict in NOT_EFFECTS:
             return (FittedModel("after", soil, {}),)
@@ -139,18 +139,15 @@ class _Reader:
         return FittedModel(called, self.soil(own.base) if own.base else soil, {name: values})
 
     def _causes(self, soil: Mapping[str, Any]) -> FittedModel:
-        """All causes that are more likely than not (schema 2)."""
-        effects, own_soil = {}, soil
-        for i, own in enumerate(self.keys.causes):
-            if own.p >= LEAST_INCLUSION:
-                effects[own.effect] = self._values(own.effect, own.parameters, "causes", i, "parameters")
-        for fit in self.keys.beside:
-            if set(fit.parameters) == set(effects):
-                own_soil = self.soil(fit.base)
-        if len(effects) == 1:
-            alone = self.keys.effects.get(next(iter(effects)))
-            own_soil = self.soil(alone.base) if alone is not None and alone.base else own_soil
-        return FittedModel("after", own_soil, effects)
+        """All causes that are more likely than not (schema 2), on the soil that was fitted together with them."""
+        effects = {
+            own.effect: self._values(own.effect, own.parameters, "causes", i, "parameters")
+            for i, own in enumerate(self.keys.causes)
+            if own.p >= LEAST_INCLUSION
+        }
+        model = self.keys.model
+        joint = model is not None and set(model.parameters) == set(effects)
+        return FittedModel("after", self.soil(model.base) if model is not None and joint else soil, effects)
 
     def soil(self, part: SoilPart) -> dict[str, float | bool]:
         law = self.keys.law

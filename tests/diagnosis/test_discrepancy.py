@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.discrepancy import _best_gain, discrepancies
-from rock2d.diagnosis.features import history_groups, standardised
+from rock2d.diagnosis.data import Residuals
+from rock2d.diagnosis.discrepancy import discrepancies
+from rock2d.diagnosis.features import history_quantities
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
-from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF
+from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import setup_world
@@ -56,30 +58,31 @@ def test_nothing_is_found_in_a_film_of_the_law_itself():
         assert found.total < 3.0 * max(found.error, 1.0)
 
 
-def test_the_gain_is_that_of_the_columns_and_none_of_what_the_model_has_already():
-    rng = np.random.default_rng(0)
-    n, weight, fold = 400, np.ones(400), np.arange(400) % 4
-    own, x = rng.normal(size=(n, 6, 2)), rng.normal(size=(n, 6, 1))
-    noise = rng.normal(size=(n, 6))
-    heavy = noise / np.sqrt(
-        rng.chisquare(IMPACT_STUDENT_DF, (n, 1)) / IMPACT_STUDENT_DF
-    )  # as the law of likelihood has it
-    z = 0.05 * own[..., 0] + 0.3 * x[..., 0] + heavy
-    chance = np.mean([_best_gain(z, own, rng.normal(size=(n, 6, 3)), weight, fold).sum() for _ in range(20)])
-    assert _best_gain(z, own, x, weight, fold).sum() > 20.0
-    assert abs(chance) < 2.0
-    assert abs(_best_gain(z, own, own[..., :1], weight, fold).sum()) < 1.0
-
-
-def test_features_are_standardised_and_constant_ones_dropped():
-    features = np.column_stack([np.arange(10.0), np.full(10, 3.0)])
-    kept = standardised(features)
-    assert kept.shape == (10, 1)
-    assert kept.mean() == pytest.approx(0.0, abs=1e-12) and kept.std() == pytest.approx(1.0)
+def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothing():
+    base, _, data = _fitted(None, [])
+    linear, rng = LinearModel(base, data), np.random.default_rng(0)
+    own = Residuals(base.slope.impacts[..., :1], base.slope.flights[..., :1])
+    assert abs(linear.expected(own, [np.ones(1)]).gain.sum()) < 1.0
+    spread = base.residuals.impacts.std(axis=0)
+    none = np.zeros((*base.residuals.flights.shape, 3))
+    gains = [
+        linear.expected(
+            Residuals(spread[:, None] * rng.normal(size=(*base.residuals.impacts.shape, 3)), none),
+            [np.full(3, 0.1)],
+        ).gain.sum()
+        for _ in range(20)
+    ]
+    assert np.mean(gains) < 1.0
 
 
 def test_history_counts_the_impacts_of_each_release_in_time():
-    groups = history_groups(np.array([0, 1, 0, 1, 1]), np.zeros(5), np.array([0.3, 0.1, 0.1, 0.2, 0.5]))
-    number = groups["history"][:, 0]
-    assert np.argsort(number, kind="stable").tolist() == [1, 2, 0, 3, 4]
-    assert groups["series"].shape == (5, 0)  # all releases at one place of the series: nothing to depend on
+    found = history_quantities(np.array([0, 1, 0, 1, 1]), np.zeros(5), np.array([0.3, 0.1, 0.1, 0.2, 0.5]))
+    assert found[HISTORY].tolist() == [1, 0, 0, 1, 2]
+    assert "series" not in bases(
+        IMPACT_DEPENDENCES, _quantities(found)
+    )  # all releases at one place of the series
+
+
+def _quantities(known: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    names = {quantity for parts in IMPACT_DEPENDENCES.values() for quantity, _ in parts}
+    return dict.fromkeys(names, np.zeros(5)) | known

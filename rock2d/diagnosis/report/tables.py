@@ -11,10 +11,9 @@ from rock2d.diagnosis.cross_validation import HeldOut
 from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.gap import squares
 from rock2d.diagnosis.replay import Releases, Signs, follow
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
-from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD
+from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD, clipped
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
@@ -69,10 +68,11 @@ def signs_of(result: Diagnosis) -> Signs:
 
 
 def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
-    """(n,) mean square of each impact's held-out residuals in standard deviations, as the gap counts them."""
-    found, data = result.found, result.data
-    assert found is not None and data is not None
-    return squares(data, out, found.final.fit.covariance())[0].mean(axis=1)
+    """(n,) mean square of each impact's held-out residuals in standard deviations."""
+    found = result.found
+    assert found is not None
+    variance = np.maximum(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), 1e-300)
+    return (clipped(out.residuals.impacts / np.sqrt(variance)) ** 2).mean(axis=1)
 
 
 def misses_of(result: Diagnosis, out: HeldOut) -> Misses:

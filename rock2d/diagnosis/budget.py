@@ -1,0 +1,201 @@
+"""The gap as a budget: what each cause closes, what was learnt without a name, what is left, and the floor.
+
+The size of a segment's residual is its root mean square over the channels, in standard deviations of noise and soil.
+The *gap* of a model is the geometric mean of that over all impacts and flights of held-out releases. So a few wild
+impacts do not decide it, and the units of a segment cancel in every share.
+
+Causes that overlap share what they close: the share of each is the mean over all orders in which they can be added
+(Shapley 1953), told with the range over these orders. Intervals are bootstraps over releases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from rock2d.diagnosis.cause_sets import Names
+from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.replicates import Ratio
+from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals
+
+Array = np.ndarray
+
+BOOTSTRAPS = 1000
+LARGEST_SD = 30.0  # of a residual; a larger one, or an impact that cannot be simulated, counts as this
+SMALLEST_SD = 1e-3  # of a segment
+GAP_UNIT = "typical residual: geometric mean over impacts and flights, in standard deviations of noise and soil scatter"
+LARGEST_CORRECTION = 2.0  # factor that makes shares sum to the whole
+MOST_IN_ALL_ORDERS = 3  # causes; of more, the first and the last place of each count
+
+
+@dataclass
+class Share:
+    """A share of the gap with its 95 % interval, and its range over the orders in which causes are added."""
+
+    closes: float
+    ci95: tuple[float, float]
+    range: tuple[float, float]
+
+
+@dataclass
+class Budget:
+    """Where the gap of the base law goes.
+
+    Attributes
+    ----------
+    base, named, learnt : gap of the base law, with the named causes, and with the learnt changes too
+    regression, replicates : floors; `used`: the lower one
+    causes : name -> share that it closes
+    outside : share that depends on something without a name
+    closed_by_learnt : share that the learnt changes close
+    closed : share that all of it closes
+    """
+
+    base: float
+    named: float
+    learnt: float
+    regression: float
+    replicates: float
+    used: float
+    causes: dict[str, Share]
+    outside: Share
+    closed_by_learnt: Share
+    closed: Share
+
+
+class Sizes:
+    """Logarithms of the sizes of residuals, summed over each release, and their number."""
+
+    def __init__(self, data: Data, covariance: Array) -> None:
+        self._data = data
+        self._sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+        n = len(data.order)
+        self.impacts = np.bincount(data.impact_release, minlength=n).astype(float)
+        self.count = self.impacts + np.bincount(data.flight_release, minlength=n)
+
+    def z(self, residuals: Residuals) -> Array:
+        """(n, d) residuals of impacts in standard deviations, at most LARGEST_SD."""
+        return np.clip(np.nan_to_num(residuals.impacts / self._sd, nan=LARGEST_SD), -LARGEST_SD, LARGEST_SD)
+
+    def of(self, residuals: Residuals) -> Array:
+        """(releases,) sums of logarithms."""
+        flights = np.clip(residuals.flights[:, :, :FLIGHT_DEGREES], -LARGEST_SD, LARGEST_SD)
+        return self._summed(self.z(residuals), flights.reshape(len(flights), 3 * FLIGHT_DEGREES))
+
+    def remaining(self, found: RegressedResiduals) -> Array:
+        """(releases,) sums of logarithms of what a regression leaves."""
+        return self._summed(found.impacts_remaining, found.flights_remaining)
+
+    def _summed(self, impacts: Array, flights: Array) -> Array:
+        n, data = len(self.count), self._data
+        return np.asarray(
+            np.bincount(data.impact_release, _log_size(impacts), n)
+            + np.bincount(data.flight_release, _log_size(flights), n)
+        )
+
+
+def _log_size(z: Array) -> Array:
+    """(n,) logarithm of the root mean square over the channels of z (n, d)."""
+    return np.log(np.maximum(np.sqrt((z**2).mean(axis=1)), SMALLEST_SD)) if z.size else np.zeros(len(z))
+
+
+class Draws:
+    """Bootstrap over releases: the gap of each model in all draws, the first being the releases as they are."""
+
+    def __init__(self, sizes: Sizes, seed: int) -> None:
+        n = len(sizes.count)
+        own, self._seed = np.random.SeedSequence(seed).spawn(2)
+        rng = np.random.default_rng(own)
+        weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)
+        self._weights = np.vstack([np.ones(n), weights])
+        self._count = np.maximum(self._weights @ sizes.count, 1.0)
+
+    def reduced(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
+        """The same if the mean square of the impacts, as many as `impacts` (releases,), were reduced to a ratio."""
+        rng = np.random.default_rng(self._seed)
+        ratios = np.concatenate([[ratio.sure], ratio.draws(rng, BOOTSTRAPS)])
+        return np.asarray(self.gap(logs) * ratios ** (0.5 * (self._weights @ impacts) / self._count))
+
+    def sums(self, values: Array) -> Array:
+        """(1 + draws,) sums of values (releases,)."""
+        return np.asarray(self._weights @ values)
+
+    def gap(self, logs: Array) -> Array:
+        """(1 + draws,) gap of sums of logarithms (releases,)."""
+        return np.asarray(np.exp(self._weights @ logs / self._count))
+
+
+def budget(
+    sets: Mapping[Names, Array],
+    named: Names,
+    learnt: Array,
+    floors: tuple[Array, Array],
+    draws: Draws,
+) -> Budget:
+    """The budget.
+
+    Parameters
+    ----------
+    sets : effects of a model -> (releases,) sums of logarithms; with no effect, with `named`, with each of them alone
+        and without each of them; up to MOST_IN_ALL_ORDERS all subsets
+    learnt : of the model with learnt changes
+    floors : (1 + draws,) gaps of the floors by regression and by replicates
+    """
+    gaps = {names: draws.gap(logs) for names, logs in sets.items()}
+    base, with_named, with_learnt = gaps[frozenset()], gaps[named], draws.gap(learnt)
+    floor = np.minimum.reduce([*floors, with_learnt, with_named])
+    open_gap = base - floor
+
+    def share(closed: Array, spread: tuple[Array, Array] | None = None) -> Share:
+        """`closed` (1 + draws,) with the smallest and largest over the orders."""
+        if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
+            return Share(0.0, (0.0, 0.0), (0.0, 0.0))
+        of = closed / np.maximum(open_gap, 1e-12)
+        low, high = np.quantile(of[1:], [0.025, 0.975])
+        ends = (closed, closed) if spread is None else spread
+        return Share(
+            float(of[0]),
+            (float(low), float(high)),
+            (float(ends[0][0] / open_gap[0]), float(ends[1][0] / open_gap[0])),
+        )
+
+    causes = {name: share(*closed) for name, closed in _order_free(gaps, named).items()}
+    predicted = np.minimum(with_learnt, floors[0])
+    return Budget(
+        float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
+        float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0)), share(with_named - with_learnt),
+        share(base - with_learnt),
+    )  # fmt: skip
+
+
+def _order_free(gaps: Mapping[Names, Array], named: Names) -> dict[str, tuple[Array, tuple[Array, Array]]]:
+    """Name -> what it closes, mean over all orders, and the smallest and largest over them."""
+    found = {}
+    for name in sorted(named):
+        steps = [
+            (_weight(len(names), len(named)), gaps[names] - gaps[names | {name}])
+            for names in _subsets(named - {name})
+            if names in gaps and names | {name} in gaps
+        ]
+        weight = np.array([w for w, _ in steps])
+        values = np.array([v for _, v in steps])
+        found[name] = (weight @ values / weight.sum(), (values.min(axis=0), values.max(axis=0)))
+    whole = gaps[frozenset()] - gaps[named]
+    total = np.sum([mean for mean, _ in found.values()], axis=0) if found else whole
+    # where not all subsets are known the means do not sum to the whole exactly
+    factor = np.divide(whole, total, out=np.ones_like(whole), where=np.abs(total) > 1e-12)
+    factor = np.clip(factor, 1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION)
+    return {name: (mean * factor, ends) for name, (mean, ends) in found.items()}
+
+
+def _weight(before: int, count: int) -> float:
+    """Share of the orders of `count` causes in which a given one comes after a given set of `before`."""
+    return 1.0 / (count * comb(count - 1, before))
+
+
+def _subsets(names: Names) -> list[Names]:
+    return [frozenset(part) for k in range(len(names) + 1) for part in combinations(sorted(names), k)]

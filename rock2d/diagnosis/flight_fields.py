@@ -1,0 +1,159 @@
+"""How flights answer a small acceleration that depends on where and how the block flies.
+
+An acceleration a(t) along the measured path moves the block by its double integral. The polynomials of degree 0 and 1
+of a flight take a part of that as another state; the rest is left in the residuals. Both are linear in the
+acceleration, so no simulation is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.quantities import (
+    BLOCK,
+    CLEARANCE_M,
+    DRAG_X_M2_S2,
+    DRAG_Y_M2_S2,
+    HEIGHT_M,
+    HISTORY,
+    MOST_COUNTED_IMPACTS,
+    OMEGA_RAD_S,
+    PLACE_M,
+    SERIES,
+    SPIN_VX_M_S2,
+    SPIN_VY_M_S2,
+    THETA_RAD,
+    TIME_S,
+    VX_M_S,
+    VY_M_S,
+    Basis,
+)
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.states import drift
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+
+@dataclass
+class FlightPaths:
+    """The measured paths of all flights, frame by frame, one flight after the other.
+
+    Attributes
+    ----------
+    start : (m + 1,) index of the first frame of each flight
+    t_s : (frames,) true time from the middle of the flight
+    quantities : name -> (frames,)
+    """
+
+    start: Array
+    t_s: Array
+    quantities: dict[str, Array]
+
+
+def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
+    """The paths of a film's flights in a world."""
+    basis, flights = data.basis, data.segmentation.flights
+    lengths = np.diff(basis.start)
+    own = np.repeat(np.arange(len(lengths)), lengths)
+    t_s = (data.film.t_s[basis.frames] - basis.middle[own]) * world.view.time_scale
+    path = drift(world, flights.block[own], data.states(world).middle[own], t_s)
+    release = flights.release[own]
+    began = data.film.t_s[np.searchsorted(data.film.release, release)]
+    number = np.zeros(len(lengths))
+    for i in np.flatnonzero(flights.follows >= 0):
+        number[i] = number[flights.follows[i]] + 1
+    quantities = path_quantities(world, path)
+    quantities |= {
+        BLOCK: flights.block[own].astype(float),
+        SERIES: data.order[release].astype(float),
+        TIME_S: (data.film.t_s[basis.frames] - began) * world.view.time_scale,
+        HISTORY: np.minimum(number, MOST_COUNTED_IMPACTS)[own],
+    }
+    return FlightPaths(basis.start, t_s, quantities)
+
+
+def path_quantities(world: World, states: Array) -> dict[str, Array]:
+    """What an acceleration may depend on, of states (n, 6)."""
+    points = world.cross_section.points_m
+    vx, vy, omega = states[:, VX], states[:, VY], states[:, OMEGA]
+    speed = np.hypot(vx, vy)
+    return {
+        PLACE_M: states[:, X],
+        HEIGHT_M: states[:, Y],
+        CLEARANCE_M: states[:, Y] - np.interp(states[:, X], points[:, X], points[:, Y]),
+        THETA_RAD: states[:, THETA],
+        VX_M_S: vx,
+        VY_M_S: vy,
+        DRAG_X_M2_S2: speed * vx,
+        DRAG_Y_M2_S2: speed * vy,
+        OMEGA_RAD_S: omega,
+        SPIN_VX_M_S2: omega * vx,
+        SPIN_VY_M_S2: omega * vy,
+    }
+
+
+@dataclass
+class Response:
+    """Answer of each flight to unit accelerations with the k functions of a basis.
+
+    Attributes
+    ----------
+    residuals : (m, degrees, k) change of the coefficients of degree 2 and higher, in m for 1 m/s² (or rad for 1 rad/s²)
+    place, rate : (m, k) change of the fitted state at the middle
+    moved, moving : per flight the (frames, k) displacement and its rate along the path, with the instants
+    """
+
+    residuals: Array
+    place: Array
+    rate: Array
+    paths: FlightPaths
+    moved: Array
+    moving: Array
+
+    def state_change(self, flight: Array, dt: Array) -> tuple[Array, Array]:
+        """(n, k) change of the position and of the velocity that a flight gives at dt (n,) from its middle."""
+        place, rate = (
+            np.empty((len(flight), self.place.shape[1])),
+            np.empty((len(flight), self.place.shape[1])),
+        )
+        for i, (f, at) in enumerate(zip(flight, dt, strict=True)):
+            own = slice(self.paths.start[f], self.paths.start[f + 1])
+            t = self.paths.t_s[own]
+            k = min(int(np.searchsorted(t, at)), len(t) - 1)
+            beyond = at - t[k]
+            place[i] = self.moved[own][k] + beyond * self.moving[own][k] - self.place[f] - self.rate[f] * at
+            rate[i] = self.moving[own][k] - self.rate[f]
+        return place, rate
+
+
+def response(data: FilmSegments, world: World, paths: FlightPaths, basis: Basis) -> Response:
+    """The answers of a film's flights to accelerations that follow a basis."""
+    features = basis.features(paths.quantities)
+    moved, moving = np.zeros_like(features), np.zeros_like(features)
+    values = data.basis.values
+    m, k = len(paths.start) - 1, features.shape[1]
+    coefficient = np.zeros((m, values.shape[1], k))
+    for f in range(m):
+        own = slice(paths.start[f], paths.start[f + 1])
+        moving[own] = integral(paths.t_s[own], features[own])
+        moved[own] = integral(paths.t_s[own], moving[own])
+        coefficient[f] = values[own].T @ moved[own]
+    slope = data.basis.slope / world.view.time_scale
+    return Response(
+        coefficient[:, 2:],
+        coefficient[:, 0] * data.basis.level[:, None],
+        coefficient[:, 1] * slope[:, None],
+        paths,
+        moved,
+        moving,
+    )
+
+
+def integral(t: Array, values: Array) -> Array:
+    """(n, k) integral of values (n, k) over t (n,), from the first instant, by the trapezoidal rule."""
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])

@@ -1,0 +1,197 @@
+"""Learnt changes: what depends on something, but has no name, becomes a part of the model.
+
+Where a dependence is found in the residuals (`discrepancy`), its lever follows a smooth function of few coefficients.
+They are fitted together with all parameters of the model, and kept only if held-out releases gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
+from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.levers import Answer, Levers
+from rock2d.diagnosis.model import Model, with_changed_law
+from rock2d.diagnosis.quantities import Basis
+from rock2d.diagnosis.significance import standard_error
+from rock2d.kinematics.film_segments import STATE_SIZE
+
+Array = np.ndarray
+
+MOST_LEARNT = 3  # changes
+TRIED_AT_ONCE = 2  # dependences that are fitted before the best is kept
+# log likelihood that the linear model must expect; it expects too little where the scatter has swallowed a dependence
+LEAST_EXPECTED_GAIN = 3.0
+LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
+LARGEST_COEFFICIENT = 10.0  # in units of its prior's standard deviation
+
+
+@dataclass(frozen=True)
+class LearntModel(Model):
+    """A model with learnt changes. Their coefficients follow its parameters, in units of `widths` (c,)."""
+
+    answers: Sequence[Answer] = ()
+    widths: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def size(self) -> int:
+        return super().size + len(self.widths)
+
+    def start(self) -> Array:
+        """Parameters of `base`, with neutral effects and no change."""
+        return np.concatenate([super().start(), np.zeros(len(self.widths))])
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest parameters."""
+        low, high = super().bounds()
+        most = np.full(len(self.widths), LARGEST_COEFFICIENT)
+        return np.concatenate([low, -most]), np.concatenate([high, most])
+
+    def residuals(
+        self,
+        p: Array,
+        data: Data,
+        shift: Array | None = None,
+        amounts: Sequence[Sequence[float]] | None = None,
+    ) -> Residuals:
+        """See `Model.residuals`."""
+        world = self.world(p, data.impact_order, amounts)
+        moved = np.zeros((len(data.impact_release), STATE_SIZE)) if shift is None else shift
+        coefficients = np.split(
+            p[len(p) - len(self.widths) :] * self.widths, np.cumsum([a.size for a in self.answers])
+        )
+        for answer, own in zip(self.answers, coefficients, strict=False):
+            if answer.law is not None:
+                world = with_changed_law(world, answer.law @ own)
+            if answer.shift is not None:
+                moved = moved + answer.shift @ own
+        found = data.residuals(world, moved)
+        for answer, own in zip(self.answers, coefficients, strict=False):
+            if answer.impacts is not None:
+                found.impacts = found.impacts + answer.impacts @ own
+            if answer.flights is not None:
+                found.flights = found.flights + answer.flights @ own
+        return found
+
+
+@dataclass
+class Change:
+    """A learnt change.
+
+    Attributes
+    ----------
+    lever : what changes, of `levers.LEVERS`
+    basis : how, and on what it depends
+    coefficients : (numbers of the lever, functions) in SI, or for the law of the logarithm
+    gain : (releases,) log likelihood on held-out releases that it adds
+    """
+
+    lever: str
+    basis: Basis
+    coefficients: Array
+    gain: Array
+
+    @property
+    def name(self) -> str:
+        """Lever and what it depends on."""
+        return f"{self.lever} of {self.basis.name}"
+
+    @property
+    def total(self) -> float:
+        """Gain over all releases."""
+        return float(self.gain.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total gain, over releases."""
+        return standard_error(self.gain)
+
+
+@dataclass
+class Learnt:
+    """A fit with all changes that were kept, and its residuals and scores on held-out releases."""
+
+    fit: Fit
+    held_out: HeldOut
+    changes: list[Change]
+
+
+def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy] | None = None) -> Learnt:
+    """Learn what a model leaves unexplained. `found`: the dependences in its residuals, if they are known."""
+    state, kept = Learnt(start, held_out, []), []
+    for _ in range(MOST_LEARNT if start.free else 0):
+        found = discrepancies(state.fit, data) if found is None else found
+        levers, tried = Levers(state.fit, data), []
+        for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
+            answer = levers.answer(dependence.lever, dependence.basis)
+            fitted = _fitted(state.fit, data, answer, levers.columns(answer), dependence.width)
+            out = cross_validate(fitted, data)
+            tried.append((dependence, fitted, out, out.score - state.held_out.score))
+        if not tried:
+            break
+        dependence, fitted, out, gain = max(tried, key=lambda one: float(one[-1].sum()))
+        if gain.sum() < max(LEAST_GAIN, LEAST_GAIN_Z * standard_error(gain)):
+            break
+        kept.append((dependence, levers.units[dependence.lever], gain))
+        state, found = Learnt(fitted, out, []), None
+    return replace(state, changes=_changes(state.fit, kept))
+
+
+def residuals_on(data: Data, learnt: Learnt) -> Residuals:
+    """Residuals that the model with its learnt changes leaves in other data of the same set-up."""
+    found, changes = learnt.fit, learnt.changes
+    if not changes:
+        return model_residuals(found.model, found.p, data)
+    own = found.model
+    assert isinstance(own, LearntModel)
+    p = found.p[: len(found.p) - len(own.widths)]
+    named = Model(own.setup, own.base, own.effects, own.beside)
+    levers = Levers(replace(found, model=named, p=p), data)
+    answers = [levers.answer(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
+    coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
+    wider = LearntModel(own.setup, own.base, own.effects, own.beside, answers, np.ones(len(coefficients)))
+    return wider.residuals(np.concatenate([p, coefficients]), data)
+
+
+def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: float) -> Fit:
+    """The fit with one more change. The derivatives by everything else stay as they are."""
+    widths = np.full(answer.size, width)
+    model = old.model
+    known: Sequence[Answer] = model.answers if isinstance(model, LearntModel) else ()
+    before = model.widths if isinstance(model, LearntModel) else np.empty(0)
+    wider = LearntModel(
+        model.setup,
+        model.base,
+        model.effects,
+        model.beside,
+        [*known, answer],
+        np.concatenate([before, widths]),
+    )
+    slope = Slopes(
+        np.concatenate([old.slope.impacts, columns.impacts * widths], axis=-1),
+        np.concatenate([old.slope.flights, columns.flights * widths], axis=-1),
+        old.slope.scatter,
+        old.slope.covariance,
+    )
+    start = np.concatenate([old.p, np.zeros(len(widths))])
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), keep_slopes=True)
+
+
+def _changes(fitted: Fit, kept: Sequence[tuple[Discrepancy, Array, Array]]) -> list[Change]:
+    """The changes with their coefficients."""
+    if not isinstance(fitted.model, LearntModel):
+        return []
+    own = fitted.p[len(fitted.p) - len(fitted.model.widths) :] * fitted.model.widths
+    found, first = [], 0
+    for answer, (dependence, units, gain) in zip(fitted.model.answers, kept, strict=True):
+        last = first + answer.size
+        coefficients = own[first:last].reshape(len(units), -1)
+        found.append(Change(dependence.lever, dependence.basis, coefficients * units[:, None], gain))
+        first = last
+    return found

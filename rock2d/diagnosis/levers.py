@@ -1,0 +1,159 @@
+"""Levers: the few numbers of a model that a change without a name can move, and how all residuals answer to them.
+
+The levers of an impact are the parameters of the law, the state before it, and its outcome; that of a flight is its
+acceleration. Each may follow a basis (`quantities.Basis`). The answers to all coefficients follow from a few
+simulations by the chain rule.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, response
+from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.quantities import FLIGHT_DEPENDENCES, IMPACT_DEPENDENCES, Basis, bases
+from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
+from rock2d.records.columns import RATES, X, Y
+
+Array = np.ndarray
+
+LAW, STATE, OUTCOME, FLIGHT = LEVERS = ("law", "incident state", "outcome", "flight")
+# how many numbers each has; outcomes are those of a film or of an impact table
+LEVER_SIZES = {LAW: (5,), STATE: (6,), OUTCOME: (6, 3), FLIGHT: (3,)}
+STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
+
+
+@dataclass
+class Answer:
+    """What a basis with one lever changes in the data. A coefficient is (number of the lever, function of the basis),
+    the functions of one number side by side.
+
+    Attributes
+    ----------
+    size : c, number of the coefficients
+    law : (n, 5, c) logarithms of the law's parameters, as in `Model`; None if they do not change
+    shift : (n, 6, c) the states before the impacts; None likewise
+    impacts : (n, d, c) the residuals of impacts apart from that; None likewise
+    flights : (m, 3, degrees, c) the residuals of flights; None likewise
+    """
+
+    size: int
+    law: Array | None = None
+    shift: Array | None = None
+    impacts: Array | None = None
+    flights: Array | None = None
+
+
+class Levers:
+    """The levers of a fitted model on its data."""
+
+    def __init__(self, fit: Fit, data: Data) -> None:
+        self._fit, self._data = fit, data
+        self.world = fit.model.world(fit.p, data.impact_order)
+
+    @cached_property
+    def bases(self) -> dict[str, dict[str, Basis]]:
+        """Lever -> name of a dependence -> basis."""
+        of_impacts = bases(IMPACT_DEPENDENCES, self.impact_quantities)
+        found = dict.fromkeys((LAW, STATE, OUTCOME), of_impacts)
+        if self._paths is not None:
+            found[FLIGHT] = bases(FLIGHT_DEPENDENCES, self._paths.quantities)
+        return found
+
+    @cached_property
+    def impact_quantities(self) -> dict[str, Array]:
+        """Of the impacts, name -> (n,)."""
+        return self._data.impact_quantities(self.world)
+
+    @cached_property
+    def _paths(self) -> FlightPaths | None:
+        return flight_paths(self._data, self.world) if isinstance(self._data, FilmData) else None
+
+    @cached_property
+    def units(self) -> dict[str, Array]:
+        """Natural units of each number of a lever: 1 for a logarithm, block size and √(gravity × size) for states, the
+        spread of the noise for outcomes, gravity for accelerations."""
+        size, gravity = self.world.mean_size_m / 2.0, self.world.gravity_m_s2
+        pace = np.sqrt(gravity * size)
+        spread = np.sqrt(np.median(np.diagonal(self._fit.covariance(), axis1=1, axis2=2), axis=0))
+        return {
+            LAW: np.ones(len(BASE_WIDTH)),
+            STATE: np.array([size, size, 1.0, pace, pace, pace / size]),
+            OUTCOME: spread,
+            FLIGHT: np.array([gravity, gravity, gravity / size]),
+        }
+
+    def answer(self, lever: str, basis: Basis, units: Array | None = None) -> Answer:
+        """What a basis with one lever changes, in natural units or in others."""
+        units = self.units[lever] if units is None else units
+        if lever == FLIGHT:
+            return self._of_flights(basis, units)
+        features = basis.features(self.impact_quantities)
+        turns = np.eye(len(units))[:, :, None] * units[:, None, None]  # number, its own coefficients
+        each = (turns[None] * features[:, None, None, :]).reshape(len(features), len(units), -1)
+        size = each.shape[-1]
+        if lever == LAW:
+            return Answer(size, law=each)
+        return Answer(size, shift=each) if lever == STATE else Answer(size, impacts=each)
+
+    def columns(self, answer: Answer) -> Residuals:
+        """The derivatives of all residuals by the coefficients."""
+        own = self._fit.residuals
+        impacts, flights = (
+            np.zeros((*own.impacts.shape, answer.size)),
+            np.zeros((*own.flights.shape, answer.size)),
+        )
+        if answer.law is not None:
+            impacts += self._fit.slope.impacts[..., : len(BASE_WIDTH)] @ answer.law
+        if answer.shift is not None:
+            impacts += self._by_state @ answer.shift
+        if answer.impacts is not None:
+            impacts += answer.impacts
+        return Residuals(impacts, flights if answer.flights is None else answer.flights)
+
+    def _of_flights(self, basis: Basis, units: Array) -> Answer:
+        data = self._data
+        assert isinstance(data, FilmData) and self._paths is not None
+        found, impacts = response(data, self.world, self._paths, basis), data.impacts
+        (m, degrees, k), scale = found.residuals.shape, self.world.view.time_scale
+        before = found.state_change(impacts.before, impacts.start_s * scale)
+        after = found.state_change(impacts.after, impacts.begin_s * scale)
+        noise = data.flight_noise(self.world)
+        flights = np.zeros((m, POSE_SIZE, degrees, POSE_SIZE * k))
+        shift = np.zeros((len(impacts), STATE_SIZE, POSE_SIZE * k))
+        measured = np.zeros_like(shift)
+        for c in range(POSE_SIZE):
+            own = slice(c * k, (c + 1) * k)
+            flights[:, c, :, own] = -units[c] * found.residuals / noise[:, c, None, None]
+            for state, (place, rate) in ((shift, before), (measured, after)):
+                state[:, c, own], state[:, POSE_SIZE + c, own] = units[c] * place, units[c] * rate
+        outcome = -_along_ground(impacts.tangent, measured)
+        return Answer(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
+
+    @cached_property
+    def _by_state(self) -> Array:
+        """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
+        fit, data = self._fit, self._data
+        columns = []
+        for k, unit in enumerate(STATE_STEP * self.units[STATE]):
+            shift = unit * (np.arange(STATE_SIZE) == k)
+            ahead, behind = (model_residuals(fit.model, fit.p, data, s) for s in (shift, -shift))
+            columns.append((ahead.impacts - behind.impacts) / (2.0 * unit))
+        return np.nan_to_num(np.stack(columns, axis=-1))
+
+
+def _along_ground(tangent: Array, states: Array) -> Array:
+    """States (n, 6, c) as the residuals of impacts have them: along the ground, across it, angle, and their rates."""
+    out = np.empty_like(states)
+    for first in (X, RATES.start):
+        x, y = states[:, first], states[:, first + 1]
+        tx, ty = tangent[:, X, None], tangent[:, Y, None]
+        out[:, first], out[:, first + 1] = tx * x + ty * y, tx * y - ty * x
+        out[:, first + 2] = states[:, first + 2]
+    return out

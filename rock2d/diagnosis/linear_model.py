@@ -1,0 +1,121 @@
+"""The linear model around a fit: what further columns beside its parameters would gain on held-out releases.
+
+A column says how all residuals change with one further parameter. One Newton step with these columns, and without them,
+gives the expected gain; the parameters of the fit stay free in both. No simulation is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.cross_validation import FOLDS, folds
+from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.likelihood import (
+    FLIGHT_STUDENT_DF,
+    IMPACT_STUDENT_DF,
+    chi_square,
+    flight_log_likelihood,
+    prior,
+)
+from rock2d.diagnosis.model import discrete
+
+Array = np.ndarray
+
+
+@dataclass
+class Step:
+    """What a linear model expects of further columns.
+
+    Attributes
+    ----------
+    gain : (releases,) log likelihood on held-out releases
+    step : (k,) to subtract from the further parameters
+    choice : position of the width that gains most
+    """
+
+    gain: Array
+    step: Array
+    choice: int
+
+
+class LinearModel:
+    """A fit, its whitened residuals and their derivatives by its own parameters."""
+
+    def __init__(self, fit: Fit, data: Data) -> None:
+        self._fit, self._data = fit, data
+        covariance = fit.covariance()
+        r = np.nan_to_num(fit.residuals.impacts)
+        self._known = np.isfinite(fit.residuals.impacts).all(axis=1)
+        self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
+        self._weight = self._known * heavy
+        self._z = np.einsum("nij,nj->ni", self._whiten, r)
+        self._flights = fit.residuals.flights
+        self._flight_weight = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + self._flights**2)
+        self._own = self._whiten @ fit.slope.impacts
+        fold = folds(data)
+        self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]
+
+    def expected(self, columns: Residuals, widths: Sequence[Array]) -> Step:
+        """With columns (n, d, k) of impacts and (m, 3, degrees, k) of flights; with the best of the `widths`, each
+        (k,) standard deviations of the prior of the coefficients."""
+        own, first = self._fit, len(self._fit.p)
+        impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
+        flights = np.concatenate([own.slope.flights, columns.flights], axis=-1)
+        parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
+        curve, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+        bases = [
+            self._held_out(
+                impacts[..., :first], flights[..., :first], k, self._newton(curve - c, grad - g)[0]
+            )
+            for k, (c, g) in enumerate(parts)
+        ]
+        found = []
+        for i, width in enumerate(widths):
+            after = [
+                self._held_out(impacts, flights, k, self._newton(curve - c, grad - g, width)[0])
+                for k, (c, g) in enumerate(parts)
+            ]
+            gain = np.asarray(sum(after) - sum(bases))
+            found.append(Step(gain, self._newton(curve, grad, width)[1], i))
+        return max(found, key=lambda step: float(step.gain.sum()))
+
+    def _newton(self, curve: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
+        """Newton step to subtract, of all parameters and of the further ones; without a `width` there are none."""
+        model, own = self._fit.model, self._fit.p
+        centre, tight = prior(model)
+        further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
+        size = len(own) + len(further)
+        precision = np.concatenate([tight, further])
+        pull = np.concatenate([grad[: len(own)] + tight * (own - centre), grad[len(own) : size]])
+        pull[discrete(model)] = 0.0  # a scan chooses them
+        step = np.linalg.solve(curve[:size, :size] + np.diag(precision), pull)
+        return step, step[len(own) :]
+
+    def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
+        """Curvature and slope of minus the log likelihood of one fold."""
+        own, fly = self._fold == k, self._flight_fold == k
+        x, w = impacts[own].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[own], impacts.shape[1])
+        f, v = flights[fly].reshape(-1, flights.shape[-1]), self._flight_weight[fly].ravel()
+        heavy, steady = w[:, None] * x, v[:, None] * f
+        return (
+            heavy.T @ x + steady.T @ f,
+            heavy.T @ self._z[own].ravel() + steady.T @ self._flights[fly].ravel(),
+        )
+
+    def _held_out(self, impacts: Array, flights: Array, k: int, step: Array) -> Array:
+        """(releases,) log likelihood of a fold, to a constant, after a step."""
+        own, fly = self._fold == k, self._flight_fold == k
+        z = self._z[own] - impacts[own] @ step
+        d = z.shape[1]
+        chi2 = (z**2).sum(axis=1)
+        score = -0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(chi2 / IMPACT_STUDENT_DF) * self._known[own]
+        n = len(self._data.order)
+        of_flights = flight_log_likelihood(self._flights[fly] - flights[fly] @ step)
+        return np.bincount(self._data.impact_release[own], score, n) + np.bincount(
+            self._data.flight_release[fly], of_flights, n
+        )

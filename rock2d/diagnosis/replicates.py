@@ -1,0 +1,116 @@
+"""A floor of the gap that no model enters: near-replicates.
+
+Two impacts of the same block in the same zone with nearly the same state before them differ by noise and by the soil
+only. So half the mean square difference of their residuals tells what noise and soil leave (the nugget of the
+variogram; Matheron 1963, Economic Geology 58(8), 1246-1266). Where it is smaller than the mean square of the residuals
+themselves, the model still misses something that depends on the state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.quantities import (
+    LEAN_RAD,
+    NORMAL_SPEED_M_S,
+    PLACE_M,
+    SPIN_M_S,
+    TANGENTIAL_SPEED_M_S,
+)
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+NEAR_SHARE = 0.03  # of all pairs that count as near-replicates
+FEWEST_NEAR_PAIRS = 20
+FEWEST_IN_CELL = 5  # impacts of a block in a zone
+MOST_IN_CELL = 700  # every k-th of more
+JACKKNIFE_GROUPS = 10  # of releases, for the standard error
+SMALLEST_RATIO = 0.02
+HARMONIC = 4  # of the orientation: a square looks the same after a quarter of a turn
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Mean square that near-replicates leave over that of the residuals, with its standard error."""
+
+    value: float
+    error: float
+
+    @property
+    def sure(self) -> float:
+        """At most 1, and less only as far as the pairs surely say."""
+        return min(self.value + self.error, 1.0)
+
+    def draws(self, rng: np.random.Generator, count: int) -> Array:
+        """(count,) plausible values, at most 1."""
+        return np.clip(rng.normal(self.value, self.error, count), SMALLEST_RATIO, 1.0)
+
+
+NO_PAIRS = Ratio(1.0, 0.0)
+
+
+def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
+    """The ratio for the residuals z (n, d), in standard deviations, of a model's impacts.
+
+    Several ideas of "nearly the same state" are tried. The one that surely says least counts.
+    """
+    if len(z) < FEWEST_IN_CELL:
+        return NO_PAIRS
+    q = data.impact_quantities(world)
+    lean = HARMONIC * q[LEAN_RAD]
+    speeds, turn = [q[NORMAL_SPEED_M_S], q[TANGENTIAL_SPEED_M_S], q[SPIN_M_S]], [np.sin(lean), np.cos(lean)]
+    cell = data.impact_block * (data.impact_zone.max() + 1) + data.impact_zone
+    found = [NO_PAIRS]
+    for features in (speeds, [q[PLACE_M]], [*speeds, *turn], [*speeds, *turn, q[PLACE_M]]):
+        found.append(_ratio(np.column_stack(features), z, cell, data.impact_release))
+    return min(found, key=lambda ratio: ratio.sure)
+
+
+def _ratio(features: Array, z: Array, cell: Array, release: Array) -> Ratio:
+    """The ratio of one idea of nearness."""
+    first, second, distance = _pairs(features, cell, release)
+    if not len(distance):
+        return NO_PAIRS
+    near = distance <= np.quantile(distance, NEAR_SHARE)
+    if near.sum() < FEWEST_NEAR_PAIRS:
+        return NO_PAIRS
+    first, second = first[near], second[near]
+    half = 0.5 * ((z[first] - z[second]) ** 2).mean(axis=1)
+    size = (z**2).mean(axis=1)
+    group = release % JACKKNIFE_GROUPS
+    whole = half.mean() / size.mean()
+    left: list[float] = []
+    for g in np.unique(group):
+        keep = (group[first] != g) & (group[second] != g)
+        if keep.any() and (group != g).any():
+            left.append(half[keep].mean() / size[group != g].mean())
+    k = len(left)
+    if k < 2:
+        return NO_PAIRS
+    return Ratio(float(whole), float(np.sqrt((k - 1) / k * np.sum((np.array(left) - np.mean(left)) ** 2))))
+
+
+def _pairs(features: Array, cell: Array, release: Array) -> tuple[Array, Array, Array]:
+    """Pairs of impacts in the same cell and in different releases: the two impacts, and their distance."""
+    parts: list[Sequence[Array]] = []
+    for c in np.unique(cell):
+        own = np.flatnonzero(cell == c)
+        own = own[:: -(-len(own) // MOST_IN_CELL)]
+        if len(own) < FEWEST_IN_CELL:
+            continue
+        x = features[own]
+        x = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-12)
+        i, j = np.triu_indices(len(own), 1)
+        other = release[own[i]] != release[own[j]]
+        i, j = i[other], j[other]
+        parts.append((own[i], own[j], np.sqrt(((x[i] - x[j]) ** 2).sum(axis=1))))
+    if not parts:
+        none = np.empty(0, np.int64)
+        return none, none, np.empty(0)
+    first, second, distance = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return first, second, distance

@@ -1,0 +1,146 @@
+"""Learnt changes: what has no name is found, closes the gap on releases that it never saw, and enters predictions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.data import model_residuals
+from rock2d.diagnosis.diagnose import base_values
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.flight_fields import flight_paths, integral, response
+from rock2d.diagnosis.learnt import Learnt, learn, residuals_on
+from rock2d.diagnosis.levers import LAW, Levers
+from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.predict import predict
+from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
+from rock2d.files.experiment import Experiment
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.kinematics.states import drift
+from rock2d.laws.contact import K_UL
+from rock2d.scene.world import World
+from tests.kinematics.synthetic_films import BLOCKS, film, series_order, world
+
+RELEASES = 24
+START = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
+HARDENED = 2.5  # factor on k_ul in the second half of the series: a step, which no effect of the catalogue is
+
+
+def hardening(releases: int) -> World:
+    """A soil that suddenly hardens in the middle of the series."""
+    order = series_order(releases)
+    true = world(order)
+    rows = np.repeat(true.contact, len(order), axis=0)
+    rows[order >= releases / 2, :, K_UL] *= HARDENED
+    return replace(true, contact=rows)
+
+
+def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
+    setup = setup_world(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    base = fit(Model(setup, START), data)
+    return data, base, learn(base, cross_validate(base, data), data)
+
+
+@pytest.fixture(scope="module")
+def hardened() -> tuple[FilmData, Fit, Learnt]:
+    return fitted(film(hardening(RELEASES), RELEASES, seed=7))
+
+
+def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_series(hardened):
+    _, _, learnt = hardened
+    change = learnt.changes[0]
+    assert change.name == "law of series"
+    curve = change.basis.curves[0]
+    ends = curve.features(np.array([curve.numbers[0], curve.numbers[-1]])) @ change.coefficients.T
+    stiffening = (
+        ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
+    )  # logarithm of k_ul: of k_l and of the ratio
+    assert stiffening == pytest.approx(np.log(HARDENED), abs=0.35)
+
+
+def test_what_was_learnt_gains_on_releases_that_were_held_out(hardened):
+    data, base, learnt = hardened
+    gain = learnt.held_out.score - cross_validate(base, data).score
+    assert gain.sum() > 3.0 * gain.std() * np.sqrt(len(gain))
+
+
+def test_a_prediction_uses_what_was_learnt(hardened):
+    _, base, learnt = hardened
+    other = film(hardening(RELEASES), RELEASES, seed=8)
+    first = learnt.changes[0]
+    content = {
+        "verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES),
+        "model": {"base": base_values(learnt.fit), "parameters": {}, "learnt": [
+            first.basis.content() | {"lever": first.lever, "coefficients": first.coefficients.tolist()},
+        ]},
+    }  # fmt: skip
+    errors = []
+    for base_only in (True, False):
+        found = predict(other, content, base_only=base_only).merge(
+            other.trajectories, on=["release", "t_s"], suffixes=("", "_seen")
+        )
+        square = (found.x_m - found.x_m_seen) ** 2 + (found.y_m - found.y_m_seen) ** 2
+        errors.append(np.sqrt(square.groupby([found.release, found.segment]).mean().median()))
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_what_was_learnt_gives_the_same_residuals_when_it_is_applied_to_its_own_data(hardened):
+    data, _, learnt = hardened
+    assert residuals_on(data, learnt).impacts == pytest.approx(learnt.fit.residuals.impacts, abs=1e-9)
+
+
+def test_nothing_is_learnt_from_a_film_of_the_law_itself():
+    _, base, learnt = fitted(film(world(series_order(16)), 16, seed=9))
+    assert learnt.changes == [] and learnt.fit is base
+
+
+def test_the_answer_to_a_change_of_the_law_is_the_derivative_of_the_residuals(hardened):
+    data, base, _ = hardened
+    levers = Levers(base, data)
+    columns = levers.columns(levers.answer(LAW, Basis(CONSTANT, ())))
+    step = 1e-3
+    ahead = model_residuals(base.model, base.p + step * np.eye(5)[1], data)
+    slope = (ahead.impacts - base.residuals.impacts) / step
+    error = np.abs(columns.impacts[..., 1] - slope)
+    assert np.median(error) < 0.05 * np.median(np.abs(slope))
+
+
+def test_a_uniform_acceleration_answers_as_another_gravity_does():
+    experiment = film(world(), 6, seed=2)
+    setup = setup_world(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    paths = flight_paths(data, setup)
+    answer = response(data, setup, paths, bases(FLIGHT_DEPENDENCES, paths.quantities)[CONSTANT])
+    push = -0.3
+    heavier = replace(setup, gravity_m_s2=setup.gravity_m_s2 - push)
+    before, after = data.states(setup), data.states(heavier)
+    noise = data.flight_noise(setup) * (data.film.noise / data.film.long_noise)
+    expected = -push * answer.residuals[..., 0] / noise[:, 1, None]
+    found = after.residuals[:, 1] - before.residuals[:, 1]
+    assert np.abs(found - expected).max() < 0.01 * np.abs(found).max()
+    flights = np.arange(len(before.middle))
+    dt = paths.t_s[paths.start[1:] - 1]
+    place, rate = answer.state_change(flights, dt)
+    block = data.segmentation.flights.block
+    moved = drift(heavier, block, after.middle, dt) - drift(setup, block, before.middle, dt)
+    assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
+    assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)
+
+
+def test_a_constant_integrates_to_a_line():
+    t = np.linspace(0.0, 2.0, 9)
+    assert integral(t, np.ones((9, 1)))[:, 0] == pytest.approx(t)
+
+
+def test_splines_sum_to_one_and_keep_their_last_value():
+    curve = Curve("x_m", "spline", (0.0, 1.0, 3.0, 4.0))
+    features = curve.features(np.linspace(-2.0, 6.0, 50))
+    assert features[:, 1:].sum(axis=1) == pytest.approx(1.0)
+    assert features[-1] == pytest.approx(curve.features(np.array([4.0]))[0])
+    assert read_basis(Basis("place", (curve,)).content()) == Basis("place", (curve,))

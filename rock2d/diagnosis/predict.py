@@ -18,7 +18,7 @@ from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
-from rock2d.records.columns import THETA, X, Y
+from rock2d.records.columns import POSE, THETA, X, Y
 from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
 
     A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
-    recorded. The film is judged and divided with the camera and on the ground that the diagnosis found. Raises InputError for an experiment without trajectories, and for a film that cannot be read or shows no flight.
+    recorded. The film is judged and divided with the camera and on the ground that the diagnosis found.
+    Raises InputError for an experiment without trajectories, and for a film that cannot be read or shows no flight.
     """
     import pandas as pd
 
@@ -92,8 +93,8 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
 
 
 def _readable(experiment: Experiment, film: Film, world: World) -> World:
-    """The world in which a film is divided: that of the diagnosis, or if this found no fault of the camera, the one that
-    the sanity checks find. Raises InputError for a film that cannot be read; warns of other faults."""
+    """The world in which a film is divided: that of the diagnosis, or if its camera is perfect, the one that the sanity
+    checks find. Raises InputError for a film that cannot be read; warns of other faults."""
     view = world.view
     true = replace(film, t_s=film.t_s * view.time_scale, pose=view.true(film.pose))
     true.noise = film.noise / [view.scale, view.scale, 1.0]
@@ -129,9 +130,11 @@ def _segments(film: Film, data: FilmSegments, world: World, flights: Array) -> d
         time_limit_s=limits * scale + 1e-9, times_s=instants * scale,
     )  # fmt: skip
     samples = result.samples
-    for k in range(1, room):  # where a block has left the cross-section, its last pose stays
+    last = starts[:, POSE]
+    for k in range(room):  # a block that has left the cross-section, or that starts deep in the ground, stays
         gone = ~np.isfinite(samples[:, k, X])
-        samples[gone, k] = samples[gone, k - 1]
+        samples[gone, k] = last[gone]
+        last = samples[:, k]
     poses = world.view.record(centroid_poses(world, own.block[flights], samples))
     segment = np.zeros(len(flights), np.int64)
     for i in range(1, len(flights)):

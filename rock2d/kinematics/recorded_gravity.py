@@ -83,8 +83,9 @@ def _mode(falls: _Falls) -> _Mode:
     closest = slice(first, first + k)
     mode = np.asarray(np.median(falls.acceleration[closest], axis=0))
     size = abs(mode[Y])
+    aside = np.median(np.abs(falls.acceleration[closest, X] - mode[X]))
     releases = len(np.unique(falls.release[closest]))
-    return _Mode(mode, float(width[first] / size), float(size / np.median(falls.error)), releases)
+    return _Mode(mode, float(max(width[first], aside) / size), float(size / np.median(falls.error)), releases)
 
 
 def _falls(film: Film, window: int) -> _Falls:

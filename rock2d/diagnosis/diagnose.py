@@ -144,7 +144,9 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
     if not sanity.faults:
-        check_impacts(len(data.impact_release), sanity)
+        impacts = len(data.impact_release)
+        stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
+        check_impacts(impacts, impacts + stay, sanity)
     return sanity, None if sanity.faults else data
 
 

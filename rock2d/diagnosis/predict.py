@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,19 +14,24 @@ from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
-from rock2d.kinematics.sanity import FEW_RELEASES, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
-from rock2d.records.columns import THETA, X, Y
-from rock2d.scene.world import World
+from rock2d.records.columns import POSE, THETA, X, Y
+from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
+# of films that cannot be read; any other film is predicted
+UNREADABLE = {
+    sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,
+    sanity.WRONG_GRAVITY, sanity.UPWARD_GRAVITY,
+}  # fmt: skip
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
@@ -70,7 +76,8 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
 
     A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
-    recorded. Raises InputError for an experiment without trajectories, or one whose film cannot be read.
+    recorded. The film is judged and divided with the camera and on the ground that the diagnosis found.
+    Raises InputError for an experiment without trajectories, and for a film that cannot be read or shows no flight.
     """
     import pandas as pd
 
@@ -79,11 +86,9 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
             "an impact table has no flights to predict from: trajectories are needed", experiment.folder
         )
     setup, film = setup_world(experiment), load_film(experiment)
-    sanity = check_film(experiment, film)
-    fatal = [fault for fault in sanity.faults if fault.code != FEW_RELEASES]
-    if fatal:
-        raise InputError(fatal[0].message, experiment.folder)
-    data = FilmSegments.of(film, sanity.registered or setup)
+    diagnosed = diagnosed_world(content, setup, setup.order, base_only=False)
+    as_recorded = replace(setup, view=diagnosed.view, cross_section=diagnosed.cross_section)
+    data = FilmSegments.of(film, _readable(experiment, film, as_recorded))
     series = content.get("series", {})
     lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
     known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
@@ -91,9 +96,27 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     block = film.release_block
     order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
     flights = np.flatnonzero(np.isfinite(data.start_s))
+    if not len(flights):
+        raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
     world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
     changes = [] if base_only else learnt_changes(content)
     return pd.DataFrame(_segments(film, data, world, flights, changes), columns=list(COLUMNS))
+
+
+def _readable(experiment: Experiment, film: Film, world: World) -> World:
+    """The world in which a film is divided: that of the diagnosis, or if its camera is perfect, the one that the sanity
+    checks find. Raises InputError for a film that cannot be read; warns of other faults."""
+    view = world.view
+    true = replace(film, t_s=film.t_s * view.time_scale, pose=view.true(film.pose))
+    true.noise = film.noise / [view.scale, view.scale, 1.0]
+    stated = replace(experiment, fps=experiment.fps / view.time_scale, cross_section=world.cross_section)
+    found = sanity.check_film(stated, true)
+    for fault in found.faults:
+        if fault.code in UNREADABLE:
+            raise InputError(fault.message, experiment.folder)
+        if fault.code != sanity.FEW_RELEASES:
+            warnings.warn(fault.message, stacklevel=3)
+    return found.registered if found.registered is not None and view == View() else world
 
 
 def _segments(
@@ -140,9 +163,11 @@ def _segments(
     samples = result.samples
     if motion is not None:
         samples += motion.added(instants * scale, samples)
-    for k in range(1, room):  # where a block has left the cross-section, its last pose stays
+    last = starts[:, POSE]
+    for k in range(room):  # a block that has left the cross-section, or that starts deep in the ground, stays
         gone = ~np.isfinite(samples[:, k, X])
-        samples[gone, k] = samples[gone, k - 1]
+        samples[gone, k] = last[gone]
+        last = samples[:, k]
     poses = world.view.record(centroid_poses(world, own.block[flights], samples))
     counts = [len(rows) for rows in frames]
     index = np.concatenate(frames)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
-from rock2d.records.columns import POSITION, Y
+from rock2d.records.columns import POSITION, X, Y
 
 Array = np.ndarray
 
@@ -16,80 +16,99 @@ WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of the parabolas fro
 FEWEST_WINDOWS = 20  # of one length
 CLEAR_CURVATURE = 8.0  # standard errors
 UNBIASED_CURVATURE = 12.0  # standard errors from which on the clear windows are all windows
-CREDIBLE_SPREAD = 3.0  # times that of the length whose windows agree best
-FREE_FALL_SPREAD = 0.03  # largest relative spread of accelerations that can only be those of free flights
-LEAST_RATIO, LARGEST_RATIO = (
-    0.6,
-    1.6,
-)  # of recorded and stated gravity in a film whose lengths and times may be right
+FEWEST_FALLING_RELEASES = 3  # whose accelerations must agree
+AGREEING_SPREAD = 0.1  # largest relative spread of accelerations of which most are those of free flights
+FREE_FALL_SPREAD = 0.03  # the same where noise hides stated gravity
+STEEP = 5.0  # of a path, down over along: no ground is as steep
+# of recorded and stated gravity in a film whose lengths and times may be right
+LEAST_RATIO, LARGEST_RATIO = 0.6, 1.6
+
+
+class _Falls(NamedTuple):
+    """Windows in which a block surely flies: accelerations (n, 2), standard errors (n,), releases (n,)."""
+
+    acceleration: Array
+    error: Array
+    release: Array
+
+    def only(self, use: Array) -> _Falls:
+        """Some of the windows, given as a mask."""
+        return _Falls(*(values[use] for values in self))
 
 
 class _Mode(NamedTuple):
-    """Acceleration (2,) of most windows of one length, its relative spread and its clearness in standard errors."""
+    """Acceleration (2,) of most windows of one length, its relative spread, its clearness in standard errors, and the
+    number of releases that show it."""
 
     acceleration: Array
     spread: float
     clearness: float
+    releases: int
 
 
 def recorded_gravity(experiment: Experiment, film: Film) -> Array | None:
-    """(2,) acceleration in m/s² of the frames that lie on a curved parabola; None if too few do.
+    """(2,) acceleration in m/s² of blocks in free flight; None if too few fly, or if their accelerations disagree.
 
-    A short window may be the smooth turn of an impact, a long one a slide. So the mode over the windows of one length
-    counts, and of all lengths the mode nearest to gravity. But free flights agree with each other: if no mode near
-    gravity is as narrow as the narrowest ones, lengths or times are wrong, and the narrowest mode is returned.
+    A short window may be the smooth turn of an impact. So the mode over the windows of one length counts, and of all
+    lengths the mode that is narrowest: free flights agree with each other.
     """
-    stated = max(experiment.gravity_m_s2, 1e-9)
     found: list[_Mode] = []
     beyond: list[_Mode] = []
     for window in WINDOWS:
-        a, error = _curvatures(film, window)
-        clear = np.abs(a[:, Y]) > CLEAR_CURVATURE * error
-        seen = (
-            experiment.gravity_m_s2 > CLEAR_CURVATURE * error
-        )  # stated gravity would not be lost in the noise
-        for use, modes in ((clear & seen, found), (clear, beyond)):
-            if use.sum() >= FEWEST_WINDOWS:
-                modes.append(_mode(a[use], error[use]))
-    if not found:
-        found = [mode for mode in beyond if mode.spread < FREE_FALL_SPREAD]
-    if not found:
-        return None
-    ratio = np.array([abs(mode.acceleration[Y]) / stated for mode in found])
-    spread = np.array([mode.spread for mode in found])
-    near = (ratio > LEAST_RATIO) & (ratio < LARGEST_RATIO) & (spread <= CREDIBLE_SPREAD * spread.min())
-    if near.any():
-        return found[int(np.argmin(np.abs(np.log(ratio))))].acceleration
-    unbiased = [mode for mode in found if mode.clearness > UNBIASED_CURVATURE]
-    return min(unbiased or found, key=lambda mode: mode.spread).acceleration
+        falls = _falls(film, window)
+        seen = experiment.gravity_m_s2 > CLEAR_CURVATURE * falls.error  # not lost in the noise
+        found += _agreeing(falls.only(seen), AGREEING_SPREAD)
+        beyond += _agreeing(falls, FREE_FALL_SPREAD)
+    modes = found or beyond
+    unbiased = [mode for mode in modes if mode.clearness > UNBIASED_CURVATURE]
+    return min(unbiased or modes, key=lambda mode: mode.spread).acceleration if modes else None
 
 
-def _mode(a: Array, error: Array) -> _Mode:
-    """Mode of vectors (n, 2) along y, the median of the closest quarter of them, or of the closest ten."""
-    a = a[np.argsort(a[:, Y])]
-    k = max(len(a) // 4, min(len(a), 10))
-    width = a[k - 1 :, Y] - a[: len(a) - k + 1, Y]
+def _agreeing(falls: _Falls, largest_spread: float) -> list[_Mode]:
+    """The mode of windows of one length, if enough of them agree."""
+    if len(falls.error) < FEWEST_WINDOWS:
+        return []
+    mode = _mode(falls)
+    return [mode] if mode.spread < largest_spread and mode.releases >= FEWEST_FALLING_RELEASES else []
+
+
+def _mode(falls: _Falls) -> _Mode:
+    """Mode of accelerations along y, the median of the closest quarter of them, or of the closest ten."""
+    falls = falls.only(np.argsort(falls.acceleration[:, Y]))
+    n = len(falls.error)
+    k = max(n // 4, min(n, 10))
+    y = falls.acceleration[:, Y]
+    width = y[k - 1 :] - y[: n - k + 1]
     first = int(np.argmin(width))
-    mode = np.asarray(np.median(a[first : first + k], axis=0))
+    closest = slice(first, first + k)
+    mode = np.asarray(np.median(falls.acceleration[closest], axis=0))
     size = abs(mode[Y])
-    return _Mode(mode, float(width[first] / size), float(size / np.median(error)))
+    aside = np.median(np.abs(falls.acceleration[closest, X] - mode[X]))
+    releases = len(np.unique(falls.release[closest]))
+    return _Mode(mode, float(max(width[first], aside) / size), float(size / np.median(falls.error)), releases)
 
 
-def _curvatures(film: Film, window: int) -> tuple[Array, Array]:
-    """Accelerations (n, 2) of the windows of frames in which a block moves smoothly, and standard errors (n,) of their
-    y component."""
+def _falls(film: Film, window: int) -> _Falls:
+    """The windows of frames that lie on a clearly curved parabola.
+
+    A block that slides or rolls may move as smoothly as one that flies, but straight along the ground. So the path must
+    bend, or be steeper than any ground.
+    """
     start = np.arange(0, len(film.t_s) - window, max(window // 2, 1))
     start = start[film.release[start] == film.release[start + window - 1]]
     frames = start[:, None] + np.arange(window)
     t = film.t_s[frames]
     t = t - t.mean(axis=1, keepdims=True)
-    pose = film.pose[frames]
+    path = film.pose[frames][..., POSITION]
     cubic = (t**3).mean(axis=1, keepdims=True) / (t**2).mean(axis=1, keepdims=True) * t
     square = t**2 - (t**2).mean(axis=1, keepdims=True) - cubic
-    a = 2 * np.einsum("wf,wfc->wc", square, pose) / (square**2).sum(axis=1)[:, None]
-    v = np.einsum("wf,wfc->wc", t, pose) / (t**2).sum(axis=1)[:, None]
-    fitted = pose.mean(axis=1)[:, None] + v[:, None] * t[..., None] + 0.5 * a[:, None] * square[..., None]
+    a = 2 * np.einsum("wf,wfc->wc", square, path) / (square**2).sum(axis=1)[:, None]
+    v = np.einsum("wf,wfc->wc", t, path) / (t**2).sum(axis=1)[:, None]
+    fitted = path.mean(axis=1)[:, None] + v[:, None] * t[..., None] + 0.5 * a[:, None] * square[..., None]
     error = 2 * film.noise[Y] / np.sqrt((square**2).sum(axis=1))
-    rough = np.sqrt(((pose - fitted) ** 2).mean(axis=1)) / film.noise
-    smooth = rough[:, POSITION].max(axis=1) < 1.4
-    return a[smooth, POSITION], error[smooth]
+    rough = np.sqrt(((path - fitted) ** 2).mean(axis=1)) / film.noise[POSITION]
+    bend = np.abs(v[:, X] * a[:, Y] - v[:, Y] * a[:, X]) / np.maximum(np.hypot(*v.T), 1e-12)
+    steep = np.abs(v[:, Y]) > STEEP * np.abs(v[:, X])
+    curved = (bend > CLEAR_CURVATURE * error) | steep
+    use = (rough.max(axis=1) < 1.4) & curved & (np.abs(a[:, Y]) > CLEAR_CURVATURE * error)
+    return _Falls(a[use], error[use], film.release[start[use]])

@@ -26,7 +26,9 @@ Array = np.ndarray
 CAMERA_GRID = 21  # positions of the camera's axis that are tried along x and y each, within the image's width
 CROSS_SECTION_GRID = 9  # values of each parameter of the cross-section that are tried
 MOST_REGISTRATION_FRAMES = 5000  # of all releases, among which their lowest points are searched
-GRAVITY_UNCERTAINTY = 0.03  # of scale and tilt (rad) as read from the recorded gravity
+BEYOND_CATALOGUE = 0.1  # by which scale and tilt (rad) may leave the ranges of the catalogue
+USUAL_DEPTH_RADII = 0.2  # block radii to which blocks sink into soil
+ASIDE_RADII = 0.05  # block radii of misfit that a camera must save to aim one image's width aside
 POSSIBLE_BELOW_GROUND = 0.05  # largest acceptable share of the frames with the centroid in the ground
 LARGEST_GAP_RADII = 0.5  # block radii between the ground and the lowest points of most releases
 
@@ -63,20 +65,22 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
     """
 
     def miss(other: World) -> float:
-        """Median over releases of the distance in block radii of the lowest point from the ground."""
-        return float(np.median(np.abs(lowest_gaps(other, film)[0])))
+        """How far the lowest points of the releases are from a usual depth, and from each other, in block radii. Of
+        cameras that fit about equally well, the one that aims nearest to the middle of the set-up counts."""
+        low, middle, high = np.quantile(lowest_gaps(other, film)[0], (0.25, 0.5, 0.75))
+        aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.centre_m, aim)) / width
+        return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
 
+    aim, width = image(world.cross_section)
     best, text = min([*_cameras(world, gravity), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
-    return (
-        (best, text)
-        if miss(best) < LARGEST_GAP_RADII and below_ground(best, film) < POSSIBLE_BELOW_GROUND
-        else None
-    )
+    gap = float(np.median(lowest_gaps(best, film)[0]))
+    fits = abs(gap) < LARGEST_GAP_RADII and below_ground(best, film) < POSSIBLE_BELOW_GROUND
+    return (best, text) if fits else None
 
 
 def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]:
     """Worlds with a camera whose tilt and scale give the recorded gravity, for many positions of its axis; none if
-    they are beyond the ranges of the catalogue."""
+    they are far beyond the ranges of the catalogue."""
     if gravity is None:
         return
     (x, y), width = image(world.cross_section)
@@ -84,7 +88,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
     tilt = float(np.arctan2(gravity[0], -gravity[1]))
     for name, value in (("scale_error", scale), ("camera_tilt", tilt)):
         size = catalogue()[name].parameters[0]
-        if not size.low - GRAVITY_UNCERTAINTY <= value <= size.high + GRAVITY_UNCERTAINTY:
+        if not size.low - BEYOND_CATALOGUE <= value <= size.high + BEYOND_CATALOGUE:
             return
     text = (
         f"an image turned by {np.degrees(tilt):.1f}° (camera_tilt) and {scale:.3f} times as large as stated "

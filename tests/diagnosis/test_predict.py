@@ -14,13 +14,14 @@ from click.testing import CliRunner
 
 from rock2d.cli import cli
 from rock2d.diagnosis.command import run_diagnosis
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json, prepared
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
-from tests.kinematics.synthetic_films import film, world
+from rock2d.kinematics.setup_world import setup_world
+from tests.kinematics.synthetic_films import film, world, yielded
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
@@ -55,8 +56,68 @@ def test_what_was_found_beside_an_unknown_cause_is_used(content):
     other, unknown = film(TILTED, 8, seed=99), {**content, "verdict": "unknown"}
     assert list(content["model"]["parameters"]) == ["camera_tilt"]
     pd.testing.assert_frame_equal(predict(other, unknown), predict(other, content))
-    base = predict(other, content, base_only=True)
-    pd.testing.assert_frame_equal(predict(other, {**unknown, "model": None}), base)
+    nothing = {**unknown, "model": None}
+    pd.testing.assert_frame_equal(predict(other, nothing), predict(other, nothing, base_only=True))
+
+
+def known(effect: str = "none", *values: float) -> dict:
+    """A diagnosis that found the law of the synthetic films and one effect with these values."""
+    law = {
+        "k_l_N_m": 1.1e4,
+        "k_ul_N_m": 7.0e4,
+        "k_t_N_m": 3.0e3,
+        "friction_angle_deg": 32.0,
+        "k_r_Nm_rad": 0.03,
+    }
+    own = {p.name: {"value": v} for p, v in zip(PARAMETERS.get(effect, ()), values, strict=True)}
+    return {"base": law, "verdict": effect, "effects": {effect: {"base": law, "parameters": own}}}
+
+
+PARAMETERS = {name: effect.parameters for name, effect in catalogue().items()}
+STICKY = catalogue()["adhesion"].apply(world(), [12.0])
+SCALED = catalogue()["scale_error"].apply(world(), [1.15, 0.5, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("true", "found"),
+    [
+        (STICKY, known("adhesion", 12.0)),
+        (yielded(STICKY, 0.02), known("adhesion", 12.0)),
+        (yielded(world(), 0.04), known()),
+        (SCALED, known("scale_error", 1.15, 0.5, 0.8)),
+    ],
+    ids=["blocks that stick", "sticky and yielded", "yielded", "scale"],
+)
+def test_where_one_half_is_diagnosed_the_other_is_predicted(true, found):
+    """The other half may have few releases, and few flights in them."""
+    first, other = (film(true, n, seed=n, fps=500.0, duration_s=0.8) for n in (12, 2))
+    assert not prepared(first, setup_world(first))[0].faults
+    table = predict(other, found)
+    assert set(table.release) == {0, 1, 2, 3} and not table.isna().any().any()
+
+
+def test_a_diagnosed_scale_is_undone_before_the_film_is_judged_and_divided():
+    other = film(SCALED, 2, seed=9, duration_s=0.6)
+    base, right = (predict(other, found) for found in (known(), known("scale_error", 1.15, 0.5, 0.8)))
+    assert np.median(misses(base, other.trajectories)) > 10 * other.position_noise_m
+    assert np.median(misses(right, other.trajectories)) < 4 * other.position_noise_m
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: {"x_m": 1e3 * t.x_m, "y_m": 1e3 * t.y_m}, "millimetres"),
+        (lambda t: {"theta_rad": np.rad2deg(t.theta_rad)}, "degrees"),
+        (lambda t: {"t_s": 4.0 * t.t_s}, "playback rate"),
+        (lambda t: {"y_m": 0.03 - t.y_m}, "upwards"),
+        (lambda t: {"x_m": 0.0 * t.x_m, "y_m": 0.1 + 0.0 * t.y_m}, "never moved"),
+    ],
+)
+def test_a_film_that_cannot_be_read_is_not_predicted(change, said):
+    other = film(world(), 8, seed=4)
+    other.trajectories = other.trajectories.assign(**change(other.trajectories))
+    with pytest.raises(InputError, match=said):
+        predict(other, known())
 
 
 def test_segments_cover_what_follows_the_first_flight(content):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -27,6 +29,13 @@ def world(order: np.ndarray | None = None, law: ContactParameters = LAW) -> Worl
     cross_section = CrossSection(POINTS, ZONES)
     table = parameter_table(law, cross_section.zone_names)[None]
     return World(BLOCKS, cross_section, table, order=np.zeros(1) if order is None else order)
+
+
+def yielded(true: World, shift_m: float) -> World:
+    """A world whose embankment has been pushed downhill."""
+    points, own = true.cross_section.points_m.copy(), true.cross_section.embankment
+    points[own.left : own.right + 1, 0] += shift_m
+    return replace(true, cross_section=CrossSection(points, ZONES))
 
 
 def film(

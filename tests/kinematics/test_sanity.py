@@ -9,18 +9,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import diagnose, diagnosis_json, prepared
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.recorded_gravity import recorded_gravity
 from rock2d.kinematics.rest_heights import rest_remarks
-from rock2d.kinematics.sanity import check_film
+from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks
 from rock2d.scene.blocks import make_block
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import film, world, yielded
 
+STICKY = catalogue()["adhesion"].apply(world(), [12.0])
 NOTHING = {"angle_offset": catalogue()["angle_offset"]}
 
 
@@ -188,10 +190,54 @@ def test_a_scale_that_sinks_the_film_into_the_ground_is_undone_for_the_cut(plain
     t, factor, axis = plain.trajectories, 1.08, np.array([0.3, 0.3])
     x, y = axis[0] + factor * (t.x_m - axis[0]), axis[1] + factor * (t.y_m - axis[1])
     found = check_film(scaled := changed(plain, x_m=x, y_m=y), load_film(scaled))
-    assert not found.faults and "inside the ground" in found.remarks[0]
+    assert not found.faults and "inside the ground" in " ".join(found.remarks)
     assert found.registered.view.scale == pytest.approx(factor, rel=0.04)
     back = found.registered.view.true(np.column_stack([x, y, t.theta_rad]))
     assert np.abs(back[:, 1] - t.y_m).max() < 0.5 * min(b.radius_m for b in plain.blocks.values())
+
+
+@pytest.mark.parametrize("scale", [0.85, 1.0, 1.15])
+def test_gravity_is_read_from_flights_not_from_blocks_that_roll_back_down_the_facing(scale):
+    sticky = film(STICKY, 12, seed=3, duration_s=0.8)
+    t = sticky.trajectories
+    scaled = changed(sticky, x_m=scale * t.x_m, y_m=scale * t.y_m)
+    assert recorded_gravity(scaled, load_film(scaled)) == pytest.approx([0.0, -9.81 * scale], abs=0.4)
+
+
+def test_blocks_that_only_slide_say_nothing_about_gravity(plain):
+    """Straight down a slope of 40° at half of gravity, in every release."""
+    rng, t = np.random.default_rng(3), plain.trajectories
+    way = (0.1 + rng.normal(0.0, 0.05, 16)[t.release]) * t.t_s + 0.5 * 0.5 * 9.81 * t.t_s**2
+    noise = rng.normal(0.0, 3e-4, (2, len(t)))
+    x, y = -0.5 + 0.77 * way + noise[0], 0.45 - 0.64 * way + noise[1]
+    sliding = changed(plain, x_m=x, y_m=y)
+    assert recorded_gravity(sliding, load_film(sliding)) is None
+
+
+@pytest.mark.parametrize("scale", [0.85, 1.15])
+def test_a_scale_that_an_effect_explains_is_a_remark(plain, scale):
+    true = catalogue()["scale_error"].apply(world(), [scale, 0.0, 0.0])
+    found = check_film(scaled := film(true, 8, seed=4), load_film(scaled))
+    said = re.search(r"lengths would be wrong by a factor ([\d.]+)", " ".join(found.remarks))
+    assert not found.faults and "scale_error" in found.suspects
+    assert float(said[1]) == pytest.approx(scale, rel=0.03)
+
+
+def test_blocks_that_stick_where_they_land_are_no_fault():
+    sticky = film(STICKY, 6, seed=3, duration_s=0.5)
+    found, data = prepared(sticky, setup_world(sticky))
+    assert not found.faults and len(data.impacts) < FEWEST_IMPACTS
+    assert "12 more end the flight of a block for good" in " ".join(found.remarks)
+
+
+@pytest.mark.parametrize("shift_m", [0.01, 0.02, 0.04])
+@pytest.mark.parametrize("law", [world(), STICKY], ids=["dry", "sticky"])
+def test_an_embankment_that_has_yielded_is_no_fault(shift_m, law):
+    """Blocks come to rest where the embankment was."""
+    moved = film(yielded(law, shift_m), 12, seed=3, fps=500.0, duration_s=0.8)
+    found, data = prepared(moved, setup_world(moved))
+    assert not found.faults and len(data.impacts) > FEWEST_REBOUNDS
+    assert any("inside the ground" in remark or "into the ground" in remark for remark in found.remarks)
 
 
 def test_a_film_from_the_top_of_the_image_down_is_no_camera_on_its_head(plain):

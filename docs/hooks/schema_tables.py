@@ -58,7 +58,7 @@ class KeyTables:
             return ", ".join(f"`{value}`" for value in node["enum"])
         kind = node.get("type")
         if isinstance(kind, list):
-            return " or ".join(one for one in kind if one != "null")
+            return " or ".join(self._kind({**node, "type": one}, path) for one in kind if one != "null")
         if kind == "array":
             return self._array(node, path)
         if kind == "object":

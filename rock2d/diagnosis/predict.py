@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, LearntMotion, Segments, read_changes
+from rock2d.diagnosis.table_prediction import predicted_velocities
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
@@ -17,6 +19,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import Film, load_film
+from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
@@ -32,6 +35,7 @@ UNREADABLE = {
     sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,
     sanity.WRONG_GRAVITY, sanity.UPWARD_GRAVITY,
 }  # fmt: skip
+TABLE_COLUMNS = ("release", "block", "segment", *AFTER_COLUMNS)
 COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 
 
@@ -77,30 +81,50 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
 
     A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
     recorded. The film is judged and divided with the camera and on the ground that the diagnosis found.
-    Raises InputError for an experiment without trajectories, and for a film that cannot be read or shows no flight.
+    Of an impact table the velocities after each impact are predicted: `TABLE_COLUMNS`.
+    Raises InputError for a film that cannot be read or shows no flight.
     """
     import pandas as pd
 
     if experiment.trajectories is None:
-        raise InputError(
-            "an impact table has no flights to predict from: trajectories are needed", experiment.folder
-        )
+        return _impacts(experiment, content, base_only)
     setup, film = setup_world(experiment), load_film(experiment)
     diagnosed = diagnosed_world(content, setup, setup.order, base_only=False)
     as_recorded = replace(setup, view=diagnosed.view, cross_section=diagnosed.cross_section)
     data = FilmSegments.of(film, _readable(experiment, film, as_recorded))
-    series = content.get("series", {})
-    lengths = np.array([np.sum(film.release_block == b) for b in range(len(film.block_names))])
-    known = np.array([series.get(name, n) for name, n in zip(film.block_names, lengths, strict=True)])
-    # both experiments are assumed to cover the same series of releases
-    block = film.release_block
-    order = (data.order + 0.5) / lengths[block] * known[block] - 0.5
+    order = _places(content, film.block_names, film.release_block, data.order)
     flights = np.flatnonzero(np.isfinite(data.start_s))
     if not len(flights):
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
     world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
     changes = [] if base_only else learnt_changes(content)
     return pd.DataFrame(_segments(film, data, world, flights, changes), columns=list(COLUMNS))
+
+
+def _places(content: dict[str, Any], names: Sequence[str], block: Array, order: Array) -> Array:
+    """(releases,) places in the diagnosed series of releases with this `block` and `order` in their own: both are
+    assumed to cover the same series."""
+    series = content.get("series", {})
+    lengths = np.bincount(block, minlength=len(names))
+    known = np.array([series.get(name, n) for name, n in zip(names, lengths, strict=True)])
+    return np.asarray((order + 0.5) / lengths[block] * known[block] - 0.5)
+
+
+def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -> pd.DataFrame:
+    """Predicted velocities after the impacts of a table; rows without a state before are left out."""
+
+    assert experiment.impacts is not None
+    given = experiment.impacts.dropna(subset=list(BEFORE_COLUMNS)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
+    given = given.sort_values("release", kind="stable")
+    data = TableData.of(replace(experiment, impacts=given))
+    names = list(experiment.blocks)
+    block = data.impact_block[np.unique(data.impact_release, return_index=True)[1]]
+    data.impact_order = _places(content, names, block, data.order)[data.impact_release]
+    world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
+    velocities = predicted_velocities(data, world, [] if base_only else learnt_changes(content))
+    found = given[["release", "block"]].reset_index(drop=True)
+    found["segment"] = found.groupby("release").cumcount()
+    return found.assign(**dict(zip(AFTER_COLUMNS, velocities.T, strict=True)))[list(TABLE_COLUMNS)]
 
 
 def _readable(experiment: Experiment, film: Film, world: World) -> World:

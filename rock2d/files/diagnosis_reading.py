@@ -145,9 +145,12 @@ class _Reader:
             for i, own in enumerate(self.keys.causes)
             if own.p >= LEAST_INCLUSION
         }
-        model = self.keys.model
-        joint = model is not None and set(model.parameters) == set(effects)
-        return FittedModel("after", self.soil(model.base) if model is not None and joint else soil, effects)
+        joint = [
+            fit for fit in (self.keys.model, *self.keys.beside) if fit and set(fit.parameters) == set(effects)
+        ]
+        alone = self.keys.effects.get(next(iter(effects))) if len(effects) == 1 else None
+        base = joint[0].base if joint else alone.base if alone else None
+        return FittedModel("after", self.soil(base) if base else soil, effects)
 
     def soil(self, part: SoilPart) -> dict[str, float | bool]:
         law = self.keys.law

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
 from rock2d.diagnosis.impact_table_data import TableData
+from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
@@ -50,6 +53,18 @@ def test_true_law_reproduces_the_table():
     experiment = impacts(plain_world(), 40, seed=1, noise=0.0)
     residuals = TableData.of(experiment).residuals(plain_world()).impacts
     assert np.quantile(np.abs(residuals), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
+
+
+def test_a_table_is_predicted_from_the_states_before_the_impacts_alone():
+    experiment = impacts(plain_world(), 40, seed=3, noise=0.0)
+    after = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
+    unmeasured = replace(experiment, impacts=experiment.impacts.assign(**dict.fromkeys(after, np.nan)))
+    names = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
+    law = {name: getattr(HARD, name) for name in names}
+    found = predict(unmeasured, {"verdict": "none", "base": law})
+    assert list(found.columns) == ["release", "block", "segment", *after]
+    error = np.abs(found[after].to_numpy() - experiment.impacts[after].to_numpy())
+    assert np.quantile(error, 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 
 def test_only_the_ratio_of_stiffnesses_is_told():

@@ -67,7 +67,8 @@ def axis_over(values: Sequence[float], *, zero: bool = True) -> Axis:
 
 @dataclass(frozen=True)
 class Mark:
-    """One mark of a chart: a point with a whisker from low to high, a bar from zero, or a span with a tick in it.
+    """One mark of a chart: a point with a whisker from low to high, a bar from zero, a step from low to high, or a
+    span with a tick in it.
 
     `model` gives colour and shape ("measured" | "base" | "effect" | "plain"); `label` is the tooltip.
     """
@@ -99,6 +100,9 @@ def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
             body = f'<rect x="{min(start, start + width):.2f}%" width="{abs(width):.2f}%" y="{y - 4.5}" height="9"/>'
             if mark.low < mark.high:
                 body += whisker
+        elif mark.kind == "step":
+            start, width = axis.at(mark.low), axis.at(mark.high) - axis.at(mark.low)
+            body = f'<rect x="{start:.2f}%" width="{max(width, 0.0):.2f}%" y="{y - 5}" height="10"/>'
         elif mark.kind == "span":
             body = f'<line class="span" x1="{low}" x2="{high}" y1="{y}" y2="{y}"/>{shape}'
         else:

@@ -16,7 +16,9 @@ from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
 from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
+from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
+from rock2d.diagnosis.report.learnt_figures import learnt_figure
 from rock2d.diagnosis.report.practical_indicators import (
     Quantity,
     film_quantities,
@@ -81,7 +83,7 @@ def report_page(
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
     chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
-    context |= _verdict(result, content, chain)
+    context |= _verdict(result, content, chain) | budget_section(content)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
@@ -142,6 +144,11 @@ def _sections(
         "shapes": SHAPES,
     }
     context |= _where(result, content, models)
+    context["learnt"] = [
+        {"name": change.name, "image": _inline(learnt_figure(result, change)),
+         "gain": text.plus_minus(change.total, change.error)}
+        for change in result.found.learnt.changes
+    ]  # fmt: skip
     on_progress("which")
     context |= _which(content) | _how_far(content, chain or [reported_effect(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),

@@ -120,22 +120,43 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
             "There is a gap between film and simulation, but no effect of the catalogue explains all of it. A cause "
             f"lies outside the catalogue.{_parts(content)}{_hint(content)}"
         )
-    cause = effects[verdict].summary if verdict in effects else "an effect outside the catalogue"
-    beside = [c["effect"] for c in content.get("beside", [])]
+    known = verdict in effects
+    cause = effects[verdict].summary if known else "an effect outside the catalogue"
+    origin = f" It comes from the {effects[verdict].origin}." if known else ""
+    beside = [
+        c["effect"] for c in content.get("causes", []) if c["closes"] is not None and c["effect"] != verdict
+    ]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
     doubt = f" These data cannot separate it from {listed(rivals, 'or')}." if rivals else ""
-    sentence = f"This explains the gap between film and simulation: {cause}.{together}{doubt}"
-    return spoken(verdict).capitalize(), sentence
+    return (
+        spoken(verdict).capitalize(),
+        f"This explains {'most of ' if _outside(content) else ''}the gap between film and simulation: {cause}."
+        f"{origin}{together}{doubt}{_outside(content)}",
+    )
+
+
+def _outside(content: Mapping[str, Any]) -> str:
+    """What acts beside named causes without a name; "" where probably nothing does."""
+    found = content.get("outside")
+    if found is None or found["p"] < 0.5:
+        return ""
+    dependence = f" It depends on the {found['depends_on'][0]}." if found["depends_on"] else ""
+    return (
+        f" Something outside the catalogue acts too (probability {percent(found['p'])}), with "
+        f"{round(100 * found['share'])} % of the gap.{dependence}"
+    )
 
 
 def explained_part(content: Mapping[str, Any]) -> str:
-    """The effects that close a part worth naming of a gap whose cause is unknown, and the share; "" where none do."""
-    model = content.get("model")
-    if not model or content["gap"]["closure_ci95"][0] < LEAST_PART:
-        return ""
-    gap = content["gap"]
-    return f"{listed(list(model['parameters']))} ({share_closed(gap['closure'], gap['closure_ci95'])} of the gap)"
+    """The effects that close a part worth naming of a gap whose cause is unknown, and their shares; "" where none
+    do."""
+    parts = [
+        f"{spoken(cause['effect'])} ({share_closed(cause['closes'], cause['closes_ci95'])} of the gap)"
+        for cause in content.get("causes", [])
+        if cause["closes"] is not None and cause["closes_ci95"][0] >= LEAST_PART
+    ]
+    return listed(parts)
 
 
 def _parts(content: Mapping[str, Any]) -> str:

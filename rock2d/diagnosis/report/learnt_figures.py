@@ -1,0 +1,120 @@
+"""Figures of learnt changes: each lever as a curve over what it depends on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME
+from rock2d.diagnosis.quantities import BLOCK, KINDS, PLACE_M, ZONE, Curve
+from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, blank_figure, finish
+from rock2d.graphics.palette import BLOCK_COLOURS
+from rock2d.records.columns import X, Y
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from rock2d.diagnosis.diagnose import Diagnosis
+    from rock2d.diagnosis.learnt import Change
+
+Array = np.ndarray
+
+NUMBERS = {  # what the numbers of a lever are called, and their units
+    LAW: (
+        ("k_l", "factor"),
+        ("k_ul / k_l", "factor"),
+        ("k_t", "factor"),
+        ("tan φ", "factor"),
+        ("k_r", "factor"),
+    ),
+    FLIGHT: (("along x", "m/s²"), ("along y", "m/s²"), ("angular", "rad/s²")),
+}
+STATE_NUMBERS = (("x", "m"), ("y", "m"), ("θ", "rad"), ("v_x", "m/s"), ("v_y", "m/s"), ("ω", "rad/s"))
+OUTCOME_NUMBERS = (
+    ("tangential", "m"), ("normal", "m"), ("θ", "rad"), ("tangential", "m/s"), ("normal", "m/s"), ("ω", "rad/s"),
+)  # fmt: skip
+POINTS = 200  # of a curve
+LEAST_SWING = 0.2  # of the largest, relative to typical sizes; numbers that change less are left out
+MOST_DRAWN = 3  # numbers of a lever
+WIDE_IN, HIGH_IN = 4.6, 2.6
+
+
+def learnt_figure(result: Diagnosis, change: Change) -> Figure:
+    """One panel for each quantity that the change depends on."""
+    panels = max(len(change.basis.curves), 1)
+    figure = blank_figure(WIDE_IN * min(panels, 2), HIGH_IN * -(-panels // 2))
+    axes = figure.subplots(-(-panels // 2), min(panels, 2), squeeze=False).ravel()
+    first = 0
+    for axis, curve in zip(axes, change.basis.curves, strict=False):
+        width = curve.features(np.array([0.0, 1.0])).shape[1]
+        _draw(axis, result, change.lever, curve, change.coefficients[:, first : first + width])
+        first += width
+    finish(figure)
+    return figure
+
+
+def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients: Array) -> None:
+    """The numbers of a lever that change most, over one quantity."""
+    at = _points(curve)
+    values = curve.features(at) @ coefficients.T
+    units = _numbers(lever, len(coefficients))
+    values = np.exp(values - values.mean(axis=0)) if lever == LAW else values
+    swing = np.ptp(values, axis=0) / _typical(lever, len(coefficients))
+    drawn = [k for k in np.argsort(-swing)[:MOST_DRAWN] if swing[k] >= LEAST_SWING * swing.max()]
+    for i, k in enumerate(drawn):
+        name, unit = units[k]
+        style: dict[str, Any] = {"color": BLOCK_COLOURS[i % len(BLOCK_COLOURS)], "label": f"{name} ({unit})"}
+        if curve.kind == KINDS:
+            axis.plot(np.arange(len(at)), values[:, k], linestyle="none", marker="os^"[i], **style)
+        else:
+            axis.plot(at, values[:, k], linestyle=LINESTYLES[i], **style)
+    if curve.kind == KINDS:
+        axis.set_xticks(np.arange(len(at)), _members(result, curve))
+    elif curve.quantity == PLACE_M:
+        points = result.experiment.cross_section.points_m
+        ground = axis.twinx()
+        ground.plot(points[:, X], points[:, Y], color="#bbbbbb", linewidth=1.0, zorder=0)
+        ground.set_yticks([])
+        axis.set_xlim(at[0], at[-1])
+    axis.axhline(1.0 if lever == LAW else 0.0, color="#999999", linewidth=0.8)
+    axis.set_xlabel(curve.quantity.replace("_", " "))
+    axis.legend(fontsize=SMALL_PT, frameon=False)
+
+
+def _points(curve: Curve) -> Array:
+    """Values of a quantity at which its curve is drawn."""
+    if curve.kind == KINDS:
+        return np.array(curve.numbers)
+    if curve.kind == "spline":
+        return np.linspace(curve.numbers[0], curve.numbers[-1], POINTS)
+    if curve.kind == "line":
+        return np.linspace(-2.0, 2.0, POINTS) * curve.numbers[0]
+    return np.linspace(-np.pi, np.pi, POINTS)
+
+
+def _numbers(lever: str, count: int) -> tuple[tuple[str, str], ...]:
+    if lever in NUMBERS:
+        return NUMBERS[lever]
+    return OUTCOME_NUMBERS[-count:] if lever == OUTCOME else STATE_NUMBERS
+
+
+def _typical(lever: str, count: int) -> Array:
+    """Sizes that make the numbers of a lever comparable: angles and lengths differ by orders of magnitude."""
+    if lever == LAW:
+        return np.ones(count)
+    if lever == FLIGHT:
+        return np.array([1.0, 1.0, 100.0])
+    return np.array([0.001, 0.001, 0.05, 0.1, 0.1, 5.0])[-count:]
+
+
+def _members(result: Diagnosis, curve: Curve) -> list[str]:
+    """Names of the members of a kind."""
+    if curve.quantity == BLOCK:
+        names = list(result.experiment.blocks)
+        return [names[int(k)] for k in curve.numbers]
+    if curve.quantity == ZONE:
+        zones = result.experiment.cross_section.zone_names
+        return [zones[int(k)] for k in curve.numbers]
+    return [f"{k:g}" for k in curve.numbers]

@@ -1,4 +1,10 @@
-"""Blind cases on disk: experiment folders as any user could film them, and sealed labels with the hidden causes."""
+"""Blind cases on disk: experiment folders as any user could film them, and sealed labels with the hidden causes.
+
+A case is a folder with four experiments. `fit` and `heldout` are what the diagnosis may see. `twin_fit` and `twin` are
+the same releases without the hidden causes: same incident states, soil draws and noise, recorded by the correct camera.
+Twins are sealed like the labels, because a comparison with the films would reveal the causes. Only the measurement of
+the true floor, which no diagnosis sees, may read them.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +20,7 @@ import numpy as np
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.filming import film_case
-from rock2d.blind.signal_to_noise import each_signal_to_noise, signal_to_noise
+from rock2d.blind.signal_to_noise import signals_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
@@ -24,6 +30,7 @@ from rock2d.processes import as_finished
 Array = np.ndarray
 
 CASES, LABELS, INDEX_FILE = "cases", "labels.json", "cases.json"
+FIT, HELDOUT, TWIN_FIT, TWIN = "fit", "heldout", "twin_fit", "twin"  # experiments of a case
 
 
 def make_trial(
@@ -32,8 +39,8 @@ def make_trial(
 ) -> str:  # fmt: skip
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
 
-    `out` gets cases/NNN/{fit,heldout}, cases.json (seed, count, SHA-256 of the labels) and labels.json, which only
-    `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns.
+    `out` gets cases/NNN/{fit,heldout,twin_fit,twin}, cases.json (seed, count, SHA-256 of the labels) and
+    labels.json, which only `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns.
     """
     root = np.random.SeedSequence(seed)
     assigning, *children = root.spawn(count + 1)
@@ -69,21 +76,24 @@ def redraw(folder: Path, name: str) -> Case:
 
 
 def write_case(case: Case, folder: Path) -> dict[str, Any]:
-    """Film a case into folder/fit and folder/heldout; returns its label."""
+    """Film a case into folder/fit and folder/heldout, and its twins without causes; returns its label."""
     times = case.times_s
-    recorded = film_case(case, times, case.hidden, noisy=True)
+    film = film_case(case, times, case.hidden, noisy=True)
+    twin = film_case(case, times, [], noisy=True) if case.hidden else film
     law = case.world.law
     assert isinstance(law, reality.Law)
-    for name, own in (("fit", ~case.heldout), ("heldout", case.heldout)):
-        _write(case, folder / name, folder.name, recorded[own], times, np.flatnonzero(own))
+    together, each = signals_to_noise(case)
+    for recorded, (fit, heldout) in ((film, (FIT, HELDOUT)), (twin, (TWIN_FIT, TWIN))):
+        for name, own in ((fit, ~case.heldout), (heldout, case.heldout)):
+            _write(case, folder / name, folder.name, recorded[own], times, np.flatnonzero(own))
     return {
         "label": case.label,
         "hidden": [
             {"name": h.name, "form": h.form, "values": h.values, "signal_to_noise": z}
-            for h, z in zip(case.hidden, each_signal_to_noise(case), strict=True)
+            for h, z in zip(case.hidden, each, strict=True)
         ],
         "phases": phases(case),
-        "signal_to_noise": signal_to_noise(case),
+        "signal_to_noise": together,
         "kind": case.kind,
         "blocks": [b.name for b in case.world.blocks],
         "releases": int((~case.heldout).sum()),

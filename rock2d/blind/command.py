@@ -55,12 +55,16 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
     from rock2d.blind.scoring import confused_pairs, score_table, summary
+    from rock2d.blind.set_scoring import set_cases, set_summary
 
     cases = score_table(folder)
     found = summary(cases) | {"confused": confused_pairs(folder, cases)}
+    sets = set_cases(folder)
+    if sets:
+        found["sets"] = set_summary(sets)
     write_whole(folder / "score.csv", cases.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
     write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
-    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
+    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html", sets)
     for key, value in found.items():
         report(f"{key}: {value}")
     report(f"written: {folder / 'score.html'}")

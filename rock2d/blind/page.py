@@ -16,7 +16,10 @@ from rock2d.blind.scoring import (
     CONFIDENT_PROBABILITY,
     SIGNAL_TO_NOISE_EDGES,
     confusion,
+    share_text,
 )
+from rock2d.blind.set_page import set_section
+from rock2d.blind.set_scoring import SetCase
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import (
     PAGE_ACCENT,
@@ -38,8 +41,10 @@ if TYPE_CHECKING:
 RELEASE_EDGES, NOISE_EDGES = (20, 40, 80, 119), (0.004, 0.008, 0.015)
 
 
-def write_page(cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: Path) -> None:
-    """Write the page of a scored trial."""
+def write_page(
+    cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: Path, sets: Sequence[SetCase] = ()
+) -> None:
+    """Write the page of a scored trial; `sets`: its cases whose results name sets."""
     panels = [
         ("Hidden cause and verdict", _confusion_matrix(cases)),
         (
@@ -57,7 +62,9 @@ def write_page(cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: 
         ("Stated and actual probability", _reliability(cases)),
     ]
     rows = [
-        (name, _text(value)) for name, value in summary.items() if name not in ("wrong_and_sure", "confused")
+        (name, _text(value))
+        for name, value in summary.items()
+        if name not in ("wrong_and_sure", "confused", "sets")
     ]
     wrong = [
         f"case {w['case']}: hidden {w['label']}, verdict {w['verdict']} (probability {w['p']:.2f}, signal-to-noise "
@@ -76,6 +83,7 @@ def write_page(cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: 
         "of the two effects, without the part that a fit can imitate (median over the cases). Near 1 no method could "
         "distinguish the two; a smaller value shows a weakness of the diagnosis.</p>"
         f"{pairs}{''.join(html_figure(title, figure, image_format='svg') for title, figure in panels)}"
+        f"{set_section(sets, summary['sets']) if sets else ''}"
     )
     write_whole(path, html_page("Blind trial", body))
 
@@ -95,7 +103,7 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.3g}"
     if isinstance(value, list) and len(value) == 4:
-        return f"{100 * value[0]:.1f} % [{100 * value[1]:.1f}, {100 * value[2]:.1f}] of {value[3]}"
+        return share_text(value)
     if isinstance(value, dict):
         return "; ".join(f"{k}: {_text(v)}" for k, v in value.items())
     return str(value)

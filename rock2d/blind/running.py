@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rock2d.blind.case_files import CASES, read_index
+from rock2d.blind.case_files import CASES, FIT, HELDOUT, read_index
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
@@ -24,7 +24,8 @@ def run_trial(
     without_best: bool = False,
     on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Path:
-    """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels.
+    """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels or the
+    twins.
 
     without_best : diagnose a case with a clear effect a second time without this effect, to train "unknown"
     """
@@ -51,12 +52,13 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
     """
     from time import perf_counter
 
+    from rock2d.blind.true_closure import true_closure
     from rock2d.diagnosis.attribution import attribute
     from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
     from rock2d.effects import catalogue
     from rock2d.files.experiment import load_experiment
 
-    experiment = load_experiment(case / "fit")
+    experiment = load_experiment(case / FIT)
     begin = perf_counter()
     with tempfile.TemporaryDirectory(dir=every_fit) as fits:
         result = diagnose(experiment, folder=Path(fits))
@@ -74,7 +76,8 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
             kept["statistics"] = found.statistics
             kept["closures"] = {name: gap.share_closed for name, gap in (result.gaps or {}).items()}
             kept["regression_closure"] = result.regression_closes
-            kept["heldout"] = _heldout(case / "heldout", content)
+            kept["heldout"] = _heldout(case / HELDOUT, content)
+            kept["true_closure"] = true_closure(case, result)
             if without_best and found.chain[0].total > CLEAR_GAIN * found.chain[0].error:
                 names = {c.effect.name for c in found.chain}
                 others = {name: e for name, e in catalogue().items() if name not in names}

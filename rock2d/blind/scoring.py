@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,18 +105,21 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
     levels = {}
     for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES):
         own = single[(single["signal_to_noise"] >= low) & (single["signal_to_noise"] < high)]
-        levels[f"{low:g} to {high:g}"] = {"top1": _share(own["right"]), "top3": _share(own["top3"])}
+        levels[f"{low:g} to {high:g}"] = {
+            "top1": wilson_share(own["right"]),
+            "top3": wilson_share(own["top3"]),
+        }
     strong = outside[outside["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE]
     return {
         "cases": len(cases),
-        "top1_clear": _share(clear["right"]),
-        "top3_clear": _share(clear["top3"]),
+        "top1_clear": wilson_share(clear["right"]),
+        "top3_clear": wilson_share(clear["top3"]),
         "by_signal_to_noise": levels,
-        "pairs_one_of_both": _share(pairs["right"]),
-        "false_attribution_on_nulls": _share(known[nulls.index]),
-        "nulls_called_none": _share(nulls["right"]),
-        "outside_called_unknown": _share(outside["right"]),
-        "outside_clear_called_unknown": _share(strong["right"]),
+        "pairs_one_of_both": wilson_share(pairs["right"]),
+        "false_attribution_on_nulls": wilson_share(known[nulls.index]),
+        "nulls_called_none": wilson_share(nulls["right"]),
+        "outside_called_unknown": wilson_share(outside["right"]),
+        "outside_clear_called_unknown": wilson_share(strong["right"]),
         "auroc_unknown": auroc(
             cases["p_unknown"].to_numpy(), cases["label"].str.contains("unknown").to_numpy()
         ),
@@ -125,7 +128,7 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
         "ece_if_calibrated": chance_error(cases["p"].to_numpy()),
         "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST_PROBABILITY)).mean()),
         "brier": float(cases["brier"].mean()),
-        "phase_right_clear": _share(pd.Series(in_phase, dtype=bool)),
+        "phase_right_clear": wilson_share(pd.Series(in_phase, dtype=bool)),
         "median_closure_clear": _median(clear["closure"]),
         "median_closure_of_runner_up": _median(clear["runner_up"]),
         "median_closure_of_regression": _median(clear["regression_closure"]),
@@ -136,12 +139,20 @@ def summary(cases: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _share(hits: pd.Series) -> list[float]:
-    count, total = int(hits.sum()), len(hits)
+def wilson_share(hits: Sequence[bool] | Array | pd.Series) -> list[float]:
+    """Share of the hits with its 95 % Wilson interval: [share, low, high, count]."""
+    count, total = int(np.sum(hits)), len(hits)
     if total == 0:
         return [float("nan"), 0.0, 1.0, 0]
     low, high = wilson_interval(count, total)
     return [count / total, float(low), float(high), total]
+
+
+def share_text(share: Sequence[float]) -> str:
+    """A `wilson_share` in words."""
+    if share[3] == 0:
+        return "no case"
+    return f"{100 * share[0]:.1f} % [{100 * share[1]:.1f}, {100 * share[2]:.1f}] of {share[3]}"
 
 
 def _median(values: pd.Series) -> float:

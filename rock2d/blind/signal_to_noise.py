@@ -40,17 +40,21 @@ def signal_to_noise(case: Case) -> float:
     return float(np.linalg.norm(signatures(case, [case.hidden])[0])) if case.hidden else 0.0
 
 
-def each_signal_to_noise(case: Case) -> list[float]:
-    """Of each hidden cause of a case: standard errors of what it adds beside the others and they cannot imitate."""
+def signals_to_noise(case: Case) -> tuple[float, list[float]]:
+    """Of the hidden causes of a case together, and of each: standard errors of what it adds beside the others and they
+    cannot imitate."""
+    if len(case.hidden) <= 1:
+        own = signal_to_noise(case)
+        return own, [own] * len(case.hidden)
     whole, *others = signatures(case, [case.hidden, *(
         [h for h in case.hidden if h is not own] for own in case.hidden
     )])  # fmt: skip
     added = np.array([whole - other for other in others]).reshape(len(others), len(whole))
     found = []
-    for i, own in enumerate(added):
+    for i, alone in enumerate(added):
         rest = np.delete(added, i, axis=0).T
-        found.append(float(np.linalg.norm(own - rest @ np.linalg.lstsq(rest, own, rcond=None)[0])))
-    return found
+        found.append(float(np.linalg.norm(alone - rest @ np.linalg.lstsq(rest, alone, rcond=None)[0])))
+    return float(np.linalg.norm(whole)), found
 
 
 def likeness(case: Case, name: str) -> float:

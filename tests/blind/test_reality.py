@@ -26,6 +26,7 @@ from rock2d.blind.reality import (
     record_poses,
     simulate_poses,
 )
+from rock2d.blind.reality.motion_inputs import motion_inputs
 
 G = 9.81
 MAY_IMPORT = {"numpy", "numba", *sys.stdlib_module_names}
@@ -193,6 +194,48 @@ def test_effects_follow_their_closed_forms() -> None:
     pulled = after("adhesion", 0, wet, [0, 0.02, 0, 0, -2, 0], plain)
     work = 2.0 * bottom * 0.95 / SPHERE.mass_kg
     assert pulled[1] == pytest.approx(math.sqrt(4 * LAW.k_l / LAW.k_ul - 2 * work), rel=0.01)
+
+
+def test_friction_falls_with_the_speed_at_which_a_contact_begins() -> None:
+    """Impulse along over impulse across of a sliding sphere: mu / (1 + fall × normal speed)."""
+    fall = Hidden("speed_dependent_friction", 0, {"fall_s_m": 1.8})
+    times = np.arange(400) * 1e-4
+    for speed, sliding in ((0.7, 20.0), (0.7, 5.0), (2.3, 20.0)):
+        state = np.array([0.0, 0.0125 + 0.01 * speed, 0.0, sliding, -speed, 0.0])
+        poses = _simulate(
+            FLOOR, [SPHERE], state, times, [fall], law=replace(LAW, mu=0.3, k_r=0.0), gravity=0.0
+        )[0]
+        after = (poses[-1] - poses[-100]) / (99 * 1e-4)
+        ratio = (sliding - after[0]) / (speed + after[1])
+        assert ratio == pytest.approx(0.3 / (1.0 + 1.8 * speed), rel=0.01), (speed, sliding)
+
+
+def test_restitution_follows_the_place() -> None:
+    wave = Hidden("place_restitution", 0, {"log_factor": 1.0, "wave_number_rad_m": 10.0, "phase_rad": 0.3})
+    times = np.arange(300) * 1e-4
+    for x in (-0.1, 0.0, 0.1, 0.2):
+        state = np.array([x, 0.02, 0.0, 0.0, -2.0, 0.0])
+        poses = _simulate(FLOOR, [SPHERE], state, times, [wave], gravity=0.0)[0]
+        restitution = (poses[-1, 1] - poses[-100, 1]) / (99 * 1e-4) / 2.0
+        stiffening = np.exp(np.sin(10.0 * x + 0.3))
+        assert restitution == pytest.approx(math.sqrt(LAW.k_l / LAW.k_ul / stiffening), rel=0.01), x
+
+
+def test_hills_turn_a_rebound_by_their_slope() -> None:
+    """The same in every release: a smooth sphere that hits a piece of ground head-on returns along its normal."""
+    hills = Hidden("fixed_profile", 0, {"height_m": 0.004, "wavelength_m": 0.2, "profile": 7.0})
+    ground = motion_inputs(World(FLOOR, LAW, [SPHERE], G), [hills]).ground.points
+    assert np.std(ground[:, 1]) == pytest.approx(0.004, rel=0.2)
+    times = np.arange(400) * 1e-4
+    middle, way = 0.5 * (ground[1:] + ground[:-1]), np.diff(ground, axis=0)
+    normals = np.column_stack([-way[:, 1], way[:, 0]]) / np.hypot(*way.T)[:, None]
+    pieces = np.arange(20, 60, 4)
+    assert np.ptp(np.arctan2(way[pieces, 1], way[pieces, 0])) > 0.2
+    starts = middle[pieces] + (0.0125 + 0.01) * normals[pieces]
+    states = np.column_stack([starts, 0.0 * pieces, -2.0 * normals[pieces], 0.0 * pieces])
+    poses = _simulate(FLOOR, [SPHERE], states, times, [hills], law=replace(LAW, mu=0.0), gravity=0.0)
+    after = (poses[:, -1, :2] - poses[:, -100, :2]) / (99 * 1e-4)
+    assert after == pytest.approx(2.0 * math.sqrt(LAW.k_l / LAW.k_ul) * normals[pieces], abs=0.03)
 
 
 def _filmed(setup: Setup, hidden: list[Hidden], n: int = 9) -> np.ndarray:

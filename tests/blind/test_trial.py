@@ -71,6 +71,22 @@ def test_a_trial_is_the_same_from_the_same_seed_and_reads_as_experiments(tmp_pat
     assert "air_drag" not in public and "late_angle" not in public
 
 
+def test_twins_are_the_same_releases_without_the_causes(tmp_path):
+    """Those of a case without causes that was drawn with the same seed; of a case without causes, its own films."""
+    causes = [(), ("camera_tilt",), ("frame_rate_error", "spin_kick"), ("air_drag", "sliding_camera")]
+    for number, own in enumerate(causes):
+        case = draw_case(own, np.random.SeedSequence(3), smallest=True)
+        case_files.write_case(case, tmp_path / str(number) / "000")
+    without = tmp_path / "0" / "000"
+    for number, own in enumerate(causes):
+        for film, twin in (("fit", "twin_fit"), ("heldout", "twin")):
+            folder = tmp_path / str(number) / "000"
+            for name in ("trajectories.csv", "experiment.yaml"):
+                assert (folder / twin / name).read_bytes() == (without / film / name).read_bytes()
+            seen, clean = (load_experiment(folder / part).trajectories for part in (film, twin))
+            assert seen.equals(clean) == (not own)
+
+
 def test_labels_that_were_changed_are_refused(tmp_path, small):
     make_trial(1, 3, tmp_path / "t", causes=[()])
     path = tmp_path / "t" / "labels.json"

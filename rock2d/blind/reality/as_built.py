@@ -9,6 +9,8 @@ import numpy as np
 from rock2d.blind.reality.data_model import Array, Block, Setup
 
 STEEPEST_FACING_RAD = np.deg2rad(85.0)
+HILL_WAVES = 5
+HILL_PIECES = 8  # straight pieces of ground in a wavelength of hills
 
 
 def setup_as_built(setup: Setup, error: dict[str, float], size_m: float) -> Setup:
@@ -57,6 +59,26 @@ def rough_profile(points: Array, rough: dict[str, float]) -> tuple[Array, Array]
     steps = np.maximum(np.diff(rough_points[:, 0]), 1e-3 * rough["spacing_m"])
     rough_points[1:, 0] = rough_points[0, 0] + np.cumsum(steps)
     return rough_points, np.array(pieces)
+
+
+def hilly_profile(points: Array, hills: dict[str, float]) -> tuple[Array, Array]:
+    """The ground with smooth hills and dips along x, and the facet of `points` below each of its pieces.
+
+    Waves of random phase, with wavelengths of 0.6 to 1.4 `wavelength_m`, make the heights; their root mean square is
+    about `height_m`.
+    """
+    rng = np.random.default_rng(int(hills["profile"]))
+    spread = 0.6 + 0.8 * (np.arange(HILL_WAVES) + rng.random(HILL_WAVES)) / HILL_WAVES
+    numbers = 2.0 * np.pi / (hills["wavelength_m"] * spread)
+    phases = rng.uniform(0.0, 2.0 * np.pi, HILL_WAVES)
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    counts = np.ceil(HILL_PIECES * lengths / hills["wavelength_m"]).astype(int)
+    pieces = np.repeat(np.arange(len(counts)), counts)
+    share = np.concatenate([np.arange(count) / count for count in counts])[:, None]
+    out = np.vstack([points[pieces] + share * (points[pieces + 1] - points[pieces]), points[-1:]])
+    waves = np.cos(out[:, :1] * numbers + phases).sum(axis=1)
+    out[:, 1] += hills["height_m"] * np.sqrt(2.0 / HILL_WAVES) * waves
+    return out, pieces
 
 
 def block_outline(block: Block, edges: dict[str, float] | None, form: int) -> tuple[Array, float, int]:

@@ -7,9 +7,10 @@ import numpy as np
 
 from rock2d.blind.reality import parameters
 from rock2d.blind.reality.compiled_records import (
-    K_L,
-    K_UL,
+    OMEGA,
     THETA,
+    VX,
+    VY,
     BlockMotion,
     ContactMotion,
     ContactRows,
@@ -27,9 +28,12 @@ from rock2d.blind.reality.forces import (
     N_MEMORY,
     PEAK_PENETRATION,
     START_DEPTH,
+    START_FRICTION_FACTOR,
     STIFFNESS_FACTOR,
+    UNLOADING_FACTOR,
     ZONE,
     contact_force,
+    stiffnesses,
 )
 
 # sums over the contacts: force, moment, horizontal force on the embankment, outward unit vector of the last one,
@@ -50,7 +54,7 @@ def row_of(i: int, rows: ContactRows) -> int:
 
 @numba.njit
 def begin_contact(
-    j: int, theta: float, late: float, ground: Ground, contacts: Contacts, values: Array
+    j: int, state: Array, late: float, ground: Ground, contacts: Contacts, values: Array
 ) -> None:
     """Contact j begins. One that is found deeper than `late` in m was covered before: it begins without force."""
     found, memory = contacts.found, contacts.memory
@@ -64,9 +68,15 @@ def begin_contact(
         into = (found[j, PX] - values[parameters.STRIP_LEFT]) % values[parameters.STRIP_PERIOD]
         factor = values[parameters.STRIP_FACTOR] if into < values[parameters.STRIP_WIDTH] else 1.0
     if values[parameters.SIDE_LOG_RATIO] > 0.0:
-        facing = np.arctan2(-found[j, NY], -found[j, NX]) - theta - values[parameters.SIDE_ANGLE]
+        facing = np.arctan2(-found[j, NY], -found[j, NX]) - state[THETA] - values[parameters.SIDE_ANGLE]
         factor *= np.exp(-0.5 * values[parameters.SIDE_LOG_RATIO] * (1.0 + np.cos(facing)))
     memory[j, STIFFNESS_FACTOR] = factor
+    wave = np.sin(values[parameters.WAVE_NUMBER] * found[j, PX] + values[parameters.WAVE_PHASE])
+    memory[j, UNLOADING_FACTOR] = np.exp(values[parameters.WAVE_LOG_FACTOR] * wave)
+    vx = state[VX] - state[OMEGA] * (found[j, PY] - state[Y])
+    vy = state[VY] + state[OMEGA] * (found[j, PX] - state[X])
+    speed = max(0.0, -(vx * found[j, NX] + vy * found[j, NY]))
+    memory[j, START_FRICTION_FACTOR] = 1.0 / (1.0 + values[parameters.FRICTION_FALL] * speed)
 
 
 @numba.njit
@@ -81,7 +91,7 @@ def update_contacts(
             contacts.memory[j, ACTIVE] = 0.0
             continue
         if contacts.memory[j, ACTIVE] == 0.0:
-            begin_contact(j, state[THETA], late, ground, contacts, values)
+            begin_contact(j, state, late, ground, contacts, values)
         active += 1
     return active
 
@@ -131,7 +141,8 @@ def sum_forces(
             if memory[j, PEAK_PENETRATION] > before and rate > 0.0:
                 sums[N_FIRST_LOADING] += 1.0
         else:
-            indentation = memory[j, PEAK_PENETRATION] * (1.0 - law.soil[zone, K_L] / law.soil[zone, K_UL])
+            k_l, k_ul = stiffnesses(law.soil[zone], memory[j])
+            indentation = memory[j, PEAK_PENETRATION] * (1.0 - k_l / k_ul)
             sums[NEXT_DISTANCE] = min(
                 sums[NEXT_DISTANCE], indentation - (found[j, DEPTH] - memory[j, START_DEPTH])
             )

@@ -10,12 +10,20 @@ from rock2d.blind.reality.compiled_records import K_L, K_R, K_T, K_UL, MU, Conta
 from rock2d.blind.reality.data_model import Array
 
 # memory of a contact: whether it is active, peak penetration, tangential displacement, rolling rotation, depth at which
-# it began (it begins without force), zone, factor on its stiffness
-ACTIVE, PEAK_PENETRATION, TANGENTIAL_DISPLACEMENT, ROLLING_ROTATION, START_DEPTH, ZONE, STIFFNESS_FACTOR = (
-    range(7)
-)
-N_MEMORY = STIFFNESS_FACTOR + 1
+# it began (it begins without force), zone, factors on its stiffness, on its unloading stiffness and on its friction
+(
+    ACTIVE, PEAK_PENETRATION, TANGENTIAL_DISPLACEMENT, ROLLING_ROTATION, START_DEPTH, ZONE, STIFFNESS_FACTOR,
+    UNLOADING_FACTOR, START_FRICTION_FACTOR,
+) = range(9)  # fmt: skip
+N_MEMORY = START_FRICTION_FACTOR + 1
 TENSION_ONSET = 0.1  # share of the rise from the indentation over which a tension grows to its full value
+
+
+@numba.njit
+def stiffnesses(soil: Array, memory: Array) -> tuple[float, float]:
+    """Loading and unloading stiffness in N/m at a contact on this row of soil."""
+    k_l = soil[K_L] * memory[STIFFNESS_FACTOR]
+    return k_l, max(k_l, soil[K_UL] * memory[STIFFNESS_FACTOR] * memory[UNLOADING_FACTOR])
 
 
 @numba.njit
@@ -56,8 +64,8 @@ def contact_force(
 
     `soil`: the row of the zone; `indentation`: the rolling spring acts until the contact ends.
     """
-    factor = memory[STIFFNESS_FACTOR]
-    k_l, k_ul, k_t = soil[K_L] * factor, soil[K_UL] * factor, soil[K_T]
+    k_l, k_ul = stiffnesses(soil, memory)
+    k_t = soil[K_T]
     depth = motion.depth - memory[START_DEPTH]
     memory[PEAK_PENETRATION] = max(memory[PEAK_PENETRATION], depth)
     force = spring_force(depth, memory[PEAK_PENETRATION], k_l, k_ul)
@@ -65,7 +73,8 @@ def contact_force(
     if pressing:
         dashpot = values[parameters.DASHPOT] + values[parameters.DEPTH_DASHPOT] * depth
         force = max(0.0, force + dashpot * motion.rate)
-    limit = soil[MU] * friction_factor(motion.slip_velocity, values) * force
+    friction = soil[MU] * memory[START_FRICTION_FACTOR] * friction_factor(motion.slip_velocity, values)
+    limit = friction * force
     ploughing = 0.0
     if pressing:
         coefficient = values[parameters.PLOUGHING] + values[parameters.PLOUGHING_SQUARE] * abs(

@@ -67,6 +67,7 @@ def time_steps(soil: Array, body: Body, values: Array) -> TimeSteps:
     for z in range(soil.shape[0]):
         k_l, k_ul = max(k_l, soil[z, K_L]), max(k_ul, soil[z, K_UL])
         k_t, k_r = max(k_t, soil[z, K_T]), max(k_r, soil[z, K_R])
+    k_ul *= np.exp(values[parameters.WAVE_LOG_FACTOR])
     lever = (body.centroid_x**2 + body.centroid_y**2) if body.group == 0 else body.reach**2
     normal = 1.0 / body.mass + lever / body.inertia
     oblique = 1.0 / body.mass + body.reach**2 / body.inertia

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rock2d.blind.reality import parameters
-from rock2d.blind.reality.as_built import block_outline, rough_profile, setup_as_built
+from rock2d.blind.reality.as_built import block_outline, hilly_profile, rough_profile, setup_as_built
 from rock2d.blind.reality.catalogue import CAUSES
 from rock2d.blind.reality.compiled_records import (
     BODY_WIDTH,
@@ -44,6 +44,9 @@ def motion_inputs(world: World, hidden: Sequence[Hidden]) -> MotionInputs:
         yielding[slice(*setup.embankment)] = 1.0
     if "spacing_m" in values.get("surface_roughness", {}):
         points, pieces = rough_profile(points, values["surface_roughness"])
+        zone, yielding = zone[pieces], yielding[pieces]
+    if "fixed_profile" in values:
+        points, pieces = hilly_profile(points, values["fixed_profile"])
         zone, yielding = zone[pieces], yielding[pieces]
     ridges = (ground_turns(points) < -RIDGE_TURN_RAD).astype(float)
     ground = Ground(points, zone, ground_patches(points), ridges, yielding)

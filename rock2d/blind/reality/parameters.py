@@ -44,5 +44,9 @@ from __future__ import annotations
     SHAKE_PHASE,  # rad
     SPIN_KICK,  # speed at lift-off gained over |spin| × radius, 1
     SPEED_LOSS,  # 1: impacts take a share of the horizontal speed
-) = range(41)
-N_PARAMETERS = SPEED_LOSS + 1
+    FRICTION_FALL,  # friction is divided by 1 + FRICTION_FALL × normal speed at the start of the contact, s/m
+    WAVE_LOG_FACTOR,  # largest log of the factor on the unloading stiffness, which changes with x as a sine
+    WAVE_NUMBER,  # of this sine, rad/m
+    WAVE_PHASE,  # rad
+) = range(45)
+N_PARAMETERS = WAVE_PHASE + 1

@@ -1,0 +1,24 @@
+"""The ground has small hills and dips that nobody surveyed; they are the same for all releases."""
+
+from __future__ import annotations
+
+from rock2d.blind.reality.cause import Cause, Rng
+from rock2d.blind.reality.scale import Scale
+
+
+def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
+    """Values of a form at `share` (0 to 1) of the largest plausible size."""
+    # as of one wave with an amplitude of a tenth of a block
+    return {
+        "height_m": 0.07 * share * scale.size,
+        "wavelength_m": 4.0 * scale.size,
+        "profile": float(rng.integers(1 << 30)),
+    }
+
+
+CAUSE = Cause(
+    "fixed_profile",
+    sizes,
+    phase="impact",
+    sentence="The ground has small hills and dips that nobody surveyed; they are the same for all releases.",
+)

@@ -1,0 +1,163 @@
+"""The part of a score's page about named sets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.blind.scoring import CALIBRATION_BINS, CLEAR_SIGNAL_TO_NOISE, share_text
+from rock2d.blind.set_scoring import (
+    ABSENT_SIGNAL_TO_NOISE,
+    CLOSURE_MARGIN,
+    LABEL_KINDS,
+    NAMED_PROBABILITY,
+    PRESENT_SIGNAL_TO_NOISE,
+    SURE_PROBABILITY,
+    SetCase,
+    inclusion_pairs,
+    known_closures,
+)
+from rock2d.graphics.pages import (
+    PAGE_ACCENT,
+    PAGE_INK,
+    PAGE_RULE,
+    PAGE_WARM,
+    blank_axes,
+    html_figure,
+    html_list,
+    html_table,
+)
+from rock2d.statistics import wilson_interval
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CALIBRATION_COLUMNS = ("pairs", "present", "auroc", "brier", "ece", "ece_if_calibrated")
+CALIBRATION_HEAD = ("", "pairs", "present", "AUROC", "Brier", "ECE", "ECE of chance alone")
+KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # of LABEL_KINDS
+GROUP_NAMES = {
+    "all": "all cases",
+    "without_outside": "no outside cause",
+    "with_outside": "beside an outside cause",
+}
+
+
+def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
+    """HTML of the section; `found`: `set_summary` of the cases."""
+    outside = found["outside"]
+    return "".join([
+        f"<h1>Named sets of {found['cases']} cases</h1>"
+        f"<p>The named set of a case holds the effects with an inclusion probability of at least "
+        f"{NAMED_PROBABILITY:g}. A named effect is right if it is hidden, whatever its strength. Brackets are 95 % "
+        "Wilson intervals.</p>",
+        "<h2>Inclusion probabilities</h2>"
+        f"<p>Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its "
+        f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
+        f"{found['inclusion']['undecidable']} pairs between them are undecidable and left out. ECE: expected "
+        "calibration error.</p>",
+        _wide(_calibration_table(found["inclusion"])),
+        html_figure("Stated and actual inclusion", _reliability(cases), image_format="svg"),
+        "<h2>Hidden effects that are named</h2>" + _wide(_recall_table(found)),
+        "<h2>Named effects that are hidden</h2>"
+        + _wide(html_table((GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()))
+        + f"<p>Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}</p>",
+        "<h2>By number of releases</h2>" + _wide(_release_table(found["by_releases"])),
+        "<h2>Causes from outside the catalogue</h2>"
+        f"<p>Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without.</p>"
+        + _wide(html_table([
+            ("AUROC", f"{outside['auroc']:.3g}"),
+            (f"clear ones with a probability of at least {NAMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
+            ("false alarms", share_text(outside["false_alarms"])),
+        ])),
+        f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",
+        html_list([_wrong_text(w) for w in found["wrong_and_sure"]] or ["none"]),
+        _closure_part(cases, found["closure"]),
+    ])  # fmt: skip
+
+
+def _wide(table: str) -> str:
+    """A table that scrolls where the page is narrower."""
+    return f"<div style='overflow-x:auto'>{table}</div>"
+
+
+def _calibration_table(found: dict[str, Any]) -> str:
+    rows = {"all": found, **found["by_effect"]}
+    return html_table(
+        ((name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()),
+        head=CALIBRATION_HEAD,
+    )
+
+
+def _recall_table(found: dict[str, Any]) -> str:
+    groups = [
+        (f"{count} hidden, {GROUP_NAMES[beside]}", own)
+        for beside, counts in found["recall"].items()
+        for count, own in counts.items()
+    ] + [("named first (single causes)", found["first_right_single"])]
+    return html_table(
+        ((level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]),
+        head=("signal-to-noise", *(name for name, _ in groups)),
+    )
+
+
+def _release_table(found: dict[str, dict[str, list[float]]]) -> str:
+    head = ("releases", f"present effects named (signal-to-noise from {PRESENT_SIGNAL_TO_NOISE:g})",
+            "named effects right", "nulls with a cause named")  # fmt: skip
+    return html_table(((name, *map(share_text, own.values())) for name, own in found.items()), head=head)
+
+
+def _wrong_text(wrong: dict[str, Any]) -> str:
+    hidden = {**wrong["hidden"]} | ({} if wrong["outside"] is None else {"outside cause": wrong["outside"]})
+    truth = ", ".join(f"{name} (signal-to-noise {z:.1f})" for name, z in hidden.items()) or "nothing"
+    return f"case {wrong['case']}: {wrong['effect']} (probability {wrong['p']:.2f}); hidden {truth}"
+
+
+def _closure_part(cases: Iterable[SetCase], found: dict[str, Any]) -> str:
+    """Claimed against true closure; nothing if no case has both."""
+    if found["all"]["within_15_points"][3] == 0:
+        return ""
+    rows = [
+        (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]))
+        for name, own in found.items()
+        if own["within_15_points"][3] > 0
+    ]
+    head = ("hidden", "median of claimed less true", f"within {100 * CLOSURE_MARGIN:.0f} points")
+    return (
+        "<h2>Claimed and true closure</h2>"
+        + _wide(html_table(rows, head=head))
+        + html_figure("Closure of the gap, claimed against true", _closures(cases), image_format="svg")
+    )
+
+
+def _reliability(cases: Sequence[SetCase]) -> Figure:
+    """Share of present effects against their probability, in bins of equal mass of the pairs above 0."""
+    figure, (axes,) = blank_axes(4.2, 4.0)
+    axes.plot([0, 1], [0, 1], color=PAGE_RULE)
+    pairs = [(p, present) for _, p, present in inclusion_pairs(cases) if p > 0.0]
+    p, present = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+    for part in np.array_split(np.argsort(p, kind="stable"), max(1, min(CALIBRATION_BINS, len(p)))):
+        if len(part):
+            low, high = wilson_interval(int(present[part].sum()), len(part))
+            share = present[part].mean()
+            axes.errorbar(p[part].mean(), share, [[share - low], [high - share]], fmt="o", color=PAGE_ACCENT)
+    axes.set_xlabel("inclusion probability of a listed effect")
+    axes.set_ylabel("share present")
+    return figure
+
+
+def _closures(cases: Iterable[SetCase]) -> Figure:
+    figure, (axes,) = blank_axes(5.2, 4.6)
+    known = known_closures(cases)
+    axes.plot([0, 1], [0, 1], color=PAGE_RULE)
+    for shift in (-CLOSURE_MARGIN, CLOSURE_MARGIN):
+        axes.plot([0, 1], [shift, 1 + shift], color=PAGE_RULE, linestyle=":")
+    for kind, colour, marker in zip(LABEL_KINDS, KIND_COLOURS, "osD^", strict=True):
+        own = [(true, claimed) for k, claimed, true in known if k == kind]
+        if own:
+            axes.plot(*np.array(own).T, marker, color=colour, markersize=4, label=kind)
+    axes.set_xlabel("true closure")
+    axes.set_ylabel("claimed closure")
+    axes.legend(frameon=False)
+    return figure

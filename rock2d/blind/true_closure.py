@@ -1,0 +1,58 @@
+"""The share of the gap that a diagnosis truly closes, measured on films that it never had.
+
+The base law and the model with all causes and learnt changes predict the held-out releases of a case. What a perfect
+model would leave is known from the null twin, the same releases without the hidden causes: there the base law, fitted
+to the other twin, misses nothing but noise, the soil and the form of the law. The gap is measured as in the diagnosis.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.blind.case_files import HELDOUT, TWIN, TWIN_FIT
+from rock2d.diagnosis.attribution import fit_base
+from rock2d.diagnosis.budget import Sizes
+from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.diagnose import Diagnosis, prepared
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.learnt import residuals_on
+from rock2d.files.experiment import load_experiment
+from rock2d.kinematics.setup_world import base_start, setup_world
+
+Array = np.ndarray
+
+LEAST_GAP = 1.03  # gap of the base law over the floor, from which on a share of it means something
+
+
+def true_closure(case: Path, result: Diagnosis) -> float | None:
+    """The share; None where there is no gap, or a film of the case cannot be divided."""
+    found = result.found
+    null = _null_fit(case / TWIN_FIT)
+    held, twin = _data(case / HELDOUT), _data(case / TWIN)
+    if found is None or null is None or held is None or twin is None:
+        return None
+    variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
+    base = _gap(held, model_residuals(found.base.model, found.base.p, held), variance)
+    closed = _gap(held, residuals_on(held, found.learnt), variance)
+    floor = _gap(twin, model_residuals(null.model, null.p, twin), variance)
+    return (base - closed) / (base - floor) if base > LEAST_GAP * floor else None
+
+
+def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
+    """Gap of residuals; `variance` (d,) of the channels of impacts."""
+    sizes = Sizes(data, np.diag(variance) * np.ones((len(data.impact_release), 1, 1)))
+    return float(np.exp(sizes.of(residuals).sum() / sizes.count.sum()))
+
+
+def _null_fit(folder: Path) -> Fit | None:
+    experiment = load_experiment(folder)
+    setup = setup_world(experiment)
+    sanity, data = prepared(experiment, setup)
+    return None if data is None else fit_base(setup, base_start(experiment), data, sanity.registered)
+
+
+def _data(folder: Path) -> Data | None:
+    experiment = load_experiment(folder)
+    return prepared(experiment, setup_world(experiment))[1]

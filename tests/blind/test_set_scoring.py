@@ -1,0 +1,194 @@
+"""The score of named sets, on six cases whose numbers are known by hand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import pytest
+
+from rock2d.blind import scoring
+from rock2d.blind.command import score
+from rock2d.blind.set_scoring import closures, inclusion, set_case, set_cases, set_summary
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+
+EFFECTS = 22
+
+
+def _label(*, releases=100, **hidden):
+    known = sorted(name for name in hidden if name in catalogue())
+    return {
+        "label": "+".join([*known, *["unknown"] * (len(known) < len(hidden))]) or "none",
+        "hidden": [{"name": k, "form": 0, "values": {}, "signal_to_noise": z} for k, z in hidden.items()],
+        "signal_to_noise": max(hidden.values(), default=0.0), "phases": ["flight"] if hidden else [],
+        "kind": "flat", "releases": releases, "fps": 500.0, "block_size_m": 0.02, "position_noise_m": 1e-4,
+    }  # fmt: skip
+
+
+def _result(causes, outside, claimed=None, true=None):
+    p = {"none": 0.1, "unknown": 0.1} | dict.fromkeys(catalogue(), 0.8 / EFFECTS)
+    diagnosis = {
+        "probabilities": p, "where": [], "gap": {"closure": claimed},
+        "causes": [{"effect": effect, "p": own, "parameters": {}} for effect, own in causes.items()],
+        "outside": {"p": outside, "share": 0.0, "depends_on": [], "learnt": None},
+    }  # fmt: skip
+    return {"diagnosis": diagnosis, "statistics": None, "seconds": 1.0, "true_closure": true}
+
+
+TRIAL = {
+    "000": (
+        _label(air_drag=20.0, releases=20),
+        _result({"air_drag": 0.95, "adhesion": 0.6}, 0.1, claimed=0.9, true=0.8),
+    ),
+    "001": (
+        _label(magnus_lift=3.0, adhesion=1.0, releases=80),
+        _result({"magnus_lift": 0.7}, 0.2, claimed=0.5, true=0.9),
+    ),
+    "002": (_label(), _result({"camera_tilt": 0.92}, 0.85)),
+    "003": (_label(), _result({}, 0.1, claimed=0.0)),
+    "004": (
+        _label(air_drag=60.0, spin_kick=10.0),
+        _result({"inertia_error": 0.55, "air_drag": 0.4}, 0.8, claimed=0.3, true=0.2),
+    ),
+    "005": (_label(spin_kick=3.0), _result({}, 0.3)),
+}
+
+
+@pytest.fixture
+def cases():
+    return [set_case(name, *own) for name, own in TRIAL.items()]
+
+
+def test_inclusion_is_scored_over_all_cases_and_effects(cases):
+    found = inclusion(cases)
+    assert len(catalogue()) == EFFECTS
+    pairs = 6 * EFFECTS - 1  # adhesion of case 001 is undecidable
+    assert (found["pairs"], found["present"], found["undecidable"]) == (pairs, 3, 1)
+    squares = 0.05**2 + 0.6**2 + 0.3**2 + 0.92**2 + 0.55**2 + 0.6**2
+    assert found["brier"] == pytest.approx(squares / pairs)
+    # the present 0.95, 0.7 and 0.4 against 128 absent, three of which have 0.92, 0.6 and 0.55
+    assert found["auroc"] == pytest.approx((128 + 127 + 125) / (3 * 128))
+    # all probabilities above 0 are in the last bin: 4.12 stated, 3 present
+    assert found["ece"] == pytest.approx((4.12 - 3) / pairs)
+    own = found["by_effect"]["air_drag"]
+    assert (own["pairs"], own["present"]) == (6, 2)
+    assert own["brier"] == pytest.approx((0.05**2 + 0.6**2) / 6) and own["ece"] == pytest.approx(0.65 / 6)
+    assert found["by_effect"]["adhesion"]["pairs"] == 5
+
+
+def test_a_hidden_effect_that_cannot_be_seen_counts_as_absent():
+    found = inclusion([set_case("000", _label(air_drag=0.4), _result({}, 0.0))])
+    assert (found["pairs"], found["present"], found["undecidable"]) == (EFFECTS, 0, 0)
+
+
+def _counts(share):
+    return None if share[3] == 0 else (round(share[0] * share[3]), share[3])
+
+
+def test_recall_by_strength_number_and_company(cases):
+    recall = set_summary(cases)["recall"]
+    seen = {
+        (beside, count, level): _counts(share)
+        for beside, counts in recall.items()
+        for count, levels in counts.items()
+        for level, share in levels.items()
+        if share[3]
+    }
+    assert seen == {
+        ("without_outside", "1", "15 to 50"): (1, 1),
+        ("without_outside", "2 to 4", "2 to 5"): (1, 1),
+        ("without_outside", "2 to 4", "0 to 2"): (0, 1),
+        ("with_outside", "1", "50 to inf"): (0, 1),
+    }
+
+
+def test_named_effects_firsts_nulls_and_releases(cases):
+    found = set_summary(cases)
+    assert {k: _counts(v) for k, v in found["precision"].items()} == {
+        "all": (2, 5), "without_outside": (2, 4), "with_outside": (0, 1),
+    }  # fmt: skip
+    assert found["precision"]["all"][:3] == pytest.approx([0.4, 0.1176, 0.7693], abs=1e-4)  # Wilson
+    assert _counts(found["first_right_single"]["15 to 50"]) == (1, 1)
+    assert sum(share[3] for share in found["first_right_single"].values()) == 1
+    assert _counts(found["nulls_with_a_cause_named"]) == (1, 2)
+    groups = {k: {name: _counts(v) for name, v in own.items()} for k, own in found["by_releases"].items()}
+    assert groups == {
+        "below 30": {"recall": (1, 1), "precision": (1, 2), "nulls_with_a_cause_named": None},
+        "30 to 80": {"recall": (1, 1), "precision": (1, 1), "nulls_with_a_cause_named": None},
+        "above 80": {"recall": (0, 1), "precision": (0, 2), "nulls_with_a_cause_named": (1, 2)},
+    }
+
+
+def test_the_first_place_counts_and_not_the_named_set():
+    below = {"air_drag": 0.3, "adhesion": 0.2}
+    found = set_summary([
+        set_case("0", _label(air_drag=20.0), _result(below, 0.0)),
+        set_case("1", _label(adhesion=20.0), _result(below, 0.0)),
+        set_case("2", _label(adhesion=20.0), _result({}, 0.0)),
+    ])  # fmt: skip
+    assert _counts(found["first_right_single"]["15 to 50"]) == (1, 3)
+    assert _counts(found["recall"]["without_outside"]["1"]["15 to 50"]) == (0, 3)
+
+
+def test_outside_causes_and_wrong_effects_named_surely(cases):
+    found = set_summary(cases)
+    assert found["outside"]["auroc"] == pytest.approx(
+        3 / 4
+    )  # 0.8 against 0.1, 0.2, 0.85, 0.1; case 005 is weak
+    assert _counts(found["outside"]["recall_clear"]) == (1, 1)
+    assert _counts(found["outside"]["false_alarms"]) == (1, 4)
+    wrong = {"case": "002", "effect": "camera_tilt", "p": 0.92, "hidden": {}, "outside": None}
+    assert found["wrong_and_sure"] == [wrong]
+
+
+def test_claimed_closure_is_compared_with_the_true_one_where_both_are_known(cases):
+    found = closures(cases)
+    assert found["all"]["median_claimed_less_true"] == pytest.approx(0.1)
+    assert _counts(found["all"]["within_15_points"]) == (2, 3)
+    assert found["2 to 4 effects"]["median_claimed_less_true"] == pytest.approx(-0.4)
+    assert {kind: own["within_15_points"][3] for kind, own in found.items()} == {
+        "all": 3, "nothing": 0, "one effect": 1, "2 to 4 effects": 1, "outside cause": 1,
+    }  # fmt: skip
+
+
+def _write(folder, trial):
+    labels = json.dumps({name: label for name, (label, _) in trial.items()})
+    (folder / "labels.json").write_text(labels)
+    digest = hashlib.sha256(labels.encode()).hexdigest()
+    index = {"count": len(trial), "seed": 1, "labels_sha256": digest}
+    (folder / "cases.json").write_text(json.dumps(index))
+    (folder / "results").mkdir()
+    for name, (_, result) in trial.items():
+        (folder / "results" / f"{name}.json").write_text(json.dumps(result))
+
+
+def test_sets_are_in_the_score_and_on_its_page(tmp_path, monkeypatch):
+    monkeypatch.setattr(scoring, "confused_pairs", lambda folder, cases: [])
+    _write(tmp_path, TRIAL)
+    score(tmp_path, report=lambda line: None)
+    found = json.loads((tmp_path / "score.json").read_text())["sets"]
+    assert found["cases"] == 6 and found["precision"]["all"][3] == 5
+    page = (tmp_path / "score.html").read_text()
+    assert "case 002: camera_tilt (probability 0.92); hidden nothing" in page
+    assert "40.0 % [11.8, 76.9] of 5" in page and "Claimed and true closure" in page
+    assert page.count("<img ") == 7
+
+
+def test_results_without_sets_are_scored_as_before(tmp_path, monkeypatch):
+    monkeypatch.setattr(scoring, "confused_pairs", lambda folder, cases: [])
+    trial = json.loads(json.dumps(TRIAL))
+    for _, result in trial.values():
+        del result["diagnosis"]["causes"]
+    _write(tmp_path, trial)
+    score(tmp_path, report=lambda line: None)
+    assert "sets" not in json.loads((tmp_path / "score.json").read_text())
+    assert (tmp_path / "score.html").read_text().count("<img ") == 5
+
+
+def test_a_damaged_set_is_refused_with_its_file(tmp_path):
+    trial = json.loads(json.dumps(TRIAL))
+    trial["001"][1]["diagnosis"]["causes"] = [{"effect": "air_drag"}]
+    _write(tmp_path, trial)
+    with pytest.raises(InputError, match=r"001\.json"):
+        set_cases(tmp_path)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME
-from rock2d.diagnosis.quantities import BLOCK, KINDS, PLACE_M, ZONE, Curve
+from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME, STATE
+from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, PLACE_M, ZONE, Curve
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import BLOCK_COLOURS
 from rock2d.records.columns import X, Y
@@ -35,10 +35,23 @@ STATE_NUMBERS = (("x", "m"), ("y", "m"), ("θ", "rad"), ("v_x", "m/s"), ("v_y", 
 OUTCOME_NUMBERS = (
     ("tangential", "m"), ("normal", "m"), ("θ", "rad"), ("tangential", "m/s"), ("normal", "m/s"), ("ω", "rad/s"),
 )  # fmt: skip
+LEVER_WORDS = {
+    LAW: "parameters of the law", STATE: "measured state before the impact", OUTCOME: "outcome of the impact",
+    FLIGHT: "acceleration in flight",
+}  # fmt: skip
+UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m2_s2": "m²/s²", "m_s2": "m/s²", "s": "s"}
 POINTS = 200  # of a curve
 LEAST_SWING = 0.2  # of the largest, relative to typical sizes; numbers that change less are left out
 MOST_DRAWN = 3  # numbers of a lever
 WIDE_IN, HIGH_IN = 4.6, 2.6
+
+
+def described(change: Change) -> str:
+    """A change in words."""
+    depends = (
+        "the same everywhere" if change.basis.name == CONSTANT else f"depending on the {change.basis.name}"
+    )
+    return f"{LEVER_WORDS[change.lever]}, {depends}"
 
 
 def learnt_figure(result: Diagnosis, change: Change) -> Figure:
@@ -79,8 +92,16 @@ def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients:
         ground.set_yticks([])
         axis.set_xlim(at[0], at[-1])
     axis.axhline(1.0 if lever == LAW else 0.0, color="#999999", linewidth=0.8)
-    axis.set_xlabel(curve.quantity.replace("_", " "))
+    axis.set_xlabel(_labelled(curve.quantity))
     axis.legend(fontsize=SMALL_PT, frameon=False)
+
+
+def _labelled(quantity: str) -> str:
+    """A quantity with its unit in brackets."""
+    for end in sorted(UNITS, key=len, reverse=True):
+        if quantity.endswith(f"_{end}"):
+            return f"{quantity[: -len(end) - 1].replace('_', ' ')} ({UNITS[end]})"
+    return quantity
 
 
 def _points(curve: Curve) -> Array:

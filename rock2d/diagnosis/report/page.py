@@ -18,7 +18,7 @@ from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
-from rock2d.diagnosis.report.learnt_figures import learnt_figure
+from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
 from rock2d.diagnosis.report.practical_indicators import (
     Quantity,
     film_quantities,
@@ -145,7 +145,7 @@ def _sections(
     }
     context |= _where(result, content, models)
     context["learnt"] = [
-        {"name": change.name, "image": _inline(learnt_figure(result, change)),
+        {"name": described(change), "image": _inline(learnt_figure(result, change)),
          "gain": text.plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
@@ -239,7 +239,7 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     bars = (
         ("base law", Mark("base", base, base, base, f"base law: {base:.2f}", "bar")),
         (
-            f"with {text.listed(chain)}",
+            f"with {text.best_model(content, chain)}",
             Mark("effect", augmented, low, high, f"with it: {augmented:.2f}", "bar"),
         ),
         ("noise floor", Mark("measured", floor, floor, floor, f"noise floor: {floor:.2f}", "bar")),

@@ -55,7 +55,7 @@ def compared_models(result: Diagnosis) -> Models:
     """
     found = result.found
     assert found is not None
-    if found.verdict == "none":
+    if found.verdict == "none" or (found.verdict == "unknown" and not found.named):
         return Models(found.base, found.base_held_out)
     name = reported_effect(found)
     best = found.final if name == found.best else found.candidates[name]

@@ -105,6 +105,13 @@ class Tile(NamedTuple):
     note: str
 
 
+def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
+    """What the best model has that the base law has not: its effects and what was learnt."""
+    named = [cause["effect"] for cause in content.get("causes", []) if cause["closes"] is not None]
+    learnt = bool(content.get("outside") and content["outside"]["learnt"])
+    return listed([*named, *["what was learnt"] * learnt] or chain)
+
+
 def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> tuple[str, str]:
     """The name of the verdict as it is shown, and one or two sentences."""
     verdict, faults = content["verdict"], content["sanity"]["faults"]
@@ -189,7 +196,8 @@ def key_figures(
         return tiles
     closed = share_closed(gap["closure"], gap["closure_ci95"])
     if verdict == "unknown":
-        tiles.append(Tile("Gap closed", closed, f"by the best model, with {listed(chain)}; 95 % interval"))
+        with_it = best_model(content, chain)
+        tiles.append(Tile("Gap closed", closed, f"by the best model, with {with_it}; 95 % interval"))
         return [*tiles, *_place_tile(content)]
     low, high = (round(100 * v) for v in gap["closure_ci95"])
     remark = "no predictable residual remains" if low == high else "95 % interval"

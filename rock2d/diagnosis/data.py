@@ -50,6 +50,10 @@ class Data(Protocol):
     def impact_zone(self) -> Array:
         """(n,) zone of each impact."""
 
+    @property
+    def tangent(self) -> Array:
+        """(n, 2) direction of the ground at each impact."""
+
     def only(self, releases: Array) -> Data:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
 
@@ -73,6 +77,9 @@ class Data(Protocol):
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what an impact may depend on, see `quantities`."""
+
+    def outcome_quantities(self, world: World) -> dict[str, Array]:
+        """The same of the motion after the impacts, as far as it is known then."""
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of each flight."""

@@ -52,12 +52,12 @@ class _Fitted(_Part):
 
 class _Curve(_Part):
     quantity: str
-    kind: Literal["spline", "harmonics", "kinds", "line"]
+    kind: Literal["spline", "harmonics", "kinds", "line", "waves"]
     numbers: list[float] = Field(min_length=1)
 
 
 class _Change(_Part):
-    lever: Literal["law", "incident state", "outcome", "flight"]
+    lever: Literal["law", "slope", "incident state", "outcome", "frame", "flight"]
     depends_on: str
     curves: list[_Curve]
     coefficients: list[list[float]] = Field(min_length=1)

@@ -8,13 +8,14 @@ lever and group the gain on held-out releases. The model's own parameters stay f
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME, STATE, Levers
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, SLOPE, STATE, Levers
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.quantities import CONSTANT, Basis
 from rock2d.diagnosis.significance import standard_error
@@ -26,8 +27,13 @@ WIDTHS = {
     LAW: (0.02, 0.1, 0.4),
     STATE: (0.02, 0.1, 0.4),
     OUTCOME: (0.1, 0.4, 1.6),
+    SLOPE: (0.01, 0.05, 0.2),
+    FRAME: (0.01, 0.05, 0.2),
     FLIGHT: (0.003, 0.03, 0.3),
 }
+
+
+CHANCE_PENALTY = 2.0  # log likelihood for each factor of e in the number of bases of the same name
 
 
 @dataclass
@@ -64,12 +70,15 @@ def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:
     levers, linear = Levers(fit, data), LinearModel(fit, data)
     found = []
     for lever, bases in levers.bases.items():
-        for basis in bases.values():
+        chances = Counter(basis.name for basis in bases)
+        for basis in bases:
             if basis.name == CONSTANT and lever in (LAW, OUTCOME):
                 # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
                 continue
             columns = levers.columns(levers.answer(lever, basis))
             count = columns.impacts.shape[-1]
             best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
-            found.append(Discrepancy(lever, basis, best.gain, WIDTHS[lever][best.choice]))
+            # the best of many bases of the same name gains by chance
+            penalty = CHANCE_PENALTY * np.log(chances[basis.name]) / len(data.order)
+            found.append(Discrepancy(lever, basis, best.gain - penalty, WIDTHS[lever][best.choice]))
     return sorted(found, key=lambda d: -d.total)

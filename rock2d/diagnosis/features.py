@@ -11,16 +11,19 @@ from rock2d.diagnosis.quantities import (
     LEAN_RAD,
     MOST_COUNTED_IMPACTS,
     NORMAL_SPEED_M_S,
+    OMEGA_RAD_S,
     PLACE_M,
     SERIES,
     SLIDING_SPEED_M_S,
     SPIN_M_S,
     TANGENTIAL_SPEED_M_S,
     THETA_RAD,
+    VX_M_S,
+    VY_M_S,
     ZONE,
 )
 from rock2d.kinematics.impacts import ground_axes
-from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, THETA, X, Y
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, RATES, THETA, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -60,7 +63,13 @@ def incident_quantities(
         TANGENTIAL_SPEED_M_S: along,
         SLIDING_SPEED_M_S: along + spin,
         SPIN_M_S: spin,
+        **moving_quantities(before[:, RATES]),
     }
+
+
+def moving_quantities(rates: Array) -> dict[str, Array]:
+    """Name -> (n,): velocities in the image (n, 3), before or after an impact."""
+    return {VX_M_S: rates[:, 0], VY_M_S: rates[:, 1], OMEGA_RAD_S: rates[:, 2]}
 
 
 def _lean(size: Array, tangent: Array, before: Array, across: Array) -> Array:

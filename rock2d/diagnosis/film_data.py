@@ -7,8 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import history_quantities, incident_features, incident_quantities
+from rock2d.diagnosis.features import (
+    history_quantities,
+    incident_features,
+    incident_quantities,
+    moving_quantities,
+)
 from rock2d.diagnosis.impact_prediction import outcomes
+from rock2d.diagnosis.quantities import SERIES, TIME_S
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
@@ -42,6 +48,10 @@ class FilmData(FilmSegments):
     @property
     def impact_zone(self) -> Array:
         return self.impacts.zone
+
+    @property
+    def tangent(self) -> Array:
+        return self.impacts.tangent
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Residuals in a world, in the camera's units."""
@@ -96,7 +106,24 @@ class FilmData(FilmSegments):
         impacts = self.impacts
         began = self.basis.middle[impacts.before] + impacts.start_s
         found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
-        return found | history_quantities(impacts.release, impacts.order, began)
+        found |= history_quantities(impacts.release, impacts.order, began) | {TIME_S: self._times(world)}
+        return found
+
+    def outcome_quantities(self, world: World) -> dict[str, Array]:
+        """The same of the flights after."""
+        impacts = self.impacts
+        begin = impacts.begin_s * world.view.time_scale
+        after = drift(world, impacts.block, self.states(world).middle[impacts.after], begin)
+        known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
+        return moving_quantities(after[:, RATES]) | known
+
+    def _times(self, world: World) -> Array:
+        """(n,) true time in s from the beginning of the release to the end of each impact."""
+        impacts = self.impacts
+        begin = self.film.t_s[np.searchsorted(self.film.release, impacts.release)]
+        return np.asarray(
+            (self.basis.middle[impacts.after] + impacts.begin_s - begin) * world.view.time_scale
+        )
 
     def flight_noise(self, world: World) -> Array:
         """(m, 3) standard deviation of the true coefficients of a flight that is 1 in the residuals."""

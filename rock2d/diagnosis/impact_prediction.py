@@ -49,10 +49,10 @@ def outcomes(world: World, impacts: Impacts, states: States, shift: Array | None
         # a ground with this excess slope is the same as the stated ground with everything else turned the other way
         after = drift(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
         pivot = after[:, POSITION]
-        starts = _turned(starts, pivot, -world.slope_rad)
+        starts = turned(starts, pivot, -world.slope_rad)
     simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale)
     if pivot is not None:
-        simulated = _turned(simulated, pivot[:, None], world.slope_rad[:, None])
+        simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
     measured = drift(
         world,
         np.repeat(impacts.block, COMPARED_INSTANTS),
@@ -70,7 +70,7 @@ def outcomes(world: World, impacts: Impacts, states: States, shift: Array | None
     ])  # fmt: skip
 
 
-def _turned(states: Array, pivot: Array, angle: Array) -> Array:
+def turned(states: Array, pivot: Array, angle: Array) -> Array:
     """States or poses (..., 3 or 6) turned about a pivot (..., 2)."""
     out = states.copy()
     c, s = np.cos(angle), np.sin(angle)

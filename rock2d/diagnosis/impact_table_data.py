@@ -12,7 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import history_quantities, incident_features, incident_quantities
+from rock2d.diagnosis.features import (
+    history_quantities,
+    incident_features,
+    incident_quantities,
+    moving_quantities,
+)
+from rock2d.diagnosis.quantities import SERIES
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
@@ -105,6 +111,10 @@ class TableData(ImpactTable):
             world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
         )
         return found | history_quantities(self.impact_release, self.impact_order, np.arange(len(self.before)))
+
+    def outcome_quantities(self, world: World) -> dict[str, Array]:
+        """The same of the velocities after."""
+        return moving_quantities(self.after) | {SERIES: self.impact_order.astype(float)}
 
     def flight_features(self, world: World) -> Array:
         """A table has no flights."""

@@ -69,6 +69,8 @@ class LearntModel(Model):
         for answer, own in zip(self.answers, coefficients, strict=False):
             if answer.law is not None:
                 world = with_changed_law(world, answer.law @ own)
+            if answer.slope is not None:
+                world = replace(world, slope_rad=world.slope_rad + answer.slope @ own)
             if answer.shift is not None:
                 moved = moved + answer.shift @ own
         found = data.residuals(world, moved)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.features import incident_quantities
+from rock2d.diagnosis.features import incident_quantities, moving_quantities
 from rock2d.diagnosis.flight_fields import flight_paths, integral, path_quantities, response
-from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME, STATE
+from rock2d.diagnosis.impact_prediction import turned
+from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.quantities import (
     BLOCK,
@@ -94,17 +95,26 @@ class LearntMotion:
             SERIES: segments.order.astype(float),
             HISTORY: np.minimum(segments.number, MOST_COUNTED_IMPACTS).astype(float),
         }
+        lasts = np.where(known, touch.impacts[:, 0, I_TIME_AFTER], segments.limit_s)
+        self._history[TIME_S] = segments.begin_s + lasts
         self._quantities = self._history | incident_quantities(
             world, segments.block, zone, self._tangent, segments.start
         )
+        self._pivot, self._slope = at[:, POSITION], np.zeros(len(at))
         self.world, self.start = world, segments.start.copy()
         for change in changes:
-            if change.lever == LAW:
+            if change.lever == SLOPE:
+                self._slope += change.of(self._quantities)[:, 0]
+            elif change.lever == FRAME:
+                self.start[:, FRAME_COLUMNS] += change.of(self._quantities)
+            elif change.lever == LAW:
                 self.world = with_changed_law(self.world, change.of(self._quantities))
             elif change.lever == STATE:
                 self.start += change.of(self._quantities)
             elif change.lever == FLIGHT:
                 self.start += self._flown(change, data)
+        # a slope of the ground is the same as the stated ground with the motion turned the other way
+        self.start = turned(self.start, self._pivot, -self._slope)
 
     def _impacts(self, world: World, start: Array) -> Any:
         """The first impact of each segment."""
@@ -126,7 +136,7 @@ class LearntMotion:
         """(n, k, 3) what the changes add to simulated poses (n, k, 3) after the impact; t_s (n, k): true time from the
         start, infinite where there is no frame."""
         found = np.zeros_like(samples)
-        after = [c for c in self._changes if c.lever in (OUTCOME, FLIGHT)]
+        after = [c for c in self._changes if c.lever in (SLOPE, OUTCOME, FRAME, FLIGHT)]
         if not after:
             return found
         impacts = self._impacts(self.world, self.start).impacts[:, 0]
@@ -136,24 +146,34 @@ class LearntMotion:
             if not len(own):
                 continue
             t = np.concatenate([[end], t_s[i, own]])
-            path = np.vstack([impacts[i, AFTER][:POSE_SIZE], samples[i, own]])
+            leaves = impacts[i, AFTER]
+            path = np.vstack([leaves[:POSE_SIZE], samples[i, own]])
+            state = turned(leaves[None], self._pivot[i : i + 1], self._slope[i : i + 1])[0] - leaves
             for change in after:
                 if change.lever == OUTCOME:
-                    found[i, own] += self._left(change, i, t[1:] - end)
-                else:
+                    state = state + self._left(change, i)
+                elif change.lever == FRAME:
+                    state[list(FRAME_COLUMNS)] -= change.of(self._leaving(i, leaves))[0]
+                elif change.lever == FLIGHT:
                     found[i, own] += self._pushed(change, i, t, path)[1:]
+            found[i, own] += state[:POSE_SIZE] + (t[1:, None] - end) * state[POSE_SIZE:]
         return found
 
-    def _left(self, change: KnownChange, i: int, dt: Array) -> Array:
-        """(k, 3) what a changed outcome of segment i moves, dt (k,) after the impact."""
+    def _leaving(self, i: int, state: Array) -> dict[str, Array]:
+        """What the frame may depend on after the impact of segment i, which leaves in a state (6,)."""
+        known = {name: values[i : i + 1] for name, values in self._history.items()}
+        return moving_quantities(state[None, RATES]) | known
+
+    def _left(self, change: KnownChange, i: int) -> Array:
+        """(6,) what a changed outcome adds to the state after the impact of segment i."""
         one = {name: values[i : i + 1] for name, values in self._quantities.items()}
         along = change.of(one)[0]
         tx, ty = self._tangent[i]
-        turned = np.empty(STATE_SIZE)
+        found = np.empty(STATE_SIZE)
         for first in (X, RATES.start):
             a, b = along[first : first + 2]
-            turned[first : first + 3] = tx * a - ty * b, ty * a + tx * b, along[first + 2]
-        return np.asarray(turned[:POSE_SIZE] + dt[:, None] * turned[POSE_SIZE:])
+            found[first : first + 3] = tx * a - ty * b, ty * a + tx * b, along[first + 2]
+        return found
 
     def _pushed(self, change: KnownChange, i: int, t: Array, path: Array) -> Array:
         """(k, 3) what an acceleration moves along the path (k, 3) of segment i after its impact, at t (k,)."""

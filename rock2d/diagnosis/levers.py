@@ -1,13 +1,14 @@
 """Levers: the few numbers of a model that a change without a name can move, and how all residuals answer to them.
 
-The levers of an impact are the parameters of the law, the state before it, and its outcome; that of a flight is its
-acceleration. Each may follow a basis (`quantities.Basis`). The answers to all coefficients follow from a few
+The levers of an impact are the parameters of the law, the slope of the ground, the state before it, its outcome, and
+what camera or ground add to the motion before and after it alike (the frame). That of a flight is its acceleration.
+Each may follow a basis (`quantities.Basis`). The answers to all coefficients follow from a few
 simulations by the chain rule.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,15 +18,28 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, response
 from rock2d.diagnosis.model import BASE_WIDTH
-from rock2d.diagnosis.quantities import FLIGHT_DEPENDENCES, IMPACT_DEPENDENCES, Basis, bases
+from rock2d.diagnosis.quantities import (
+    FLIGHT_DEPENDENCES,
+    FRAME_DEPENDENCES,
+    IMPACT_DEPENDENCES,
+    SLOPE_DEPENDENCES,
+    TIME_S,
+    Basis,
+    bases,
+    waves,
+)
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
-from rock2d.records.columns import RATES, X, Y
+from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 
 Array = np.ndarray
 
-LAW, STATE, OUTCOME, FLIGHT = LEVERS = ("law", "incident state", "outcome", "flight")
+LAW, SLOPE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
+    "law", "slope", "incident state", "outcome", "frame", "flight",
+)  # fmt: skip
 # how many numbers each has; outcomes are those of a film or of an impact table
-LEVER_SIZES = {LAW: (5,), STATE: (6,), OUTCOME: (6, 3), FLIGHT: (3,)}
+LEVER_SIZES = {LAW: (5,), SLOPE: (1,), STATE: (6,), OUTCOME: (6, 3), FRAME: (4,), FLIGHT: (3,)}
+FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # of a state, that the numbers of the frame change
+SLOPE_STEP_RAD = 0.003  # for differences
 STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
 
 
@@ -38,6 +52,7 @@ class Answer:
     ----------
     size : c, number of the coefficients
     law : (n, 5, c) logarithms of the law's parameters, as in `Model`; None if they do not change
+    slope : (n, c) slope of the ground in rad; None likewise
     shift : (n, 6, c) the states before the impacts; None likewise
     impacts : (n, d, c) the residuals of impacts apart from that; None likewise
     flights : (m, 3, degrees, c) the residuals of flights; None likewise
@@ -45,6 +60,7 @@ class Answer:
 
     size: int
     law: Array | None = None
+    slope: Array | None = None
     shift: Array | None = None
     impacts: Array | None = None
     flights: Array | None = None
@@ -58,18 +74,27 @@ class Levers:
         self.world = fit.model.world(fit.p, data.impact_order)
 
     @cached_property
-    def bases(self) -> dict[str, dict[str, Basis]]:
-        """Lever -> name of a dependence -> basis."""
+    def bases(self) -> dict[str, list[Basis]]:
+        """Lever -> bases that it may follow."""
         of_impacts = bases(IMPACT_DEPENDENCES, self.impact_quantities)
-        found = dict.fromkeys((LAW, STATE, OUTCOME), of_impacts)
+        found = {lever: list(of_impacts.values()) for lever in (LAW, STATE, OUTCOME)}
+        quantities = self.impact_quantities
+        found[FRAME] = list(bases(FRAME_DEPENDENCES, quantities).values())
         if self._paths is not None:
-            found[FLIGHT] = bases(FLIGHT_DEPENDENCES, self._paths.quantities)
+            pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
+            found[FRAME] += waves(quantities[TIME_S], pace_s)
+            found[SLOPE] = list(bases(SLOPE_DEPENDENCES, quantities).values())
+            found[FLIGHT] = list(bases(FLIGHT_DEPENDENCES, self._paths.quantities).values())
         return found
 
     @cached_property
     def impact_quantities(self) -> dict[str, Array]:
         """Of the impacts, name -> (n,)."""
         return self._data.impact_quantities(self.world)
+
+    @cached_property
+    def _outcome_quantities(self) -> dict[str, Array]:
+        return self._data.outcome_quantities(self.world)
 
     @cached_property
     def _paths(self) -> FlightPaths | None:
@@ -86,6 +111,8 @@ class Levers:
             LAW: np.ones(len(BASE_WIDTH)),
             STATE: np.array([size, size, 1.0, pace, pace, pace / size]),
             OUTCOME: spread,
+            SLOPE: np.ones(1),
+            FRAME: np.array([pace, pace, pace / size, 1.0]),
             FLIGHT: np.array([gravity, gravity, gravity / size]),
         }
 
@@ -94,13 +121,23 @@ class Levers:
         units = self.units[lever] if units is None else units
         if lever == FLIGHT:
             return self._of_flights(basis, units)
-        features = basis.features(self.impact_quantities)
-        turns = np.eye(len(units))[:, :, None] * units[:, None, None]  # number, its own coefficients
-        each = (turns[None] * features[:, None, None, :]).reshape(len(features), len(units), -1)
+        each = _spread_out(basis.features(self.impact_quantities), units)
         size = each.shape[-1]
         if lever == LAW:
             return Answer(size, law=each)
+        if lever == SLOPE:
+            return Answer(size, slope=each[:, 0])
+        if lever == FRAME:
+            return self._of_frame(each, _spread_out(basis.features(self._outcome_quantities), units))
         return Answer(size, shift=each) if lever == STATE else Answer(size, impacts=each)
+
+    def _of_frame(self, before: Array, after: Array) -> Answer:
+        """What is added to the motion `before` and `after` the impacts (n, 4, c)."""
+        n, _, c = before.shape
+        shift, measured = np.zeros((2, n, STATE_SIZE, c))
+        shift[:, FRAME_COLUMNS], measured[:, FRAME_COLUMNS] = before, after
+        along = _along_ground(self._data.tangent, measured)
+        return Answer(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
     def columns(self, answer: Answer) -> Residuals:
         """The derivatives of all residuals by the coefficients."""
@@ -111,6 +148,8 @@ class Levers:
         )
         if answer.law is not None:
             impacts += self._fit.slope.impacts[..., : len(BASE_WIDTH)] @ answer.law
+        if answer.slope is not None:
+            impacts += self._by_slope[..., None] * answer.slope[:, None]
         if answer.shift is not None:
             impacts += self._by_state @ answer.shift
         if answer.impacts is not None:
@@ -133,8 +172,17 @@ class Levers:
             flights[:, c, :, own] = -units[c] * found.residuals / noise[:, c, None, None]
             for state, (place, rate) in ((shift, before), (measured, after)):
                 state[:, c, own], state[:, POSE_SIZE + c, own] = units[c] * place, units[c] * rate
-        outcome = -_along_ground(impacts.tangent, measured)
+        outcome = -_along_ground(data.tangent, measured)
         return Answer(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
+
+    @cached_property
+    def _by_slope(self) -> Array:
+        """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
+        ahead, behind = (
+            self._data.residuals(replace(self.world, slope_rad=self.world.slope_rad + step))
+            for step in (SLOPE_STEP_RAD, -SLOPE_STEP_RAD)
+        )
+        return np.nan_to_num((ahead.impacts - behind.impacts) / (2.0 * SLOPE_STEP_RAD))
 
     @cached_property
     def _by_state(self) -> Array:
@@ -146,6 +194,12 @@ class Levers:
             ahead, behind = (model_residuals(fit.model, fit.p, data, s) for s in (shift, -shift))
             columns.append((ahead.impacts - behind.impacts) / (2.0 * unit))
         return np.nan_to_num(np.stack(columns, axis=-1))
+
+
+def _spread_out(features: Array, units: Array) -> Array:
+    """(n, numbers, coefficients) change of each number by its own coefficients, from features (n, k)."""
+    turns = np.eye(len(units))[:, :, None] * units[:, None, None]
+    return np.asarray((turns[None] * features[:, None, None, :]).reshape(len(features), len(units), -1))
 
 
 def _along_ground(tangent: Array, states: Array) -> Array:

@@ -15,9 +15,13 @@ import numpy as np
 Array = np.ndarray
 
 CONSTANT = "nothing"  # what a constant depends on
-SPLINE, HARMONICS, KINDS, LINE = "spline", "harmonics", "kinds", "line"
+SPLINE, FINE, HARMONICS, KINDS, LINE, WAVES = "spline", "fine", "harmonics", "kinds", "line", "waves"
 SPLINE_DEGREE = 2
-SPLINE_PIECES = 5  # between quantiles of the measured values
+# between quantiles of the measured values: of a usual and of a fine spline
+SPLINE_PIECES = {SPLINE: 5, FINE: 16}
+LEAST_VALUES_PER_PIECE = 6  # measured ones
+SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
+WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
 LEAST_SPREAD = 1e-9  # of a quantity that varies, relative to its size
 
 BLOCK, ZONE, SERIES, HISTORY = "block", "zone", "release of the block", "impact of the release"
@@ -32,11 +36,13 @@ SPIN_VX_M_S2, SPIN_VY_M_S2 = "omega_times_vx_m_s2", "omega_times_vy_m_s2"
 MOST_COUNTED_IMPACTS = 2  # later impacts of a release count as one kind
 
 # name of a dependence -> its quantities and how they enter
+Dependences = Mapping[str, tuple[tuple[str, str], ...]]
 IMPACT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     CONSTANT: (),
     "block": ((BLOCK, KINDS),),
     "zone": ((ZONE, KINDS),),
     "place": ((PLACE_M, SPLINE),),
+    "place in detail": ((PLACE_M, FINE),),
     "orientation to the ground": ((LEAN_RAD, HARMONICS),),
     "orientation": ((THETA_RAD, HARMONICS),),
     "normal speed": ((NORMAL_SPEED_M_S, SPLINE),),
@@ -59,9 +65,23 @@ FLIGHT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     "series": ((SERIES, LINE),),
     "history": ((HISTORY, KINDS),),
 }
+# of what the camera or the ground adds to the motion before and after an impact alike
+FRAME_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+    CONSTANT: (),
+    "spin": ((OMEGA_RAD_S, LINE),),
+    "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
+    "series": ((SERIES, LINE),),
+}
+# of a slope of the ground that the survey does not show
+SLOPE_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+    "zone": ((ZONE, KINDS),),
+    "place": ((PLACE_M, SPLINE),),
+    "place in detail": ((PLACE_M, FINE),),
+    "series": ((SERIES, SPLINE),),
+}
 IMPACT_QUANTITIES, FLIGHT_QUANTITIES = (
     frozenset(quantity for parts in table.values() for quantity, _ in parts)
-    for table in (IMPACT_DEPENDENCES, FLIGHT_DEPENDENCES)
+    for table in (IMPACT_DEPENDENCES | FRAME_DEPENDENCES, FLIGHT_DEPENDENCES)
 )
 HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of a turn
 
@@ -72,7 +92,8 @@ class Curve:
 
     Attributes
     ----------
-    numbers : of a spline its breakpoints; of harmonics their numbers; of kinds the members; of a line the unit
+    numbers : of a spline its breakpoints; of harmonics their numbers; of kinds the members; of a line the unit;
+        of waves their angular frequencies
     """
 
     quantity: str
@@ -88,6 +109,8 @@ class Curve:
             return np.asarray(values[:, None] == np.array(self.numbers), float)
         if self.kind == LINE:
             return (values / self.numbers[0])[:, None]
+        if self.kind == WAVES:
+            return np.column_stack([f(w * values) for w in self.numbers for f in (np.sin, np.cos)])
         from scipy.interpolate import BSpline
 
         ends = np.array(self.numbers)
@@ -122,9 +145,7 @@ def read_basis(content: Mapping[str, Any]) -> Basis:
     return Basis(content["depends_on"], tuple(curves))
 
 
-def bases(
-    dependences: Mapping[str, tuple[tuple[str, str], ...]], quantities: Mapping[str, Array]
-) -> dict[str, Basis]:
+def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str, Basis]:
     """The bases of dependences for measured quantities (n,), name -> basis. What does not vary is left out."""
     found = {}
     for name, parts in dependences.items():
@@ -134,6 +155,14 @@ def bases(
         if curves or not parts:
             found[name] = Basis(name, tuple(curves))
     return found
+
+
+def waves(times_s: Array, pace_s: float) -> list[Basis]:
+    """Bases of an oscillation in time, one for each frequency that times (n,) can tell from the next; `pace_s`:
+    √(size / g)."""
+    step = 1.0 / (WAVES_PER_PHASE * max(float(np.ptp(times_s)), pace_s))
+    rates = 2.0 * np.pi * np.arange(SLOWEST_WAVE / pace_s, FASTEST_WAVE / pace_s, step)
+    return [Basis("time", (Curve(TIME_S, WAVES, (float(rate),)),)) for rate in rates]
 
 
 def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
@@ -146,5 +175,8 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
         return Curve(quantity, kind, tuple(map(float, np.unique(values))))
     if kind == LINE:
         return Curve(quantity, kind, (float(np.sqrt(np.mean(values**2))),))
-    ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, SPLINE_PIECES + 1)))
-    return Curve(quantity, kind, tuple(map(float, ends)))
+    pieces = min(SPLINE_PIECES[kind], len(values) // LEAST_VALUES_PER_PIECE)
+    if kind == FINE and pieces <= SPLINE_PIECES[SPLINE]:
+        return None
+    ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, max(pieces, 1) + 1)))
+    return Curve(quantity, SPLINE, tuple(map(float, ends)))

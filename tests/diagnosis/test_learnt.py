@@ -14,7 +14,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.flight_fields import flight_paths, integral, response
 from rock2d.diagnosis.learnt import Learnt, learn, residuals_on
-from rock2d.diagnosis.levers import LAW, Levers
+from rock2d.diagnosis.levers import LAW, SLOPE, Levers
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
@@ -73,12 +73,13 @@ def test_what_was_learnt_gains_on_releases_that_were_held_out(hardened):
 def test_a_prediction_uses_what_was_learnt(hardened):
     _, base, learnt = hardened
     other = film(hardening(RELEASES), RELEASES, seed=8)
-    first = learnt.changes[0]
+    changed = {"base": base_values(learnt.fit), "parameters": {}, "changes": [
+        change.basis.content() | {"lever": change.lever, "coefficients": change.coefficients.tolist()}
+        for change in learnt.changes
+    ]}  # fmt: skip
     content = {
         "verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES),
-        "model": {"base": base_values(learnt.fit), "parameters": {}, "learnt": [
-            first.basis.content() | {"lever": first.lever, "coefficients": first.coefficients.tolist()},
-        ]},
+        "model": {"base": base_values(base), "parameters": {}, "learnt": changed},
     }  # fmt: skip
     errors = []
     for base_only in (True, False):
@@ -131,6 +132,29 @@ def test_a_uniform_acceleration_answers_as_another_gravity_does():
     moved = drift(heavier, block, after.middle, dt) - drift(setup, block, before.middle, dt)
     assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
     assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)
+
+
+def test_an_angle_that_is_recorded_late_is_learnt_as_an_offset_in_proportion_to_the_spin():
+    lag_frames = 6
+    experiment = film(world(series_order(16)), 16, seed=11)
+    table = experiment.trajectories
+    late = table.groupby("release").theta_rad.shift(lag_frames).bfill()
+    _, _, learnt = fitted(replace(experiment, trajectories=table.assign(theta_rad=late)))
+    change = learnt.changes[0]
+    assert change.name == "frame of spin"
+    lag_s = change.coefficients[3, 0] / change.basis.curves[0].numbers[0]
+    assert lag_s == pytest.approx(lag_frames / experiment.fps, rel=0.1)
+
+
+def test_the_answer_to_a_slope_is_that_of_a_turned_ground(hardened):
+    data, base, _ = hardened
+    levers = Levers(base, data)
+    columns = levers.columns(levers.answer(SLOPE, Basis(CONSTANT, ())))
+    turn = 0.01
+    steeper = replace(levers.world, slope_rad=np.full(len(data.impacts), turn))
+    change = data.residuals(steeper).impacts - base.residuals.impacts
+    error = np.abs(columns.impacts[..., 0] * turn - change)
+    assert np.median(error) < 0.1 * np.median(np.abs(change))
 
 
 def test_a_constant_integrates_to_a_line():

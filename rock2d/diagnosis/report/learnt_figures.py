@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.levers import FLIGHT, LAW, OUTCOME, STATE
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.quantities import BLOCK, CONSTANT, KINDS, PLACE_M, ZONE, Curve
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import BLOCK_COLOURS
@@ -29,6 +29,8 @@ NUMBERS = {  # what the numbers of a lever are called, and their units
         ("tan φ", "factor"),
         ("k_r", "factor"),
     ),
+    SLOPE: (("slope of the ground", "rad"),),
+    FRAME: (("v_x", "m/s"), ("v_y", "m/s"), ("ω", "rad/s"), ("θ", "rad")),
     FLIGHT: (("along x", "m/s²"), ("along y", "m/s²"), ("angular", "rad/s²")),
 }
 STATE_NUMBERS = (("x", "m"), ("y", "m"), ("θ", "rad"), ("v_x", "m/s"), ("v_y", "m/s"), ("ω", "rad/s"))
@@ -37,7 +39,7 @@ OUTCOME_NUMBERS = (
 )  # fmt: skip
 LEVER_WORDS = {
     LAW: "parameters of the law", STATE: "measured state before the impact", OUTCOME: "outcome of the impact",
-    FLIGHT: "acceleration in flight",
+    FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", FRAME: "motion of the camera or the ground",
 }  # fmt: skip
 UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m2_s2": "m²/s²", "m_s2": "m/s²", "s": "s"}
 POINTS = 200  # of a curve
@@ -112,6 +114,8 @@ def _points(curve: Curve) -> Array:
         return np.linspace(curve.numbers[0], curve.numbers[-1], POINTS)
     if curve.kind == "line":
         return np.linspace(-2.0, 2.0, POINTS) * curve.numbers[0]
+    if curve.kind == "waves":
+        return np.linspace(0.0, 2.0 * np.pi / curve.numbers[0], POINTS)
     return np.linspace(-np.pi, np.pi, POINTS)
 
 
@@ -123,8 +127,10 @@ def _numbers(lever: str, count: int) -> tuple[tuple[str, str], ...]:
 
 def _typical(lever: str, count: int) -> Array:
     """Sizes that make the numbers of a lever comparable: angles and lengths differ by orders of magnitude."""
-    if lever == LAW:
+    if lever in (LAW, SLOPE):
         return np.ones(count)
+    if lever == FRAME:
+        return np.array([0.1, 0.1, 5.0, 0.05])
     if lever == FLIGHT:
         return np.array([1.0, 1.0, 100.0])
     return np.array([0.001, 0.001, 0.05, 0.1, 0.1, 5.0])[-count:]

@@ -32,6 +32,8 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
     "incident state": "the measured states before impacts are shifted",
     "outcome": "the outcomes of impacts are shifted",
     "flight": "blocks in flight are accelerated",
+    "slope": "the ground has another slope than stated",
+    "frame": "camera or ground move",
 }
 SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
 

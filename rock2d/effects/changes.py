@@ -40,10 +40,14 @@ def image(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
     return (float(middle[0]), float(middle[1])), float(high[0] - low[0])
 
 
-def with_view(world: World, centre: Sequence[float] = (0.0, 0.0), **changes: Any) -> World:
-    """The world seen by another camera, which aims at `image`, or `centre` × its width beside it."""
-    (x, y), width = image(world.cross_section)
-    aim = (x + width * centre[0], y + width * centre[1])
+def with_view(world: World, centre: Sequence[float] | None = None, **changes: Any) -> World:
+    """The world seen by another camera. Its axis lies `centre` × the width of `image` beside where it was before; a
+    camera that nothing has aimed yet is aimed at the middle of `image`. Without `centre` the axis stays."""
+    aim = world.view.centre_m
+    if centre is not None:
+        (x, y), width = image(world.cross_section)
+        before = (x, y) if aim is None else aim
+        aim = (before[0] + width * centre[0], before[1] + width * centre[1])
     return replace(world, view=replace(world.view, centre_m=aim, **changes))
 
 

@@ -68,7 +68,7 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
         """How far the lowest points of the releases are from a usual depth, and from each other, in block radii. Of
         cameras that fit about equally well, the one that aims nearest to the middle of the set-up counts."""
         low, middle, high = np.quantile(lowest_gaps(other, film)[0], (0.25, 0.5, 0.75))
-        aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.centre_m, aim)) / width
+        aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.axis_m, aim)) / width
         return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
 
     aim, width = image(world.cross_section)

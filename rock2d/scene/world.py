@@ -21,7 +21,7 @@ Array = np.ndarray
 class View:
     """How the camera's record differs from the world; the default is a perfect camera.
 
-    A point at a distance r from the camera's axis, which meets the plane at `centre_m`, is recorded there, in this
+    A point at a distance r from the camera's axis, which meets the plane at `axis_m`, is recorded there, in this
     order: turned by `tilt_rad` and scaled, both about the axis, distorted by 1 + `lens_per_m2` r², and mirrored (the
     last about the origin). An instant t is recorded as t / `time_scale`; an angle with the tilt and `theta_offset_rad`
     added.
@@ -31,14 +31,19 @@ class View:
     scale: float = 1.0
     time_scale: float = 1.0
     lens_per_m2: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    centre_m: tuple[float, float] | None = None  # where the camera aims; None: as long as it does not matter
     theta_offset_rad: float = 0.0
     mirror: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def axis_m(self) -> tuple[float, float]:
+        """Where the camera's axis meets the plane."""
+        return (0.0, 0.0) if self.centre_m is None else self.centre_m
 
     def record(self, pose: Array) -> Array:
         """What the camera records of true poses (..., 3: x_m, y_m, theta_rad)."""
         x, y, theta = np.moveaxis(np.asarray(pose, float), -1, 0)
-        cx, cy = self.centre_m
+        cx, cy = self.axis_m
         c, s = self.scale * np.cos(self.tilt_rad), self.scale * np.sin(self.tilt_rad)
         dx, dy = x - cx, y - cy
         dx, dy = c * dx - s * dy, s * dx + c * dy
@@ -49,7 +54,7 @@ class View:
     def true(self, recorded: Array) -> Array:
         """True poses (..., 3) from recorded ones: the inverse of `record`."""
         x, y, theta = np.moveaxis(np.asarray(recorded, float) * self.mirror, -1, 0)
-        cx, cy = self.centre_m
+        cx, cy = self.axis_m
         dx, dy = x - cx, y - cy
         if self.lens_per_m2:
             far = np.hypot(dx, dy)
@@ -66,7 +71,7 @@ class View:
     def true_per_recorded(self, pose: Array, direction: Array) -> Array:
         """(n,) standard deviation along true unit vectors `direction` ((n, 2) or (2,)), at true poses (n, 2 or more),
         of what is 1 recorded in every direction: the true length of a recorded one."""
-        scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.centre_m)
+        scaled = self.scale * (np.asarray(pose, float)[:, :2] - self.axis_m)
         # apart from rotations and `scale`, the record's Jacobian is a I + b r rᵀ, so its inverse is symmetric
         swell = 1.0 + self.lens_per_m2 * (scaled**2).sum(axis=1, keepdims=True)
         b = 2.0 * self.lens_per_m2

@@ -20,6 +20,7 @@ from rock2d.laws.contact import K_L, K_UL, parameter_table
 from rock2d.records.columns import E_RESIDUAL, VELOCITIES_AFTER
 from rock2d.scene.cross_section import ditch_facets, embankment_facets, facet_zones
 from rock2d.scene.rough_ground import Roughness, roughened
+from rock2d.scene.world import World
 from tests.effects.worlds import (
     CATALOGUE,
     FLOOR,
@@ -256,3 +257,30 @@ def test_typical_values_lie_in_their_ranges():
     for name, effect in CATALOGUE.items():
         for value, p in zip(typical(name), effect.parameters, strict=True):
             assert p.low <= value <= p.high
+
+
+def _same_world(a: World, b: World) -> bool:
+    poses = np.array([[0.1, 0.2, 0.3], [-0.4, 0.5, -1.0]])
+    return (
+        np.allclose(a.view.record(poses), b.view.record(poses), atol=1e-12)
+        and a.view.time_scale == b.view.time_scale
+        and np.allclose(np.nan_to_num(a.contact), np.nan_to_num(b.contact))
+        and np.allclose(a.cross_section.points_m, b.cross_section.points_m)
+        and np.array_equal(a.slope_rad, b.slope_rad)
+        and all(
+            replace(mine, air=()) == replace(yours, air=()) and sum(mine.air or ()) == sum(yours.air or ())
+            for mine, yours in zip(a.blocks.values(), b.blocks.values(), strict=True)
+        )
+    )
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_an_effect_without_size_changes_nothing_beside_any_other_effect(name):
+    for other in CATALOGUE.values():
+        if other.name == name:
+            continue
+        there = with_effect(replace(world(), order=np.arange(3.0)), other.name)
+        beside = with_effect(there, name, neutral(name))
+        if CATALOGUE[name].columns:  # a law that does not act may have its columns
+            beside = replace(beside, contact=beside.contact[..., : there.contact.shape[-1]])
+        assert _same_world(there, beside), f"{name} beside {other.name}"

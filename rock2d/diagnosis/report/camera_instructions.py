@@ -25,7 +25,7 @@ def _origin(fitted: Fitted) -> str:
         return np.asarray(world.view.true(np.zeros(3))[:2])
 
     at, half = fitted.propagated(place)
-    x, y = fitted.world().view.centre_m
+    x, y = fitted.world().view.axis_m
     return (
         f"Set `origin_m: {point(at, half)}` if it was [0, 0]: the record changes about the camera's axis, which "
         f"meets the plane at ({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
@@ -42,7 +42,7 @@ def camera_tilt(fitted: Fitted) -> str:
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
     turn, width = np.rad2deg([value, half])
     way = "counter-clockwise" if value > 0 else "clockwise"
-    x, y = fitted.world().view.centre_m
+    x, y = fitted.world().view.axis_m
     turned = (
         f"turn every position by {plain(-turn, width)}° about ({plain(x)}, {plain(y)}) m, counter-clockwise "
         f"positive, and add {plain(-value, half)} to every `theta_rad`"
@@ -60,7 +60,7 @@ def scale_error(fitted: Fitted) -> str:
     value, half = fitted.values["scale"], fitted.half["scale"]
     factor, width = 1.0 / value, half / value**2
     way = "long" if value > 1 else "short"
-    x, y = fitted.world().view.centre_m
+    x, y = fitted.world().view.axis_m
     scaled = (
         f"multiply the distance of every position from ({plain(x)}, {plain(y)}) m by {plain(factor, width)}"
     )
@@ -95,7 +95,7 @@ def lens_distortion(fitted: Fitted) -> str:
     per_m2 = view.lens_per_m2
     width = abs(per_m2 / value) * half if value else 0.0
     way = "outward" if value > 0 else "inward"
-    x, y = view.centre_m
+    x, y = view.axis_m
     return (
         f"The lens moves points {way}. Set `distortion: {{k: K}}` in the set-up file with K = "
         f"{plain(per_m2, width or None)} × D², where D is half the picture's diagonal in m; `centre_px` is the pixel "

@@ -40,6 +40,7 @@ FEATURES = {
         "left_z",
         "beside_learnt_z",
         "beside_learnt_log",
+        "learnt_instead",
         "alone_z",
         "fitted",
         "scatter",

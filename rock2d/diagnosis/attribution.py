@@ -22,7 +22,7 @@ from rock2d.diagnosis.data import Data, model_residuals
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
-from rock2d.diagnosis.inclusion import inclusion, inclusion_statistics, outside_statistics
+from rock2d.diagnosis.inclusion import BesideLearnt, inclusion, inclusion_statistics, outside_statistics
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
@@ -181,13 +181,14 @@ def _better_base(search: Search) -> CauseSet | None:
 
 def _attribution(search: Search) -> Attribution:
     base, data = search.base, search.data
-    learnt, beside_learnt = _learn_beside(search)
-    left = discrepancies(search.best.fit, data)
+    found = Dependences(data)
+    learnt, beside_learnt = _learn_beside(search, found)
+    left = found.of(search.best.fit)
     causes = inclusion_statistics(search, left[0], beside_learnt)
     named = frozenset(name for name, p in inclusion(causes).items() if p >= NAMED_PROBABILITY)
     if named != search.best.names:
         search.best = search.joint(named)
-        learnt = learn(search.best.fit, search.best.held_out, data)
+        learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
     candidates = {name: _candidate(own, name, base) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, candidates) or [candidates[best]]
@@ -198,7 +199,7 @@ def _attribution(search: Search) -> Attribution:
     left_regressed = {id(base.fit): base_regressed, id(final.fit): best_regressed}.get(
         id(learnt.fit)
     ) or regress(setup, data, learnt.held_out.residuals, covariance)
-    base_dependences, best_dependences = discrepancies(base.fit, data), discrepancies(final.fit, data)
+    base_dependences, best_dependences = found.of(base.fit), found.of(final.fit)
     numbers = statistics(candidates, best, base_regressed, best_regressed, base_dependences, best_dependences)
     numbers["causes"] = causes
     numbers["outside"] = outside_statistics(search, learnt, best_dependences, numbers["case"])
@@ -216,19 +217,51 @@ def _attribution(search: Search) -> Attribution:
     )  # fmt: skip
 
 
-def _learn_beside(search: Search) -> tuple[Learnt, dict[str, Gain]]:
-    """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each
-    member adds."""
+class Dependences:
+    """Dependences in the residuals of fits, searched once for each fit."""
+
+    def __init__(self, data: Data) -> None:
+        self._data = data
+        self._known: dict[int, tuple[Fit, list[Discrepancy]]] = {}
+
+    def of(self, fit: Fit) -> list[Discrepancy]:
+        """In the residuals of a fit, the strongest first."""
+        if id(fit) not in self._known:  # the fit is kept, so that its id stays its own
+            self._known[id(fit)] = fit, discrepancies(fit, self._data)
+        return self._known[id(fit)][1]
+
+
+def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str, BesideLearnt]]:
+    """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each of
+    them adds.
+
+    A learnt change can often do what an effect does. So a member stays if alone it explains about as much as what would
+    be learnt in its place.
+    """
+    dropped: dict[str, BesideLearnt] = {}
     while True:
-        learnt = learn(search.best.fit, search.best.held_out, search.data)
-        if not learnt.changes or not search.best.names:
-            return learnt, {}
-        smaller = search.without(search.best)
-        others = {name: learn(own.fit, own.held_out, search.data) for name, own in smaller.items()}
-        gains = {name: Gain(learnt.held_out.score - own.held_out.score) for name, own in others.items()}
-        least = min(gains, key=lambda name: gains[name].total)
-        if gains[least].significant:
-            return learnt, gains
+        best = search.best
+        learnt = learn(best.fit, best.held_out, search.data, found.of(best.fit))
+        if not learnt.changes or not best.names:
+            return learnt, dropped
+        smaller = search.without(best)
+        others = {
+            name: learn(own.fit, own.held_out, search.data, found.of(own.fit))
+            for name, own in smaller.items()
+        }
+        beside = {
+            name: BesideLearnt(
+                Gain(learnt.held_out.score - other.held_out.score),
+                best.gain(smaller[name]),
+                Gain(other.held_out.score - smaller[name].held_out.score),
+            )
+            for name, other in others.items()
+        }
+        needless = [name for name, own in beside.items() if own.needless]
+        if not needless:
+            return learnt, dropped | beside
+        least = min(needless, key=lambda name: beside[name].added.total)
+        dropped[least] = beside[least]
         search.best = smaller[least]
 
 

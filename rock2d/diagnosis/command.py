@@ -111,8 +111,17 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     lines.append(
         f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
     )
-    if content["beside"]:
-        lines.append("beside it: " + ", ".join(entry["effect"] for entry in content["beside"]))
+    for cause in content["causes"]:
+        if cause["closes"] is not None:
+            lines.append(
+                f"cause: {cause['effect']} ({cause['origin']}, p = {cause['p']:.2f}) closes {_shares(cause)}"
+            )
+    outside = content["outside"]
+    if outside and outside["p"] >= 0.5:
+        share = f"{100 * outside['share']:.0f} % of the gap"
+        dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
+        learnt = f"; learnt changes close {_shares(outside['learnt'])}" if outside["learnt"] else ""
+        lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{learnt}")
     for cell in content["where"][:3]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
@@ -120,6 +129,11 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     lines.append(f"next release: {content['next_release']}")
     advice = what_to_do(content, result.experiment)
     return lines + [f"what to do: {line}".replace("\n", " ") for line in advice]
+
+
+def _shares(part: dict[str, Any]) -> str:
+    low, high = part["closes_ci95"]
+    return f"{100 * part['closes']:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[str], None]) -> dict[str, Any]:

@@ -185,15 +185,15 @@ def locate(
         rests = find_rests(data)
         if len(rests.flight):
             variance = rest_variance(data, rests, best)
-            taken = rest_squares(data, rests, found.base, variance) - rest_squares(
-                data, rests, best, variance
-            )
+            before, after = (rest_squares(data, rests, fit, variance) for fit in (found.base, best))
             own = _zone_below(cross_section, rests.pose[:, X])
             columns = ([0], [1], [2])
             parts.append(
                 Part(
                     "rest",
-                    taken,
+                    before - after,
+                    before,
+                    after,
                     own,
                     flights.block[rests.flight],
                     flights.release[rests.flight],

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
-from rock2d.diagnosis.budget import Budget, Draws, Sizes, budget
+from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.replicates import replicate_ratio
@@ -89,7 +89,13 @@ def _gap(base: Array, augmented: Array, floor: Array) -> Gap:
 
 @dataclass
 class Cell:
-    """One place where the gap lies, its share of the whole and its significance in standard errors."""
+    """One place where the gap lies.
+
+    Attributes
+    ----------
+    share : of the whole; `z`: the same in standard errors
+    base, augmented : typical residual there, of the base law and of the best model
+    """
 
     phase: str
     zone: str
@@ -97,19 +103,30 @@ class Cell:
     channel: str
     share: float
     z: float
+    base: float
+    augmented: float
 
 
 @dataclass
 class Part:
-    """Squares by which the best explanation reduces those of the base (n, channels), and where each row belongs."""
+    """Squares of residuals (n, channels) and where each row belongs.
+
+    Attributes
+    ----------
+    taken : by which the best explanation reduces those of the base
+    base, augmented : of the base law and of the best model
+    columns : of these, for each of the `channels`
+    """
 
     phase: str
     taken: Array
+    base: Array
+    augmented: Array
     zone: Array
     block: Array
     release: Array
     channels: tuple[str, ...]
-    columns: tuple[list[int], ...]  # of `taken`, for each channel
+    columns: tuple[list[int], ...]
 
 
 IMPACT_CHANNELS = ("tangential", "normal", "spin")
@@ -117,14 +134,16 @@ FLIGHT_CHANNELS = ("x", "y", "theta")
 
 
 def explained(found: Attribution) -> tuple[Array, Array]:
-    """Squares by which the best explanation reduces those of impacts and flights: the best effect, with the flexible
+    """Squares by which the best explanation reduces those of impacts and flights: the best model, with the flexible
     regression on top where it finds more, or the regression alone where no effect helps."""
-    base, best = found.base_regressed, found.best_regressed
+    base, better = found.base_regressed, (found.best_regressed, found.left_regressed)
     impacts = min(
-        (best.impacts, best.impacts_remaining, base.impacts_remaining), key=lambda v: float((v**2).sum())
+        (base.impacts_remaining, *(v for b in better for v in (b.impacts, b.impacts_remaining))),
+        key=lambda v: float((v**2).sum()),
     )
     flights = min(
-        (best.flights, best.flights_remaining, base.flights_remaining), key=lambda v: float((v**2).sum())
+        (base.flights_remaining, *(v for b in better for v in (b.flights, b.flights_remaining))),
+        key=lambda v: float((v**2).sum()),
     )
     return base.impacts**2 - impacts**2, base.flights**2 - flights**2
 
@@ -142,7 +161,8 @@ def impact_part(
         scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
         taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
     columns = tuple(list(range(c, taken.shape[1], 3)) for c in range(3))
-    return Part("impact", taken, zone, block, release, IMPACT_CHANNELS, columns)
+    base, left = found.base_regressed.impacts**2, found.left_regressed.impacts**2
+    return Part("impact", taken, base, left, zone, block, release, IMPACT_CHANNELS, columns)
 
 
 def _spread_stated(found: Attribution) -> Array:
@@ -161,7 +181,8 @@ def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -
     """Flights, by coordinate."""
     _, taken = explained(found)
     columns = tuple(list(range(FLIGHT_DEGREES * c, FLIGHT_DEGREES * (c + 1))) for c in range(3))
-    return Part("flight", taken, zone, block, release, FLIGHT_CHANNELS, columns)
+    base, left = found.base_regressed.flights**2, found.left_regressed.flights**2
+    return Part("flight", taken, base, left, zone, block, release, FLIGHT_CHANNELS, columns)
 
 
 def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
@@ -179,17 +200,20 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
                     amount = part.taken[own][:, columns].sum(axis=1)
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[own])
-                        cells.append(
-                            Cell(
-                                part.phase, zones[int(z)], blocks[int(b)], channel, float(amount.sum()), sigma
-                            )
-                        )
+                        typical = [_typical(v[own][:, columns]) for v in (part.base, part.augmented)]
+                        place = part.phase, zones[int(z)], blocks[int(b)], channel
+                        cells.append(Cell(*place, float(amount.sum()), sigma, *typical))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]
     shown = [cell for cell in significant if cell.phase != "rest"] or significant or cells
     total = sum(cell.share for cell in shown)
     for cell in shown:
         cell.share /= total
     return sorted(shown, key=lambda cell: -cell.share)
+
+
+def _typical(squares: Array) -> float:
+    """Geometric mean of the sizes of residuals, from their squares (n, columns)."""
+    return float(np.exp(0.5 * np.log(np.maximum(squares.mean(axis=1), SMALLEST_SD**2)).mean()))
 
 
 def _significance(amount: Array, release: Array) -> float:

@@ -9,6 +9,7 @@ whose causes are known (`rock2d blind train`), and so is that of a cause outside
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,29 @@ from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import significance
 
 INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
+LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must explain alone
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
+
+
+@dataclass(frozen=True)
+class BesideLearnt:
+    """An effect beside learnt changes: held-out gains.
+
+    Attributes
+    ----------
+    added : that it adds to the learnt changes beside it
+    alone : that it has without them
+    instead : of what would be learnt in its place
+    """
+
+    added: Gain
+    alone: Gain
+    instead: Gain
+
+    @property
+    def needless(self) -> bool:
+        """Whether it adds nothing, and what is learnt in its place explains much more."""
+        return not self.added.significant and self.alone.total < LEAST_OF_LEARNT * self.instead.total
 
 
 def inclusion(
@@ -38,7 +61,7 @@ def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None)
 
 
 def inclusion_statistics(
-    search: Search, left: Discrepancy, beside_learnt: Mapping[str, Gain]
+    search: Search, left: Discrepancy, beside_learnt: Mapping[str, BesideLearnt]
 ) -> dict[str, dict[str, float]]:
     """Effect -> name of a statistic -> value.
 
@@ -51,7 +74,7 @@ def inclusion_statistics(
     for name, effect in search.effects.items():
         gain, fitted = _with_over_without(search, name)
         alone = search.alone[name].gain(search.base)
-        beside = beside_learnt.get(name, gain)
+        beside = beside_learnt.get(name, BesideLearnt(gain, gain, gain))
         found[name] = {
             "z": float(np.clip(significance(gain), LEAST_Z, LARGEST_Z)),
             "log_gain": signed_log(gain.total),
@@ -59,8 +82,9 @@ def inclusion_statistics(
             "log_gain_per_segment": signed_log(100.0 * gain.total / segments),
             "left_over_gain": signed_log(left.total) - signed_log(gain.total),
             "left_z": float(np.clip(significance(left), 0.0, LARGEST_Z)),
-            "beside_learnt_z": float(np.clip(significance(beside), LEAST_Z, LARGEST_Z)),
-            "beside_learnt_log": signed_log(beside.total),
+            "beside_learnt_z": float(np.clip(significance(beside.added), LEAST_Z, LARGEST_Z)),
+            "beside_learnt_log": signed_log(beside.added.total),
+            "learnt_instead": signed_log(beside.instead.total) - signed_log(beside.alone.total),
             "alone_z": float(np.clip(significance(alone), LEAST_Z, LARGEST_Z)),
             "fitted": float(fitted),
             "scatter": float(effect.scatter),

@@ -55,25 +55,28 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
 
 
 def _found(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Base law and effects of a diagnosis: of the model of all causes if it holds the verdict, else of the verdict."""
-    verdict, model = content["verdict"], content.get("model")
-    if verdict == "none":
-        return content["base"], {}
-    if model and verdict in (*model["parameters"], "unknown"):
-        model = model.get("learnt") or model
+    """Base law and effects of a diagnosis: of its joint model, unless that lacks the verdict; then of the verdict."""
+    verdict, model = content["verdict"], _joint(content)
+    if model:
         return model["base"], model["parameters"]
-    if verdict == "unknown":
+    if verdict in ("none", "unknown"):
         return content["base"], {}
     if content.get("beside"):  # of a diagnosis without the key model
         return content["beside"][-1]["base"], content["beside"][-1]["parameters"]
     return content["effects"][verdict]["base"], {verdict: content["effects"][verdict]["parameters"]}
 
 
+def _joint(content: dict[str, Any]) -> dict[str, Any] | None:
+    """The joint model with its learnt changes; None if there is none, or if it lacks the effect of the verdict."""
+    model = content.get("model")
+    if not model or content["verdict"] not in (*model["parameters"], "none", "unknown"):
+        return None
+    return model.get("learnt") or dict(model)
+
+
 def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
-    """The learnt changes of a diagnosis, if its model is used."""
-    if content["verdict"] == "none" or not (content.get("model") or {}).get("learnt"):
-        return []
-    return read_changes(content["model"]["learnt"]["changes"])
+    """The learnt changes of a diagnosis, if its joint model is used."""
+    return read_changes((_joint(content) or {}).get("changes", []))
 
 
 def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:

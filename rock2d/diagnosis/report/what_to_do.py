@@ -46,11 +46,22 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
             if part
             else "Do not correct anything: no effect of the catalogue explains the gap, and the best one would be a "
             "wrong correction.",
+            *_learnt(content),
             "Look at the places with the largest share of the gap and at the impacts with the largest residuals in the "
             "film. If you find the cause, add it to the catalogue as an effect (one file, see CONTRIBUTING.md).",
             *_next_release(content),
         ]
     return _after_effect(content, experiment)
+
+
+def _learnt(content: Mapping[str, Any]) -> list[str]:
+    """What learnt changes are good for."""
+    if not (content.get("outside") or {}).get("learnt"):
+        return []
+    return [
+        "Predict other releases of this set-up with `rock2d predict`: it uses what was learnt without a name. The "
+        "learnt curves show where and how the motion differs."
+    ]
 
 
 def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[str]:

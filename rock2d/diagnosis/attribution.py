@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -183,26 +183,25 @@ def _attribution(search: Search) -> Attribution:
     base, data = search.base, search.data
     found = Dependences(data)
     learnt, beside_learnt = _learn_beside(search, found)
-    left = found.of(search.best.fit)
-    causes = inclusion_statistics(search, left[0], beside_learnt)
-    named = frozenset(name for name, p in inclusion(causes).items() if p >= NAMED_PROBABILITY)
-    if named != search.best.names:
-        search.best = search.joint(named)
-        learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
     candidates = {name: _candidate(own, name, base) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, candidates) or [candidates[best]]
-    setup, final = base.fit.model.setup, chain[-1]
-    covariance = final.fit.covariance()
-    base_regressed = regress(setup, data, base.held_out.residuals, covariance)
-    best_regressed = regress(setup, data, final.held_out.residuals, covariance)
-    left_regressed = {id(base.fit): base_regressed, id(final.fit): best_regressed}.get(
-        id(learnt.fit)
-    ) or regress(setup, data, learnt.held_out.residuals, covariance)
-    base_dependences, best_dependences = found.of(base.fit), found.of(final.fit)
-    numbers = statistics(candidates, best, base_regressed, best_regressed, base_dependences, best_dependences)
-    numbers["causes"] = causes
-    numbers["outside"] = outside_statistics(search, learnt, best_dependences, numbers["case"])
+    final = chain[-1]
+    regressed = _regressed(search, final, learnt)
+    left = found.of(final.fit)
+    numbers = statistics(candidates, best, regressed.base, regressed.best, found.of(base.fit), left)
+    numbers["causes"] = inclusion_statistics(search, found.of(search.best.fit)[0], beside_learnt)
+    numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
+    chances = probabilities(numbers)
+    likeliest = max(chances, key=lambda name: chances[name])
+    named = frozenset(name for name, p in inclusion(numbers["causes"]).items() if p >= NAMED_PROBABILITY)
+    named |= {likeliest} & candidates.keys()
+    if named != search.best.names:
+        search.best = search.joint(named)
+        learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
+        chain = _chain(search, candidates) or [candidates[best]]
+        final = chain[-1]
+        regressed, left = _regressed(search, final, learnt), found.of(final.fit)
     winner = candidates[best]
     group = [best] + [
         name
@@ -210,11 +209,29 @@ def _attribution(search: Search) -> Attribution:
         if name != best and winner.total - other.total < GROUP_Z * standard_error(winner.gain - other.gain)
     ]
     return Attribution(
-        base.fit, base.held_out, candidates, chain, base_regressed, best_regressed, probabilities(numbers), group,
-        numbers, [d for d in best_dependences if _is_significant(d)], learnt, left_regressed, search.best.names,
+        base.fit, base.held_out, candidates, chain, regressed.base, regressed.best, chances, group,
+        numbers, [d for d in left if _is_significant(d)], learnt, regressed.left, named,
         search.rivals(search.best, GROUP_Z),
-        {names: own.held_out for names, own in search.within(search.best.names).items()},
+        {names: own.held_out for names, own in search.within(named).items()},
     )  # fmt: skip
+
+
+class Regressed(NamedTuple):
+    """Flexible regressions of the residuals of the base, of the best set, and of what is left beside the learnt."""
+
+    base: RegressedResiduals
+    best: RegressedResiduals
+    left: RegressedResiduals
+
+
+def _regressed(search: Search, final: Candidate, learnt: Learnt) -> Regressed:
+    base, data = search.base, search.data
+    setup, covariance = base.fit.model.setup, final.fit.covariance()
+    of_base = regress(setup, data, base.held_out.residuals, covariance)
+    of_best = regress(setup, data, final.held_out.residuals, covariance)
+    known = {id(base.fit): of_base, id(final.fit): of_best}
+    left = known.get(id(learnt.fit)) or regress(setup, data, learnt.held_out.residuals, covariance)
+    return Regressed(of_base, of_best, left)
 
 
 class Dependences:

@@ -117,7 +117,7 @@ class Draws:
     def reduced(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
         """The same if the mean square of the impacts, as many as `impacts` (releases,), were reduced to a ratio."""
         rng = np.random.default_rng(self._seed)
-        ratios = np.concatenate([[ratio.sure], ratio.draws(rng, BOOTSTRAPS)])
+        ratios = np.concatenate([[ratio.likely], ratio.draws(rng, BOOTSTRAPS)])
         return np.asarray(self.gap(logs) * ratios ** (0.5 * (self._weights @ impacts) / self._count))
 
     def sums(self, values: Array) -> Array:

@@ -322,11 +322,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
 def _gap_json(found: Attribution, budget: Budget, gaps: Mapping[str, Gap]) -> dict[str, Any]:
     """The gap that the best model closes: all causes and learnt changes together.
 
-    An effect that only widens the scatter closes a gap of spread; where it is the verdict, that gap is reported. So is
-    the gap of a verdict that is not sure enough to be a part of the model.
+    An effect that only widens the scatter closes a gap of spread; where it is the verdict, that gap is reported.
     """
     own = found.candidates.get(found.verdict)
-    if own is not None and (own.effect.scatter or found.verdict not in found.named):
+    if own is not None and own.effect.scatter:
         best = gaps[found.verdict]
     else:
         best = Gap(budget.base, budget.learnt, budget.used, budget.closed.closes, budget.closed.ci95)

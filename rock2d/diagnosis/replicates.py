@@ -46,6 +46,11 @@ class Ratio:
         """At most 1, and less only as far as the pairs surely say."""
         return min(self.value + self.error, 1.0)
 
+    @property
+    def likely(self) -> float:
+        """The value, at most 1: no model can fit noise."""
+        return min(self.value, 1.0)
+
     def draws(self, rng: np.random.Generator, count: int) -> Array:
         """(count,) plausible values, at most 1."""
         return np.clip(rng.normal(self.value, self.error, count), SMALLEST_RATIO, 1.0)

@@ -8,14 +8,14 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.significance import standard_error
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.effects.effect import Effect
 
 Array = np.ndarray
 
 
 @dataclass
-class Candidate:
+class Candidate(OverReleases):
     """A fit with an effect and its score on held-out releases.
 
     Attributes
@@ -29,13 +29,3 @@ class Candidate:
     fit: Fit
     held_out: HeldOut
     gain: Array
-
-    @property
-    def total(self) -> float:
-        """Gain over all releases."""
-        return float(self.gain.sum())
-
-    @property
-    def error(self) -> float:
-        """Standard error of the total gain, over releases."""
-        return standard_error(self.gain)

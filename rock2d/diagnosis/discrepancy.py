@@ -18,7 +18,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, SLOPE, STATE, Levers
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.quantities import CONSTANT, Basis
-from rock2d.diagnosis.significance import standard_error
+from rock2d.diagnosis.significance import OverReleases
 
 Array = np.ndarray
 
@@ -37,7 +37,7 @@ CHANCE_PENALTY = 2.0  # log likelihood for each factor of e in the number of bas
 
 
 @dataclass
-class Discrepancy:
+class Discrepancy(OverReleases):
     """A dependence of a lever on measured quantities, and what it gains.
 
     Attributes
@@ -54,15 +54,6 @@ class Discrepancy:
     @property
     def name(self) -> str:
         return f"{self.lever} of {self.basis.name}"
-
-    @property
-    def total(self) -> float:
-        return float(self.gain.sum())
-
-    @property
-    def error(self) -> float:
-        """Standard error of the total gain, over releases."""
-        return standard_error(self.gain)
 
 
 def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:

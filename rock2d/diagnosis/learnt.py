@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.levers import Answer, Levers
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import standard_error
+from rock2d.diagnosis.significance import OverReleases, standard_error
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -83,7 +83,7 @@ class LearntModel(Model):
 
 
 @dataclass
-class Change:
+class Change(OverReleases):
     """A learnt change.
 
     Attributes
@@ -103,16 +103,6 @@ class Change:
     def name(self) -> str:
         """Lever and what it depends on."""
         return f"{self.lever} of {self.basis.name}"
-
-    @property
-    def total(self) -> float:
-        """Gain over all releases."""
-        return float(self.gain.sum())
-
-    @property
-    def error(self) -> float:
-        """Standard error of the total gain, over releases."""
-        return standard_error(self.gain)
 
 
 @dataclass

@@ -18,6 +18,7 @@ from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model, discrete
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.effects.effect import Effect
 
 Array = np.ndarray
@@ -27,7 +28,7 @@ LARGEST_MULTIPLE = 1.5  # of the size that an effect has alone
 
 
 @dataclass
-class Expected:
+class Expected(OverReleases):
     """What a linear model expects of an effect beside a fit.
 
     Attributes
@@ -38,11 +39,6 @@ class Expected:
 
     gain: Array
     p: Array
-
-    @property
-    def total(self) -> float:
-        """Gain over all releases."""
-        return float(self.gain.sum())
 
 
 class Screening:

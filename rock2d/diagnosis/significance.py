@@ -12,7 +12,7 @@ SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
 
 
 class Gain(Protocol):
-    """A gain in log likelihood on held-out releases: `Candidate` or `Discrepancy`."""
+    """A gain in log likelihood on held-out releases: anything of `OverReleases`, or `cause_sets.Gain`."""
 
     @property
     def total(self) -> float:
@@ -21,6 +21,22 @@ class Gain(Protocol):
     @property
     def error(self) -> float:
         """Standard error of the sum."""
+
+
+class OverReleases:
+    """What is known of a gain (releases,) in log likelihood: its sum over all releases, and the standard error."""
+
+    gain: Array
+
+    @property
+    def total(self) -> float:
+        """Gain over all releases."""
+        return float(self.gain.sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the total, over releases."""
+        return standard_error(self.gain)
 
 
 def standard_error(per_release: Array) -> float:

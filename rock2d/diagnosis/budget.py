@@ -120,10 +120,6 @@ class Draws:
         ratios = np.concatenate([[ratio.likely], ratio.draws(rng, BOOTSTRAPS)])
         return np.asarray(self.gap(logs) * ratios ** (0.5 * (self._weights @ impacts) / self._count))
 
-    def sums(self, values: Array) -> Array:
-        """(1 + draws,) sums of values (releases,)."""
-        return np.asarray(self._weights @ values)
-
     def gap(self, logs: Array) -> Array:
         """(1 + draws,) gap of sums of logarithms (releases,)."""
         return np.asarray(np.exp(self._weights @ logs / self._count))

@@ -294,7 +294,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             for name, c in found.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],
-        "gap": _gap_json(found, result.budget, result.gaps),
+        "gap": _gap_json(result.budget),
         "causes": _causes_json(found, result.budget),
         "outside": _outside_json(found, result.budget),
         "floor": {
@@ -319,19 +319,12 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _gap_json(found: Attribution, budget: Budget, gaps: Mapping[str, Gap]) -> dict[str, Any]:
-    """The gap that the best model closes: all causes and learnt changes together.
-
-    An effect that only widens the scatter closes a gap of spread; where it is the verdict, that gap is reported.
-    """
-    own = found.candidates.get(found.verdict)
-    if own is not None and own.effect.scatter:
-        best = gaps[found.verdict]
-    else:
-        best = Gap(budget.base, budget.learnt, budget.used, budget.closed.closes, budget.closed.ci95)
+def _gap_json(budget: Budget) -> dict[str, Any]:
+    """The gap that all causes and learnt changes close together."""
+    closed = budget.closed
     return {
-        "unit": GAP_UNIT, "base": best.base, "augmented": best.augmented, "noise_floor": best.floor,
-        "closure": best.share_closed, "closure_ci95": list(best.ci95),
+        "unit": GAP_UNIT, "base": budget.base, "augmented": budget.learnt, "noise_floor": budget.used,
+        "closure": closed.closes, "closure_ci95": list(closed.ci95),
     }  # fmt: skip
 
 

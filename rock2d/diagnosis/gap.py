@@ -41,7 +41,6 @@ class Gaps:
     """The gap of an attribution: its budget, and what each effect closes alone."""
 
     def __init__(self, data: Data, found: Attribution, seed: int) -> None:
-        self._found = found
         covariance = found.final.fit.covariance()
         self._sizes = sizes = Sizes(data, covariance)
         self._draws = Draws(sizes, seed)
@@ -58,22 +57,12 @@ class Gaps:
 
     def of(self, candidate: Candidate) -> Gap:
         """What a candidate closes."""
-        if candidate.effect.scatter:
-            return self._misstated(candidate)
         augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
         return _gap(self._base, augmented, np.minimum(self._floor, augmented))
 
     def by_regression(self) -> float:
         """Share of the gap that a flexible regression on top of the base law closes, without effects."""
         return _gap(self._base, self._flexible, self._floor).share_closed
-
-    def _misstated(self, candidate: Candidate) -> Gap:
-        """A wider scatter shifts no mean: its gap is the difference between the stated and the observed spread, as
-        minus the log likelihood over that of the better model."""
-        both = -self._found.base_held_out.score, -candidate.held_out.score
-        best = min(float(part.sum()) for part in both)
-        base, augmented = (1.0 + (self._draws.sums(part) - best) / len(part) for part in both)
-        return _gap(base, augmented, np.minimum(np.minimum(base, augmented), 1.0))
 
 
 def _gap(base: Array, augmented: Array, floor: Array) -> Gap:

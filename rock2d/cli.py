@@ -13,7 +13,7 @@ from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 from rock2d import compiling
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
-from rock2d.site_commands import SITE_COMMANDS
+from rock2d.site_commands import ON_SCHEDULER, SITE_COMMANDS
 
 LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
 COMPILING = "compiling, once for this version (up to two minutes)"
@@ -156,15 +156,17 @@ def blind_make(cases, seed, out, workers, quiet) -> None:
 @blind.command("run")
 @click.argument("trial", type=click.Path(path_type=Path))
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_run(trial, workers, quiet) -> None:
+def blind_run(trial, workers, scheduler, quiet) -> None:
     """Diagnose every case of TRIAL without its labels. The same command continues after an interruption.
 
     Example: rock2d blind run trial
     """
     from rock2d.blind.command import run
+    from rock2d.cluster import Workers
 
-    run(trial, workers=workers, progress=not quiet, report=click.echo)
+    run(trial, workers=Workers(workers, scheduler), progress=not quiet, report=click.echo)
 
 
 @blind.command("score")
@@ -189,15 +191,18 @@ def blind_score(trial) -> None:
 )
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Weights (JSON) to write.")
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_train(cases, seed, work, out, workers, quiet) -> None:
+def blind_train(cases, seed, work, out, workers, scheduler, quiet) -> None:
     """Learn the weights behind the probabilities from cases made for it.
 
     Example: rock2d blind train --seed 2 --work work --out weights.json
     """
     from rock2d.blind.command import train_weights
+    from rock2d.cluster import Workers
 
-    train_weights(cases, seed, work, out, workers=workers, progress=not quiet, report=click.echo)
+    chosen = Workers(workers, scheduler)
+    train_weights(cases, seed, work, out, workers=chosen, progress=not quiet, report=click.echo)
 
 
 @cli.command()

@@ -138,7 +138,7 @@ def _begin(shared: tuple[Any, ...]) -> None:
     _shared = shared
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _follow_parent()
-    _one_thread()
+    one_thread()
 
 
 def _work(work: Callable[..., Any], job: tuple[Any, ...]) -> Any:
@@ -162,7 +162,7 @@ def _follow_parent() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def _one_thread() -> None:
+def one_thread() -> None:
     """Limit this process to one thread, because the threads of several processes slow each other down."""
     import numba
     import scipy.linalg  # noqa: F401  loads its own BLAS, whose threads can only be limited once it is loaded

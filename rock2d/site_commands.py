@@ -13,6 +13,10 @@ from rock2d.runs.engines import ENGINES
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
+ON_SCHEDULER = (
+    "on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one thread each, and must share a "
+    "file system with this process: they write the files."
+)
 
 
 def command_line() -> str:
@@ -33,9 +37,7 @@ def command_line() -> str:
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
 @click.option("--workers", type=click.IntRange(1),
               help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS",
-              help="Campaign on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one "
-              "thread each, and must share a file system with this process: they write the files.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help=f"Campaign {ON_SCHEDULER}")
 @click.option("--keep", multiple=True, type=OUTPUT,
               help="What a campaign keeps of each release; may be given several times. Default: ends and "
               "crossings. With crossings alone a release stops once it can reach no other line; samples "
@@ -57,7 +59,8 @@ def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet,
 
     Example: rock2d run site.yaml --engine batch --releases 500 --report
     """
-    from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+    from rock2d.cluster import Workers
+    from rock2d.runs.campaigns.campaign import CampaignOptions
     from rock2d.runs.command import run_scenarios
 
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rock2d.cluster import Workers
 from rock2d.files.folders import check_file, write_whole
 
 Report = Callable[[str], None]
@@ -31,7 +32,7 @@ def _advance(bar: Any) -> None:
 
 
 def run(
-    folder: Path, *, workers: int | None, without_best: bool = False, progress: bool, report: Report
+    folder: Path, *, workers: Workers, without_best: bool = False, progress: bool, report: Report
 ) -> None:
     """Diagnose all cases of a trial."""
     from tqdm import tqdm
@@ -45,7 +46,11 @@ def run(
             bar.refresh()
 
         out = run_trial(
-            folder, workers=workers or os.cpu_count() or 1, without_best=without_best, on_progress=on_progress
+            folder,
+            workers=workers.processes or os.cpu_count() or 1,
+            scheduler=workers.scheduler,
+            without_best=without_best,
+            on_progress=on_progress,
         )
     report(f"written: {out}")
 
@@ -72,14 +77,14 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
 
 
 def train_weights(
-    count: int, seed: int, work: Path, out: Path, *, workers: int | None, progress: bool, report: Report
+    count: int, seed: int, work: Path, out: Path, *, workers: Workers, progress: bool, report: Report
 ) -> None:
     """Make and run a trial and learn weights from it; an interrupted training continues."""
     from rock2d.blind.training import labelled_results, train, write_weights
 
     check_file(out)
     if not (work / "cases.json").is_file():
-        make(count, seed, work, workers=workers, progress=progress, report=report)
+        make(count, seed, work, workers=workers.processes, progress=progress, report=report)
     run(work, workers=workers, without_best=True, progress=progress, report=report)
     write_weights(train(labelled_results([work])), out)
     report(f"written: {out}")

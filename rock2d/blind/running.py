@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.blind.case_files import CASES, FIT, HELDOUT, read_index
+from rock2d.cluster import as_finished_on_cluster, require_dask
 from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
@@ -21,27 +22,35 @@ def run_trial(
     folder: Path,
     *,
     workers: int = 1,
+    scheduler: str | None = None,
     without_best: bool = False,
     on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Path:
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels or the
     twins.
 
+    scheduler : address of a Dask scheduler, whose workers diagnose instead of processes of this machine; they need
+        access to the trial's folder (a shared file system)
     without_best : diagnose a case with a clear effect a second time without this effect, to train "unknown"
     """
+    if scheduler is not None:
+        require_dask()
     count = int(read_index(folder)["count"])
     out = folder / RESULTS
     make_folder(out)
     names = [f"{i:03d}" for i in range(count)]
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
-    jobs = [(folder / CASES / name, out / f"{name}.json", without_best) for name in waiting]
-    with (
-        temporary_folder(out) as fits,
-        closing(as_finished(_diagnose, jobs, workers, (fits,))) as diagnosed,
-    ):
-        for k, _ in enumerate(diagnosed):
-            on_progress(count - len(waiting) + k + 1, count)
+    cases, absolute = (folder / CASES).absolute(), out.absolute()  # a worker may run in another folder
+    jobs = [(cases / name, absolute / f"{name}.json", without_best) for name in waiting]
+    with temporary_folder(out) as fits:
+        if scheduler is None:
+            finished = as_finished(_diagnose, jobs, workers, (fits,))
+        else:
+            finished = as_finished_on_cluster(_diagnose, jobs, scheduler, (fits,), fits)
+        with closing(finished) as diagnosed:
+            for k, _ in enumerate(diagnosed):
+                on_progress(count - len(waiting) + k + 1, count)
     return out
 
 

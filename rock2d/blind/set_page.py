@@ -57,29 +57,24 @@ def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
         f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
         f"{found['inclusion']['undecidable']} pairs between them are undecidable and left out. ECE: expected "
         "calibration error.</p>",
-        _wide(_calibration_table(found["inclusion"])),
+        _calibration_table(found["inclusion"]),
         html_figure("Stated and actual inclusion", _reliability(cases), image_format="svg"),
-        "<h2>Hidden effects that are named</h2>" + _wide(_recall_table(found)),
+        "<h2>Hidden effects that are named</h2>" + _recall_table(found),
         "<h2>Named effects that are hidden</h2>"
-        + _wide(html_table((GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()))
+        + html_table((GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items())
         + f"<p>Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}</p>",
-        "<h2>By number of releases</h2>" + _wide(_release_table(found["by_releases"])),
+        "<h2>By number of releases</h2>" + _release_table(found["by_releases"]),
         "<h2>Causes from outside the catalogue</h2>"
         f"<p>Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without.</p>"
-        + _wide(html_table([
+        + html_table([
             ("AUROC", f"{outside['auroc']:.3g}"),
             (f"clear ones with a probability of at least {NAMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
             ("false alarms", share_text(outside["false_alarms"])),
-        ])),
+        ]),
         f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",
         html_list([_wrong_text(w) for w in found["wrong_and_sure"]] or ["none"]),
         _closure_part(cases, found["closure"]),
     ])  # fmt: skip
-
-
-def _wide(table: str) -> str:
-    """A table that scrolls where the page is narrower."""
-    return f"<div style='overflow-x:auto'>{table}</div>"
 
 
 def _calibration_table(found: dict[str, Any]) -> str:
@@ -126,7 +121,7 @@ def _closure_part(cases: Iterable[SetCase], found: dict[str, Any]) -> str:
     head = ("hidden", "median of claimed less true", f"within {100 * CLOSURE_MARGIN:.0f} points")
     return (
         "<h2>Claimed and true closure</h2>"
-        + _wide(html_table(rows, head=head))
+        + html_table(rows, head=head)
         + html_figure("Closure of the gap, claimed against true", _closures(cases), image_format="svg")
     )
 

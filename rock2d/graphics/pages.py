@@ -18,7 +18,7 @@ PAGE_INK, PAGE_ACCENT, PAGE_WARM, PAGE_RULE = "#2b2b2b", "#0072b2", "#d55e00", "
 PAGE_STYLE = (
     f"body{{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;color:{PAGE_INK};padding:0 1rem}}"
     "td,th{padding:.15rem .8rem .15rem 0;border-bottom:1px solid #eee;vertical-align:top;text-align:left}"
-    "img,video{max-width:100%}"
+    ".wide{overflow-x:auto}img,video{max-width:100%}p,li,code{overflow-wrap:anywhere}"
 )
 PAGE_FIGURE_DPI = 110  # of embedded PNG pictures
 
@@ -27,17 +27,19 @@ def html_page(title: str, body: str) -> str:
     """A whole page. `title` is text and is escaped; `body` is HTML."""
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width,initial-scale=1'>"
         f"<title>{html.escape(title)}</title><style>{PAGE_STYLE}</style></head>"
         f"<body>{body}</body></html>\n"
     )
 
 
 def html_table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
-    """A table of text cells, which are escaped, below an optional line of column names."""
+    """A table of text cells, which are escaped, below an optional line of column names. It scrolls where the page is
+    narrower."""
     names = "".join(f"<th>{html.escape(name)}</th>" for name in head)
     lines = [f"<tr>{names}</tr>"] if head else []
     lines += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows]
-    return f"<table>{''.join(lines)}</table>"
+    return f"<div class='wide'><table>{''.join(lines)}</table></div>"
 
 
 def html_list(items: Iterable[str]) -> str:

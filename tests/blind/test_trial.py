@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -207,6 +208,27 @@ def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
         score_table(tmp_path / "t")
     sealed.rename(tmp_path / "t" / "labels.json")
     assert len(score_table(tmp_path / "t")) == 1
+
+
+def test_the_workers_of_a_scheduler_write_the_same_bytes(tmp_path, small, monkeypatch):
+    from distributed import LocalCluster
+
+    from rock2d.blind.running import run_trial
+
+    def written(name: str, **workers: str) -> str:
+        make_trial(1, 3, tmp_path / name, causes=[("camera_tilt",)])
+        text = (run_trial(tmp_path / name, **workers) / "000.json").read_text()
+        return re.sub(r'"seconds": [^,]*', "", text)
+
+    few = {name: catalogue()[name] for name in ("air_drag", "camera_tilt")}
+    monkeypatch.setattr("rock2d.diagnosis.diagnose.catalogue", lambda: few)
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as cluster:
+        on_cluster = written("scheduler", scheduler=cluster.scheduler_address)
+        assert cluster.workers[0].state.executed_count == 1
+    assert on_cluster == written("process")
+    assert [path.name for path in (tmp_path / "scheduler").glob(".*")] == []
 
 
 def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):

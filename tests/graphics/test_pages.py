@@ -14,6 +14,10 @@ def test_text_is_escaped():
     assert "<script" not in page and "<li>&lt;script&gt;</li>" in page
 
 
+def test_pages_fit_the_width_of_a_phone():
+    assert "<meta name='viewport' content='width=device-width" in html_page("a", "b")
+
+
 def test_figures_are_inside_the_page():
     figure, (left, right) = blank_axes(3.0, 2.0, columns=2)
     left.plot([0, 1])

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rock2d.cluster import EXTRA, Workers, as_finished_on_cluster, require_dask, versions
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
@@ -31,7 +32,7 @@ MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campai
 CHUNK_RELEASES = 10_000
 BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
-EXTRA = "pip install 'rock2d[scale]'"
+THIS_PROCESS = Workers()  # on all threads
 # keys that change no chunk file and no table, or that the manifest stores outside the scenario
 NOT_DETERMINING = {
     "about",
@@ -74,26 +75,11 @@ class CampaignOptions:
     chunk_releases: int = CHUNK_RELEASES
 
 
-@dataclass(frozen=True)
-class Workers:
-    """Who computes; results do not depend on it.
-
-    Attributes
-    ----------
-    processes : of this machine, with one thread each; default: this process, on all threads
-    scheduler : address of a Dask scheduler, whose workers need access to the campaign's folder (a shared file system)
-        and should have one thread each
-    """
-
-    processes: int | None = None
-    scheduler: str | None = None
-
-
 def run_campaign(
     scenario: Scenario,
     folder: Path,
     options: CampaignOptions = CampaignOptions(),
-    workers: Workers = Workers(),
+    workers: Workers = THIS_PROCESS,
     *,
     progress: bool = True,
     report: Callable[[str], Any] = print,
@@ -114,7 +100,7 @@ def run_campaign(
 
     job, about = _prepare(scenario, folder, options)
     if workers.scheduler is not None:
-        _require_dask()
+        require_dask()
     chunks = _plan(len(job.blocks), options.releases or scenario.releases, options.chunk_releases)
     _claim(folder, about, job)
     _remove_partial_files(job)
@@ -169,7 +155,7 @@ def _how_far(job: Job, chunks: Sequence[Chunk]) -> str:
 
 def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tuple[Job, dict[str, Any]]:
     """The campaign's job and its manifest; InputError if it cannot be a campaign."""
-    from rock2d.runs.campaigns.job import job_of, versions
+    from rock2d.runs.campaigns.job import job_of
 
     engine = engine_named(options.engine or scenario.engine)
     keep = tuple(name for name in OUTPUTS if name in (options.keep or DEFAULT_OUTPUTS))
@@ -272,36 +258,26 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     ]
 
 
-def _require_dask() -> None:
-    try:
-        import distributed  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"--scheduler needs Dask, which is missing: {EXTRA}",
-            code="missing_package",
-            package="distributed",
-        ) from None
-
-
 def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Callable[[int], Any]) -> None:
     """Compute chunks on a scheduler's workers, in processes or in this one; `on_progress` gets the number of releases
     that are done."""
     from rock2d.processes import as_finished
     from rock2d.runs.campaigns.chunks import run_chunk, warm_up
 
+    jobs = [(chunk,) for chunk in todo]
     if workers.scheduler is not None:
-        from rock2d.runs.campaigns.cluster import run_on_cluster
-
-        run_on_cluster(job, todo, on_progress, workers.scheduler)
+        finished = as_finished_on_cluster(run_chunk, jobs, workers.scheduler, (job,), job.folder)
     elif min(workers.processes or 1, len(todo)) > 1:
         warm_up(job)  # so that workers find compiled code in the cache
-        with closing(as_finished(run_chunk, [(c,) for c in todo], workers.processes or 1, (job,))) as done:
-            for _, count in done:
-                on_progress(count)
+        finished = as_finished(run_chunk, jobs, workers.processes or 1, (job,))
     else:
         with _numba_threads(workers.processes):
             for chunk in todo:
                 run_chunk(job, chunk, on_progress)
+        return
+    with closing(finished) as done:
+        for _, count in done:
+            on_progress(count)
 
 
 @contextmanager

@@ -29,7 +29,6 @@ class Job:
     fingerprint : of everything that determines the result; each file carries it
     conditions : of each release
     fps : samples per second, if they are kept
-    versions : as `versions` gives them where the campaign was started
     """
 
     folder: Path
@@ -39,7 +38,6 @@ class Job:
     gravity_m_s2: float
     time_limit_s: float
     fps: float
-    versions: dict[str, str]
 
     @property
     def engine(self) -> str:
@@ -78,14 +76,5 @@ def job_of(
     """The job of a scenario."""
     return Job(
         folder, fingerprint, keep, Conditions(scenario, engine, seed), scenario.gravity_m_s2,
-        scenario.longest_release_s(), scenario.outputs.fps, versions(),
+        scenario.longest_release_s(), scenario.outputs.fps,
     )  # fmt: skip
-
-
-def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on: the code, the random streams, the compiler."""
-    import numba
-
-    from rock2d import __version__
-
-    return {"rock2d": __version__, "numpy": np.__version__, "numba": numba.__version__}

@@ -233,7 +233,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
     ],
 )
 def test_what_cannot_be_a_campaign_is_said_plainly(tmp_path, options, words, monkeypatch):
-    monkeypatch.setattr("rock2d.runs.campaigns.cluster.CONNECT_S", 1)
+    monkeypatch.setattr("rock2d.cluster.CONNECT_S", 1)
     with pytest.raises(InputError, match=words):
         campaign(tmp_path / "out", **options)
 

@@ -1,0 +1,143 @@
+"""Independent jobs on the workers of a running Dask scheduler.
+
+Workers write the files themselves, so they need access to the folder of the results. Workers on other machines need
+a shared file system. If a worker dies, only its current job is lost, and another worker repeats it. A worker should
+have one thread, because the compiled code does not run in parallel threads of one process.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rock2d.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+EXTRA = "pip install 'rock2d[scale]'"
+IN_FLIGHT = 2  # tasks with the scheduler for each thread of the workers
+CONNECT_S = 10
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who computes; results do not depend on it.
+
+    Attributes
+    ----------
+    processes : of this machine, with one thread each; None: as many as the work takes by default
+    scheduler : address of a Dask scheduler, whose workers need access to the folder of the results (a shared file
+        system) and should have one thread each; it takes the place of processes
+    """
+
+    processes: int | None = None
+    scheduler: str | None = None
+
+
+def as_finished_on_cluster(
+    work: Callable[..., Any],
+    jobs: Sequence[tuple[Any, ...]],
+    scheduler: str,
+    shared: tuple[Any, ...],
+    folder: Path,
+) -> Generator[tuple[int, Any]]:
+    """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish; see
+    `processes.as_finished`.
+
+    scheduler : its address, tcp://host:port
+    folder : absolute; a worker that does not see it is refused
+
+    Raises what `work` raises; InputError if the scheduler does not answer or is lost, if workers keep dying at the
+    same job, do not see the folder or have other versions than this process.
+    """
+    from distributed import CancelledError, KilledWorker, as_completed
+    from distributed.comm import CommClosedError
+
+    waiting, own = enumerate(jobs), versions()
+    with _client(scheduler) as client:
+
+        def submitted(most: int) -> list[Any]:
+            return [
+                client.submit(_on_worker, work, (*shared, *job), k, own, folder, pure=False)
+                for k, job in islice(waiting, max(most, 0))
+            ]
+
+        running = as_completed(submitted(_room(client)), loop=client.loop)
+        try:
+            for future in running:
+                yield future.result()
+                running.update(submitted(_room(client) - running.count()))
+        except KilledWorker:
+            raise InputError(
+                "several workers died at the same job; is there too little memory?", code="no_cluster"
+            ) from None
+        except (CancelledError, CommClosedError):
+            raise InputError(
+                "the scheduler is gone; the same command continues from there", code="no_cluster"
+            ) from None
+
+
+def require_dask() -> None:
+    """InputError if Dask is not installed."""
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise InputError(
+            f"--scheduler needs Dask, which is missing: {EXTRA}",
+            code="missing_package",
+            package="distributed",
+        ) from None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers depend on: the code, the random streams, the compiler."""
+    import numba
+    import numpy as np
+
+    from rock2d import __version__
+
+    return {"rock2d": __version__, "numpy": np.__version__, "numba": numba.__version__}
+
+
+def _room(client: Client) -> int:
+    """How many tasks may be with the scheduler: its workers may come and go."""
+    return IN_FLIGHT * max(1, sum(client.nthreads().values()))
+
+
+def _on_worker(
+    work: Callable[..., Any], arguments: tuple[Any, ...], index: int, expected: dict[str, str], folder: Path
+) -> tuple[int, Any]:
+    from rock2d.processes import one_thread
+
+    if expected != versions():
+        raise InputError(f"a worker has {versions()}, this process {expected}", code="no_cluster")
+    if not folder.is_dir():
+        message = "not there for a worker: workers and this process must share a file system"
+        raise InputError(message, folder, code="no_cluster")
+    one_thread()
+    return index, work(*arguments)
+
+
+@contextmanager
+def _client(scheduler: str) -> Iterator[Client]:
+    from distributed import Client
+
+    if not re.fullmatch(r"\w+://.+:\d+", scheduler):
+        raise InputError(
+            f"expected a scheduler's address like tcp://host:8786, found {scheduler!r}", code="no_cluster"
+        )
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at {scheduler}: {error}", code="no_cluster") from None
+    with client:
+        yield client

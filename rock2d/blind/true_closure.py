@@ -14,7 +14,7 @@ import numpy as np
 from rock2d.blind.case_files import HELDOUT, TWIN, TWIN_FIT
 from rock2d.diagnosis.attribution import fit_base
 from rock2d.diagnosis.budget import Sizes
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.diagnose import Diagnosis, prepared
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import residuals_on
@@ -34,9 +34,9 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
     if found is None or null is None or held is None or twin is None:
         return None
     variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
-    base = _gap(held, model_residuals(found.base.model, found.base.p, held), variance)
+    base = _gap(held, found.base.model.residuals(found.base.p, held), variance)
     closed = _gap(held, residuals_on(held, found.learnt), variance)
-    floor = _gap(twin, model_residuals(null.model, null.p, twin), variance)
+    floor = _gap(twin, null.model.residuals(null.p, twin), variance)
     return (base - closed) / (base - floor) if base > LEAST_GAP * floor else None
 
 

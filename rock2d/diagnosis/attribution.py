@@ -18,7 +18,7 @@ from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cause_sets import CauseSet, Gain, Names, Search
 from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
-from rock2d.diagnosis.data import Data, model_residuals
+from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
@@ -121,7 +121,7 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
             for restitution in (0.0, -0.7, 0.7)
             for friction in (0.0, -0.5, 0.5)
         ]
-        residuals = [model_residuals(model, p, some).impacts for p in corners]
+        residuals = [model.residuals(p, some).impacts for p in corners]
         # channels in units of their median residual over all corners
         scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]

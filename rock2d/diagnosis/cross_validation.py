@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.fitting import Fit, newton_step
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import discrete
@@ -60,7 +60,7 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
         before = _cost(fit.residuals, covariance, keep, fit.p - centre, tight)
         for _ in range(MOST_HALVINGS):
             p = np.clip(fit.p - step, low, high)
-            own = model_residuals(fit.model, p, data)
+            own = fit.model.residuals(p, data)
             if _cost(own, covariance, keep, p - centre, tight) < before + ACCEPTED_COST:
                 break
             step = step / 2

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from rock2d.diagnosis.model import Model
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -83,8 +82,3 @@ class Data(Protocol):
 
     def flight_features(self, world: World) -> Array:
         """(m, features) of each flight."""
-
-
-def model_residuals(model: Model, p: Array, data: Data, shift: Array | None = None) -> Residuals:
-    """Residuals of the model at p; see `Data.residuals`."""
-    return model.residuals(p, data, shift)

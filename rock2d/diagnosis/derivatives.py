@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, from_scale, scatters
 from rock2d.kinematics.film_segments import STATE_SIZE
 
@@ -61,7 +61,7 @@ def slopes(
     fixed = {*scatters(model), *discrete(model)}
     for k in sorted(set(range(first, size)) - fixed):
         step = DIFFERENCE_STEP if p[k] + DIFFERENCE_STEP <= high[k] else -DIFFERENCE_STEP
-        ahead = model_residuals(model, p + step * (np.arange(size) == k), data)
+        ahead = model.residuals(p + step * (np.arange(size) == k), data)
         by_impacts[..., k] = (ahead.impacts - at.impacts) / step
         by_flights[..., k] = (ahead.flights - at.flights) / step
     columns = [by_impacts[..., : len(BASE_WIDTH)]]
@@ -90,7 +90,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     slope, bend = [], []
     for k in range(STATE_SIZE):
         shift = sigma[k] * (np.arange(STATE_SIZE) == k)
-        ahead, behind = model_residuals(model, p, data, shift), model_residuals(model, p, data, -shift)
+        ahead, behind = model.residuals(p, data, shift), model.residuals(p, data, -shift)
         slope.append((ahead.impacts - behind.impacts) / (2 * sigma[k]))
         bend.append((ahead.impacts + behind.impacts - 2 * at.impacts) / (2 * sigma[k] ** 2))
     by_state, by_square = (np.nan_to_num(np.stack(v, axis=-1)) for v in (slope, bend))
@@ -98,7 +98,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     curved = []
     for k in range(len(BASE_WIDTH)):
         step = scatter[k] * (np.arange(model.size) == k)
-        ahead, behind = model_residuals(model, p + step, data), model_residuals(model, p - step, data)
+        ahead, behind = model.residuals(p + step, data), model.residuals(p - step, data)
         curved.append((ahead.impacts + behind.impacts - 2 * at.impacts) / np.sqrt(2.0))
     by_soil = np.nan_to_num(np.stack(curved, axis=-1))
     return (

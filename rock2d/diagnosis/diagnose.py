@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
-from rock2d.diagnosis.data import model_residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.gap import (
@@ -153,9 +152,9 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
 def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
     """Expected seconds of all fits, from the time of one evaluation of all residuals."""
     model = Model(setup, start)
-    model_residuals(model, model.start(), data)  # the first evaluation may compile
+    model.residuals(model.start(), data)  # the first evaluation may compile
     begin = perf_counter()
-    model_residuals(model, model.start(), data)
+    model.residuals(model.start(), data)
     return (perf_counter() - begin) * (BASE_EVALUATIONS + EFFECT_EVALUATIONS * effects / workers)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.fitting import CONVERGED_GAIN, EXPLORING_ITERATIONS, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
@@ -93,7 +93,7 @@ class Tried:
         """At parameters p."""
         key = p.tobytes()
         if key not in self._known:
-            self._known[key] = model_residuals(self.model, p, self.data)
+            self._known[key] = self.model.residuals(p, self.data)
         return self._known[key]
 
 

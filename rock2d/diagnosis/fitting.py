@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes, slopes, spread
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
@@ -119,7 +119,7 @@ def fit(
     low, high = model.bounds()
     posterior = _Posterior(model, data, *prior(model))
     p = np.clip(model.start() if start is None else start, low, high)
-    begin, at = p, _Point(p, model_residuals(model, p, data))
+    begin, at = p, _Point(p, model.residuals(p, data))
     scatter, noise_known = _start_scatter(model, data, old), old is not None
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     slope: Slopes | None = old.slope if old is not None else None
@@ -214,7 +214,7 @@ def _advance(
         ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
         if grad @ (at.p - ahead) < 0.2 * enough:  # the gain of a parabola is half of it
             break
-        trial = _Point(ahead, model_residuals(model, ahead, data))
+        trial = _Point(ahead, model.residuals(ahead, data))
         gain = now - posterior.cost(trial, covariance)
         if gain > 0.0:
             return trial, max(damping / 10, 1e-6), gain

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Fit, fit
@@ -139,7 +139,7 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     """Residuals that the model with its learnt changes leaves in other data of the same set-up."""
     found, changes = learnt.fit, learnt.changes
     if not changes:
-        return model_residuals(found.model, found.p, data)
+        return found.model.residuals(found.p, data)
     own = found.model
     assert isinstance(own, LearntModel)
     p = found.p[: len(found.p) - len(own.widths)]

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, response
@@ -191,7 +191,7 @@ class Levers:
         columns = []
         for k, unit in enumerate(STATE_STEP * self.units[STATE]):
             shift = unit * (np.arange(STATE_SIZE) == k)
-            ahead, behind = (model_residuals(fit.model, fit.p, data, s) for s in (shift, -shift))
+            ahead, behind = (fit.model.residuals(fit.p, data, s) for s in (shift, -shift))
             columns.append((ahead.impacts - behind.impacts) / (2.0 * unit))
         return np.nan_to_num(np.stack(columns, axis=-1))
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
-
-if TYPE_CHECKING:
-    from rock2d.diagnosis.data import Data, Residuals
 
 Array = np.ndarray
 

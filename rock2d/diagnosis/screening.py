@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.data import Data, Residuals, model_residuals
+from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
 from rock2d.diagnosis.linear_model import LinearModel
@@ -85,7 +85,7 @@ class Screening:
 
     def _change(self, model: Model, start: Array, step: Array) -> Residuals:
         """How the residuals change with a step of the parameters."""
-        found = model_residuals(model, start + step, self._data)
+        found = model.residuals(start + step, self._data)
         own = self._fit.residuals
         return Residuals(np.nan_to_num(found.impacts - own.impacts), found.flights - own.flights)
 

@@ -18,6 +18,8 @@ from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_t
 from rock2d.blind.signal_to_noise import likeness, signal_to_noise
 from rock2d.blind.training import FEATURES, Examples, regression, unseen
 from rock2d.diagnosis.classification import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
+from rock2d.diagnosis.inclusion import INCLUDED, OUTSIDE, inclusion
+from rock2d.diagnosis.inclusion import outside as outside_chance
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
@@ -257,15 +259,35 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
             name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in own else 6.0}
             for name in ("air_drag", "adhesion", "magnus_lift")
         }
-        result = {"statistics": {"case": case, "effects": effects}, "without_best": None}
+        included = {
+            name: dict.fromkeys(FEATURES[INCLUDED], 0.0) | {"z": 6.0 if name in own else 0.0}
+            for name in effects
+        }
+        left = dict.fromkeys(FEATURES[OUTSIDE], 0.0) | {"learnt_z": 8.0 if outside else 0.0}
+        found = {"case": case, "effects": effects, "causes": included, "outside": left}
+        result = {"statistics": found, "without_best": None}
         (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
     labels = read_labels(tmp_path / "t")
     # as if all that is hidden in so few releases could be seen
     clear = [
-        (label | {"signal_to_noise": 20.0}, result) for label, result in labelled_results([tmp_path / "t"])
+        (
+            label
+            | {
+                "signal_to_noise": 20.0,
+                "hidden": [cause | {"signal_to_noise": 20.0} for cause in label["hidden"]],
+            },
+            result,
+        )
+        for label, result in labelled_results([tmp_path / "t"])
     ]
     learned = train(clear)
-    assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN}
+    assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN, INCLUDED, OUTSIDE}
+    for (label, result), truth in zip(clear, causes, strict=True):
+        chances = inclusion(result["statistics"]["causes"], learned)
+        assert {name for name, p in chances.items() if p >= 0.5} == set(truth) & set(chances)
+        assert (outside_chance(result["statistics"]["outside"], learned) >= 0.5) == (
+            "unknown" in label["label"]
+        )
     p = probabilities({"case": case, "effects": effects}, learned)
     assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"
     named = probabilities(

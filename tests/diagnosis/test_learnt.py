@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
-from rock2d.diagnosis.data import model_residuals
 from rock2d.diagnosis.diagnose import base_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
@@ -106,7 +105,7 @@ def test_the_answer_to_a_change_of_the_law_is_the_derivative_of_the_residuals(ha
     levers = Levers(base, data)
     columns = levers.columns(levers.answer(LAW, Basis(CONSTANT, ())))
     step = 1e-3
-    ahead = model_residuals(base.model, base.p + step * np.eye(5)[1], data)
+    ahead = base.model.residuals(base.p + step * np.eye(5)[1], data)
     slope = (ahead.impacts - base.residuals.impacts) / step
     error = np.abs(columns.impacts[..., 1] - slope)
     assert np.median(error) < 0.05 * np.median(np.abs(slope))

@@ -235,8 +235,7 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
 @pytest.mark.parametrize(("low", "named"), [(0.5, True), (0.02, False)])
 def test_effects_beside_an_unknown_cause_are_named_if_they_close_a_part_of_the_gap(low, named):
     own = content("unknown")
-    own["model"] = {"base": BASE, "parameters": {"air_drag": parameters("air_drag", 0.07)}}
-    own["gap"] = {"closure": 0.6, "closure_ci95": [low, 0.7]}
+    own["causes"] = [{"effect": "air_drag", "p": 0.9, "closes": 0.6, "closes_ci95": [low, 0.7]}]
     first = what_to_do(own, EXPERIMENT)[0]
     assert ("air drag" in first and "60 %" in first) == named
     assert first.startswith("Do not correct anything") != named

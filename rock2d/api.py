@@ -151,7 +151,7 @@ def diagnose(
     from tqdm import tqdm
 
     from rock2d.diagnosis.diagnose import diagnose as run_diagnosis
-    from rock2d.diagnosis.diagnose import diagnosis_json
+    from rock2d.diagnosis.diagnosis_content import diagnosis_json
 
     read = _loaded(experiment)
     with tqdm(unit="model", disable=not progress) as bar:

@@ -63,7 +63,8 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
 
     from rock2d.blind.true_closure import true_closure
     from rock2d.diagnosis.attribution import attribute
-    from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+    from rock2d.diagnosis.diagnose import diagnose
+    from rock2d.diagnosis.diagnosis_content import diagnosis_json
     from rock2d.effects import catalogue
     from rock2d.files.experiment import load_experiment
 

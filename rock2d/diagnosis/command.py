@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue

@@ -36,7 +36,7 @@ SPIN_VX_M_S2, SPIN_VY_M_S2 = "omega_times_vx_m_s2", "omega_times_vy_m_s2"
 MOST_COUNTED_IMPACTS = 2  # later impacts of a release count as one kind
 
 # name of a dependence -> its quantities and how they enter
-Dependences = Mapping[str, tuple[tuple[str, str], ...]]
+Entries = Mapping[str, tuple[tuple[str, str], ...]]
 IMPACT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     CONSTANT: (),
     "block": ((BLOCK, KINDS),),
@@ -145,7 +145,7 @@ def read_basis(content: Mapping[str, Any]) -> Basis:
     return Basis(content["depends_on"], tuple(curves))
 
 
-def bases(dependences: Dependences, quantities: Mapping[str, Array]) -> dict[str, Basis]:
+def bases(dependences: Entries, quantities: Mapping[str, Array]) -> dict[str, Basis]:
     """The bases of dependences for measured quantities (n,), name -> basis. What does not vary is left out."""
     found = {}
     for name, parts in dependences.items():

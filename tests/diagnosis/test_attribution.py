@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.attribution import attribute
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
-from rock2d.diagnosis.diagnose import base_values
+from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.flight_fields import flight_paths, integral, response

@@ -14,7 +14,8 @@ from click.testing import CliRunner
 
 from rock2d.cli import cli
 from rock2d.diagnosis.command import run_diagnosis
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json, prepared
+from rock2d.diagnosis.diagnose import diagnose, prepared
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue

@@ -18,7 +18,8 @@ import pytest
 import rock2d
 from rock2d.diagnosis import exploring, fitting
 from rock2d.diagnosis.command import run_diagnosis
-from rock2d.diagnosis.diagnose import Diagnosis, diagnose, diagnosis_json
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.report import page, side_by_side
 from rock2d.diagnosis.report.bar_charts import NARROW_LABEL, Axis, scale
 from rock2d.diagnosis.report.downloads import download

@@ -62,7 +62,8 @@ def test_schemas_accept_real_files():
 
 
 def test_a_film_that_cannot_be_diagnosed_obeys_the_schema():
-    from rock2d.diagnosis.diagnose import diagnose, diagnosis_json
+    from rock2d.diagnosis.diagnose import diagnose
+    from rock2d.diagnosis.diagnosis_content import diagnosis_json
     from tests.kinematics.synthetic_films import film, world
 
     content = diagnosis_json(diagnose(film(world(), 2)))

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.diagnosis.diagnose import diagnose, diagnosis_json, prepared
+from rock2d.diagnosis.diagnose import diagnose, prepared
+from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.film_segments import FilmSegments

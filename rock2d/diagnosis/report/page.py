@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis.diagnose import Diagnosis, reported_effect
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text

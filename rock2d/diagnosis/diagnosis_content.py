@@ -1,0 +1,264 @@
+"""The content of diagnosis.json: what a diagnosis found, as plain numbers and words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.inclusion import inclusion, outside
+from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
+from rock2d.diagnosis.next_release import next_release
+from rock2d.effects import catalogue
+from rock2d.laws.contact import INDENTATION
+
+Array = np.ndarray
+
+LEAST_LISTED_PROBABILITY = 0.05  # of an effect among the causes
+UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
+
+
+def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
+    """Effect name -> parameter name -> value, 95 % interval and unit."""
+    out: dict[str, dict[str, dict[str, Any]]] = {}
+    k = len(BASE_WIDTH)
+    model = fit.model
+    for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
+        entry = {}
+        for parameter, value in zip(own, values, strict=True):
+            half = 1.96 * float(np.sqrt(fit.p_covariance[k, k]))
+            if is_factor(parameter):
+                low, high = value * np.exp(-half), value * np.exp(half)
+            else:
+                half *= 0.5 * (parameter.high - parameter.low)
+                low, high = value - half, value + half
+            if parameter.choices or effect.scatter:
+                low = high = value
+            entry[parameter.name] = {
+                "value": float(value),
+                "ci95": [float(low), float(high)],
+                "unit": parameter.unit,
+            }
+            if (name := parameter.called(float(value))) is not None:
+                entry[parameter.name]["choice"] = name
+            k += 1
+        out[effect.name] = entry
+    return out
+
+
+def base_values(fit: Fit) -> dict[str, float]:
+    """The base law's parameters by their names."""
+    k_l, k_ul, k_t, mu, k_r = fit.model.law(fit.p)
+    return dict(zip(BASE_NAMES, map(float, (k_l, k_ul, k_t, np.rad2deg(np.arctan(mu)), k_r)), strict=True))
+
+
+def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
+    """The content of diagnosis.json (schema 2)."""
+    head: dict[str, Any] = {"schema": 2, "experiment": result.experiment.name}
+    sanity = {
+        "faults": [fault.message for fault in result.sanity.faults],
+        "fault_codes": [fault.code for fault in result.sanity.faults],
+        "remarks": result.sanity.remarks,
+    }
+    body = _faulty_json(result) if result.found is None else _found_json(result)
+    return head | body | {"sanity": sanity}
+
+
+def _faulty_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that could not be diagnosed."""
+    names = list(catalogue())
+    suspects = result.sanity.suspects or ["none", *names]
+    probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
+    for name in suspects:  # nothing was tried, so all are equally likely
+        probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
+    gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
+    return {
+        "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
+        "gap": {"unit": GAP_UNIT} | gap, "next_release": "", "causes": [], "outside": None, "floor": None,
+    }  # fmt: skip
+
+
+def _found_json(result: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds of an experiment that was diagnosed."""
+    names, found, data = list(catalogue()), result.found, result.data
+    assert found is not None and data is not None and result.gaps is not None and result.cells is not None
+    assert result.budget is not None
+    zones = result.experiment.cross_section.zone_names
+    return {
+        "base": base_values(found.base),
+        "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
+        "verdict": found.verdict,
+        "group": found.group if found.verdict in names else [],
+        "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
+        "effects": {
+            name: {
+                "parameters": effect_values(c.fit)[name],
+                "base": base_values(c.fit),
+                "heldout_score_gain": c.total,
+                "heldout_score_gain_se": c.error,
+                "closure": result.gaps[name].share_closed,
+                "closure_ci95": list(result.gaps[name].ci95),
+            }
+            for name, c in found.candidates.items()
+        },
+        "where": [vars(cell) for cell in result.cells],
+        "gap": _gap_json(result.budget),
+        "causes": _causes_json(found, result.budget),
+        "outside": _outside_json(found, result.budget),
+        "floor": {
+            "regression": result.budget.regression,
+            "replicates": result.budget.replicates,
+            "used": result.budget.used,
+        },
+        "next_release": next_release(data, result.setup, found, result.cells, zones),
+        "unexplained": [
+            {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
+            for d in found.unexplained
+        ],
+        "beside": _chain_json(found) if found.verdict == found.best else [],
+        "model": _model_json(found),
+        "series": _series(result),
+        "blocks": {
+            name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}
+            for name, block in result.experiment.blocks.items()
+        },
+        "gravity_m_s2": float(result.experiment.gravity_m_s2),
+        "assumptions": [reading_sentence(found.base)],
+    }
+
+
+def _gap_json(budget: Budget) -> dict[str, Any]:
+    """The gap that all causes and learnt changes close together."""
+    closed = budget.closed
+    return {
+        "unit": GAP_UNIT, "base": budget.base, "augmented": budget.learnt, "noise_floor": budget.used,
+        "closure": closed.closes, "closure_ci95": list(closed.ci95),
+    }  # fmt: skip
+
+
+def _share_json(share: Share) -> dict[str, Any]:
+    return {"closes": share.closes, "closes_ci95": list(share.ci95), "closes_range": list(share.range)}
+
+
+def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
+    """The causes, most probable first: effects of the model with the share that each closes, and others that are
+    possible, with the parameters that they have alone."""
+    known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
+    chances = inclusion(found.statistics["causes"])
+    out = []
+    for name in sorted(chances, key=lambda n: -chances[n]):
+        if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:
+            continue
+        own = joint[name] if name in joint else effect_values(found.candidates[name].fit)[name]
+        share = (
+            _share_json(budget.causes[name])
+            if name in budget.causes
+            else dict.fromkeys(("closes", "closes_ci95", "closes_range"))
+        )
+        out.append(
+            {
+                "effect": name,
+                "p": chances[name],
+                "parameters": own,
+                "origin": known[name].origin,
+                "group": found.rivals.get(name, []),
+            }
+            | share
+        )
+    return out
+
+
+def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
+    """What depends on something, but has no name."""
+    changes = found.learnt.changes
+    names = [change.basis.name for change in changes] + [d.basis.name for d in found.unexplained]
+    return {
+        "p": outside(found.statistics["outside"]),
+        "share": budget.outside.closes,
+        "share_ci95": list(budget.outside.ci95),
+        "depends_on": list(dict.fromkeys(names)),
+        "learnt": {
+            "closes": budget.closed_by_learnt.closes,
+            "closes_ci95": list(budget.closed_by_learnt.ci95),
+            "changes": [change.name for change in changes],
+        }
+        if changes
+        else None,
+    }
+
+
+def reported_effect(found: Attribution) -> str:
+    """The effect whose gap is reported."""
+    named = [name for name, c in found.candidates.items() if name == found.verdict or not c.effect.scatter]
+    return max(named, key=lambda name: found.candidates[name].total)
+
+
+def reading_sentence(base: Fit) -> str:
+    """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
+    if base.model.setup.contact[..., INDENTATION].any():
+        return (
+            "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+            "rolling spring acts until the block is clear of the original surface."
+        )
+    return (
+        "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
+        "rolling spring acts only while the ground presses on the block."
+    )
+
+
+def _model_json(found: Attribution) -> dict[str, Any] | None:
+    """All causes, with the base law that was fitted with them; and the same with the learnt changes, for predictions of
+    this set-up. None without any."""
+    learnt = found.learnt
+    if not (found.named or learnt.changes):
+        return None
+    plain = found.final.fit if found.named else found.base
+    changed = {
+        "base": base_values(learnt.fit),
+        "parameters": effect_values(learnt.fit),
+        "changes": [
+            change.basis.content()
+            | {
+                "lever": change.lever,
+                "coefficients": change.coefficients.tolist(),
+                "heldout_score_gain": change.total,
+                "heldout_score_gain_se": change.error,
+            }
+            for change in learnt.changes
+        ],
+    }
+    return {
+        "base": base_values(plain),
+        "parameters": effect_values(plain),
+        "learnt": changed if learnt.changes else None,
+    }
+
+
+def _chain_json(found: Attribution) -> list[dict[str, Any]]:
+    """The effects beside the verdict, each with the parameters of all effects."""
+    return [
+        {
+            "effect": c.effect.name,
+            "base": base_values(c.fit),
+            "parameters": effect_values(c.fit),
+            "heldout_score_gain": c.total,
+            "heldout_score_gain_se": c.error,
+        }
+        for c in found.chain[1:]
+    ]
+
+
+def _series(result: Diagnosis) -> dict[str, int]:
+    """Releases of each block that were filmed, for effects that change from release to release."""
+    names = list(result.experiment.blocks)
+    if isinstance(result.data, FilmData):
+        blocks = result.data.film.release_block
+    else:
+        assert result.data is not None
+        blocks = result.data.impact_block[np.unique(result.data.impact_release, return_index=True)[1]]
+    return {name: int((blocks == i).sum()) for i, name in enumerate(names)}

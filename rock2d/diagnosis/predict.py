@@ -85,10 +85,12 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
     recorded. The film is judged and divided with the camera and on the ground that the diagnosis found.
     Of an impact table the velocities after each impact are predicted: `TABLE_COLUMNS`.
-    Raises InputError for a film that cannot be read or shows no flight.
+    Raises InputError for a film that cannot be read or shows no flight, and for a diagnosis without a fitted law.
     """
     import pandas as pd
 
+    if not content["base"]:
+        raise InputError("this diagnosis has no fitted law: its experiment failed the sanity checks")
     if experiment.trajectories is None:
         return _impacts(experiment, content, base_only)
     setup, film = setup_world(experiment), load_film(experiment)

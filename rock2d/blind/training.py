@@ -54,9 +54,6 @@ FEATURES = {
         "left_z",
         "left_over_named",
         "left_share",
-        "flights_log",
-        "causes",
-        "scatter",
     ),
 }
 INVERSE_REGULARISATION = 1.0

@@ -82,11 +82,6 @@ class Attribution:
     sets: dict[Names, HeldOut]
 
     @property
-    def significant(self) -> bool:
-        """Whether any effect is probable."""
-        return bool(self.named)
-
-    @property
     def best(self) -> str:
         return self.chain[0].effect.name
 
@@ -290,14 +285,11 @@ def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidat
         return [candidates[name] for name in best.names]
     smaller = search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)
-    return [
-        Candidate(known[name], best.fit, best.held_out, best.gain(smaller[name]).per_release)
-        for name in order
-    ]
+    return [Candidate(known[name], best.fit, best.held_out, best.gain(smaller[name]).gain) for name in order]
 
 
 def _candidate(own: CauseSet, name: str, base: CauseSet) -> Candidate:
-    return Candidate(catalogue()[name], own.fit, own.held_out, own.gain(base).per_release)
+    return Candidate(catalogue()[name], own.fit, own.held_out, own.gain(base).gain)
 
 
 def _is_significant(dependence: Discrepancy) -> bool:

@@ -29,7 +29,6 @@ LARGEST_SD = 30.0  # of a residual; a larger one, or an impact that cannot be si
 SMALLEST_SD = 1e-3  # of a segment
 GAP_UNIT = "typical residual: geometric mean over impacts and flights, in standard deviations of noise and soil scatter"
 LARGEST_CORRECTION = 2.0  # factor that makes shares sum to the whole
-MOST_IN_ALL_ORDERS = 3  # causes; of more, the first and the last place of each count
 
 
 @dataclass
@@ -137,7 +136,7 @@ def budget(
     Parameters
     ----------
     sets : effects of a model -> (releases,) sums of logarithms; with no effect, with `named`, with each of them alone
-        and without each of them; up to MOST_IN_ALL_ORDERS all subsets
+        and without each of them; of up to three effects all subsets
     learnt : of the model with learnt changes
     floors : (1 + draws,) gaps of the floors by regression and by replicates
     """

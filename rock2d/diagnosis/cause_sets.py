@@ -21,7 +21,7 @@ from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
-from rock2d.diagnosis.significance import SMALLEST_ERROR, standard_error
+from rock2d.diagnosis.significance import SMALLEST_ERROR, OverReleases
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.processes import Processes
@@ -61,20 +61,10 @@ class CauseSet:
 
 
 @dataclass
-class Gain:
+class Gain(OverReleases):
     """(releases,) log likelihood on held-out releases that one model has more than another."""
 
-    per_release: Array
-
-    @property
-    def total(self) -> float:
-        """Over all releases."""
-        return float(self.per_release.sum())
-
-    @property
-    def error(self) -> float:
-        """Standard error of the total, over releases."""
-        return standard_error(self.per_release)
+    gain: Array
 
     @property
     def significant(self) -> bool:

@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 Array = np.ndarray
 
 SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
-
-
-class Gain(Protocol):
-    """A gain in log likelihood on held-out releases: anything of `OverReleases`, or `cause_sets.Gain`."""
-
-    @property
-    def total(self) -> float:
-        """Sum over the releases."""
-
-    @property
-    def error(self) -> float:
-        """Standard error of the sum."""
 
 
 class OverReleases:
@@ -44,6 +30,6 @@ def standard_error(per_release: Array) -> float:
     return float(per_release.std() * np.sqrt(len(per_release)))
 
 
-def significance(gain: Gain) -> float:
+def significance(gain: OverReleases) -> float:
     """Gain in standard errors."""
     return gain.total / max(gain.error, SMALLEST_ERROR)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rock2d.diagnosis.attribution import NAMED_PROBABILITY
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
@@ -118,7 +119,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
                 f"cause: {cause['effect']} ({cause['origin']}, p = {cause['p']:.2f}) closes {_shares(cause)}"
             )
     outside = content["outside"]
-    if outside and outside["p"] >= 0.5:
+    if outside and outside["p"] >= NAMED_PROBABILITY:
         share = f"{100 * outside['share']:.0f} % of the gap"
         dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
         learnt = f"; learnt changes close {_shares(outside['learnt'])}" if outside["learnt"] else ""

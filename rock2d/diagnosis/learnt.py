@@ -155,8 +155,7 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
     """The fit with one more change. The derivatives by everything else stay as they are."""
     widths = np.full(answer.size, width)
     model = old.model
-    known: Sequence[Answer] = model.answers if isinstance(model, LearntModel) else ()
-    before = model.widths if isinstance(model, LearntModel) else np.empty(0)
+    known, before = (model.answers, model.widths) if isinstance(model, LearntModel) else ((), np.empty(0))
     wider = LearntModel(
         model.setup,
         model.base,

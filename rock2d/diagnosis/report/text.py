@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.diagnosis.attribution import NAMED_PROBABILITY
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.effects.effect import Effect, Parameter
@@ -148,7 +149,7 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
 def _outside(content: Mapping[str, Any]) -> str:
     """What acts beside named causes without a name; "" where probably nothing does."""
     found = content.get("outside")
-    if found is None or found["p"] < 0.5:
+    if found is None or found["p"] < NAMED_PROBABILITY:
         return ""
     dependence = f" It depends on the {found['depends_on'][0]}." if found["depends_on"] else ""
     return (

@@ -248,33 +248,32 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
     them adds.
 
     A learnt change can often do what an effect does. So a member stays if alone it explains about as much as what would
-    be learnt in its place.
+    be learnt in its place. That cannot gain more than the member and what is learnt beside it, so a member that gains
+    more than the latter is not tried.
     """
-    dropped: dict[str, BesideLearnt] = {}
-    while True:
+    data, beside = search.data, dict[str, BesideLearnt]()
+    learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
+    waiting: list[str] | None = None  # members to be tried; None: all of the best set
+    while learnt.changes:
         best = search.best
-        learnt = learn(best.fit, best.held_out, search.data, found.of(best.fit))
-        if not learnt.changes or not best.names:
-            return learnt, dropped
         smaller = search.without(best)
-        others = {
-            name: learn(own.fit, own.held_out, search.data, found.of(own.fit))
-            for name, own in smaller.items()
-        }
-        beside = {
-            name: BesideLearnt(
-                Gain(learnt.held_out.score - other.held_out.score),
-                best.gain(smaller[name]),
-                Gain(other.held_out.score - smaller[name].held_out.score),
-            )
-            for name, other in others.items()
-        }
-        needless = [name for name, own in beside.items() if own.needless]
-        if not needless:
-            return learnt, dropped | beside
-        least = min(needless, key=lambda name: beside[name].added.total)
-        dropped[least] = beside[least]
-        search.best = smaller[least]
+        gains = {name: best.gain(own) for name, own in smaller.items()}
+        beside_best = Gain(learnt.held_out.score - best.held_out.score)
+        if waiting is None:
+            waiting = sorted(gains, key=lambda name: gains[name].total)
+        if not waiting or gains[waiting[0]].total > beside_best.total:
+            break
+        name = waiting.pop(0)
+        own = smaller[name]
+        other = learn(own.fit, own.held_out, data, found.of(own.fit))
+        beside[name] = BesideLearnt(
+            Gain(learnt.held_out.score - other.held_out.score),
+            gains[name],
+            Gain(other.held_out.score - own.held_out.score),
+        )
+        if beside[name].needless:
+            search.best, learnt, waiting = own, other, None
+    return learnt, beside
 
 
 def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:

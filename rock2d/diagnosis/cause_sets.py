@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from rock2d.diagnosis.checkpoint import load_fit, save_fit
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -279,7 +280,17 @@ class _Reduction:
             kept[first : first + len(own)] = effect.name != self.name
             first += len(own)
         fewer = [effect for effect in model.effects if effect.name != self.name]
-        return fit(Model(model.setup, model.base, fewer, self.before.p), data, self.before.p[kept])
+        smaller = Model(model.setup, model.base, fewer, self.before.p)
+        return fit(smaller, data, self.before.p[kept], old=self._without(kept, smaller))
+
+    def _without(self, kept: Array, model: Model) -> Fit:
+        """The fit before, without the effect's parameters: its noise and derivatives are near those of the new one."""
+        before, own = self.before, self.before.slope
+        scatter = np.ones(len(before.scatter), bool)
+        for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
+            scatter[k] = effect.name != self.name
+        slope = Slopes(own.impacts[..., kept], own.flights[..., kept], own.scatter[..., scatter], own.covariance)
+        return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], slope=slope)
 
 
 def _fit_step(data: Data, step: _Addition | _Reduction, folder: Path | None) -> tuple[Fit, HeldOut]:

@@ -21,7 +21,7 @@ SCAN_VALUES = 9  # values of a parameter that a scan tries
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
 COARSE_CONVERGED_GAIN = (
-    2.0  # of a step, below which a fit has converged whose effect gained nothing on some releases
+    8.0  # of a step, below which a fit has converged whose effect gained nothing on some releases
 )
 EXPLORED_GAIN = (
     1.0  # log likelihood that an effect must gain on some releases for the fit to start from there
@@ -42,8 +42,11 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
         found = fit(model, data, found.p, old=base)
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
-        explored = explore(model, data.only(some), part)
-        useful = explored.total() > part.total() + EXPLORED_GAIN
+        few = data.only(some)
+        explored = explore(model, few, part)
+        # the base gains, too, if it is fitted to these few releases
+        without = _short(Tried(base.model, few), part.p, part)
+        useful = explored.total() > without.total() + EXPLORED_GAIN
         enough = CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN
         found = fit(model, data, explored.p if useful else start, old=base, enough=enough)
     if found.total() > base.total() + REFIT_GAIN:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -63,26 +64,23 @@ class LinearModel:
     def expected(self, columns: Residuals, widths: Sequence[Array]) -> Step:
         """With columns (n, d, k) of impacts and (m, 3, degrees, k) of flights; with the best of the `widths`, each
         (k,) standard deviations of the prior of the coefficients."""
-        own, first = self._fit, len(self._fit.p)
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
-        flights = np.concatenate([own.slope.flights, columns.flights], axis=-1)
+        flights = self._fit.slope.flights
+        if columns.flights.any():  # most levers change no flight
+            flights = np.concatenate([flights, columns.flights], axis=-1)
         parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
         curve, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
-        bases = [
-            self._held_out(
-                impacts[..., :first], flights[..., :first], k, self._newton(curve - c, grad - g)[0]
-            )
-            for k, (c, g) in enumerate(parts)
-        ]
         found = []
         for i, width in enumerate(widths):
-            after = [
-                self._held_out(impacts, flights, k, self._newton(curve - c, grad - g, width)[0])
-                for k, (c, g) in enumerate(parts)
-            ]
-            gain = np.asarray(sum(after) - sum(bases))
+            gain = self._held_out(impacts, flights, parts, width) - self._before
             found.append(Step(gain, self._newton(curve, grad, width)[1], i))
         return max(found, key=lambda step: float(step.gain.sum()))
+
+    @cached_property
+    def _before(self) -> Array:
+        """(releases,) log likelihood on held-out releases without further columns."""
+        own, flights = self._own, self._fit.slope.flights
+        return self._held_out(own, flights, [self._moments(own, flights, k) for k in range(FOLDS)])
 
     def _newton(self, curve: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
         """Newton step to subtract, of all parameters and of the further ones; without a `width` there are none."""
@@ -97,25 +95,44 @@ class LinearModel:
         return step, step[len(own) :]
 
     def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
-        """Curvature and slope of minus the log likelihood of one fold."""
-        own, fly = self._fold == k, self._flight_fold == k
+        """Curvature and slope of minus the log likelihood of one fold. `flights` may lack the further columns."""
+        own = self._fold == k
         x, w = impacts[own].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[own], impacts.shape[1])
-        f, v = flights[fly].reshape(-1, flights.shape[-1]), self._flight_weight[fly].ravel()
-        heavy, steady = w[:, None] * x, v[:, None] * f
-        return (
-            heavy.T @ x + steady.T @ f,
-            heavy.T @ self._z[own].ravel() + steady.T @ self._flights[fly].ravel(),
-        )
+        heavy = w[:, None] * x
+        curve, grad = heavy.T @ x, heavy.T @ self._z[own].ravel()
+        if flights is self._fit.slope.flights:
+            of_flights = self._own_flight_moments[k]
+        else:
+            of_flights = self._flight_moments(flights, k)
+        size = len(of_flights[1])
+        curve[:size, :size] += of_flights[0]
+        grad[:size] += of_flights[1]
+        return curve, grad
 
-    def _held_out(self, impacts: Array, flights: Array, k: int, step: Array) -> Array:
-        """(releases,) log likelihood of a fold, to a constant, after a step."""
-        own, fly = self._fold == k, self._flight_fold == k
-        z = self._z[own] - impacts[own] @ step
-        d = z.shape[1]
-        chi2 = (z**2).sum(axis=1)
-        score = -0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(chi2 / IMPACT_STUDENT_DF) * self._known[own]
-        n = len(self._data.order)
-        of_flights = flight_log_likelihood(self._flights[fly] - flights[fly] @ step)
-        return np.bincount(self._data.impact_release[own], score, n) + np.bincount(
-            self._data.flight_release[fly], of_flights, n
+    @cached_property
+    def _own_flight_moments(self) -> list[tuple[Array, Array]]:
+        return [self._flight_moments(self._fit.slope.flights, k) for k in range(FOLDS)]
+
+    def _flight_moments(self, flights: Array, k: int) -> tuple[Array, Array]:
+        own = self._flight_fold == k
+        x, w = flights[own].reshape(-1, flights.shape[-1]), self._flight_weight[own].ravel()
+        steady = w[:, None] * x
+        return steady.T @ x, steady.T @ self._flights[own].ravel()
+
+    def _held_out(
+        self, impacts: Array, flights: Array, parts: Sequence[tuple[Array, Array]], width: Array | None = None
+    ) -> Array:
+        """(releases,) log likelihood to a constant, each fold after the step that the moments `parts` of the others
+        say."""
+        curve, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+        z, after = np.empty_like(self._z), np.empty_like(self._flights)
+        for k, (c, g) in enumerate(parts):
+            step, _ = self._newton(curve - c, grad - g, width)
+            own, fly = self._fold == k, self._flight_fold == k
+            z[own] = self._z[own] - impacts[own] @ step
+            after[fly] = self._flights[fly] - flights[fly] @ step[: flights.shape[-1]]
+        d, n = z.shape[1], len(self._data.order)
+        score = -0.5 * (IMPACT_STUDENT_DF + d) * np.log1p((z**2).sum(axis=1) / IMPACT_STUDENT_DF)
+        return np.bincount(self._data.impact_release, score * self._known, n) + np.bincount(
+            self._data.flight_release, flight_log_likelihood(after), n
         )

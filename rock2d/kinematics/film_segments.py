@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Hashable
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
 
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
-from rock2d.kinematics.states import Basis, States, fit_states, flight_basis
+from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion
 from rock2d.records.columns import OMEGA, RATES, VX, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
 STATE_SIZE, POSE_SIZE = OMEGA + 1, VX
+KEPT_STATES = 4  # worlds whose states are kept
 
 
 @dataclass
@@ -36,6 +38,7 @@ class FilmSegments:
     impacts: Impacts
     start_s: Array
     order: Array
+    _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, film: Film, world: World) -> Self:
@@ -72,8 +75,13 @@ class FilmSegments:
         )
 
     def states(self, world: World) -> States:
-        """The flights' states in a world."""
-        return fit_states(world, self.film, self.segmentation.flights, self.basis)
+        """The flights' states in a world. Worlds that differ only in their ground have the same."""
+        key = free_motion(world)
+        if key not in self._states:
+            if len(self._states) >= KEPT_STATES:
+                del self._states[next(iter(self._states))]
+            self._states[key] = fit_states(world, self.film, self.segmentation.flights, self.basis)
+        return self._states[key]
 
     def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
         """`state_covariance` of the recorded states, transformed to the true `states` (n, 6) there."""

@@ -8,6 +8,7 @@ orthonormal polynomials in time of degree 2 and higher: an acceleration is degre
 from __future__ import annotations
 
 import itertools
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -128,6 +129,12 @@ def _bodies(world: World, blocks: Array) -> _Bodies:
     return _Bodies(air, mass, world.gravity_m_s2)
 
 
+def free_motion(world: World) -> Hashable:
+    """All of a world that `fit_states` depends on."""
+    bodies = [(*b.air, b.mass_kg, b.inertia_kg_m2, *b.centre_of_mass_m) for b in world.blocks.values()]
+    return world.view, world.gravity_m_s2, tuple(bodies)
+
+
 def fit_states(world: World, film: Film, flights: Flights, basis: Basis) -> States:
     """Fit every flight in a world."""
     pose = np.ascontiguousarray(world.view.true(film.pose[basis.frames]))
@@ -179,25 +186,46 @@ def _drift(q, dt, bodies, i):
 
 
 @njit
+def _follow(track, middle, t, first, last, bodies, i):
+    """Poses of body i at the instants t[first:last], in the rows of `track`: from the state in the middle of its flight
+    to either end, from frame to frame."""
+    q = np.empty(6)
+    half = first
+    while half < last and t[half] < 0.0:
+        half += 1
+    for begin, end, way in ((half, last, 1), (half - 1, first - 1, -1)):
+        q[:] = middle
+        now = 0.0
+        for f in range(begin, end, way):
+            _drift(q, t[f] - now, bodies, i)
+            now = t[f]
+            track[f - first] = q[:3]
+
+
+@njit
 def _fit(frames, polynomials, bodies, noise):
     """States at the middle (n, 6) and residuals (n, 3, degrees) of every flight."""
     t, pose, start = frames
     basis = polynomials.values
     n, degrees = start.size - 1, basis.shape[1] - 2
     middle, residuals = np.zeros((n, 6)), np.zeros((n, 3, degrees))
-    q = np.empty(6)
+    q, longest = np.empty(3), 0
+    for i in range(n):
+        longest = max(longest, start[i + 1] - start[i])
+    track = np.empty((longest, 3))
     for i in range(n):
         rounds = AIR_ROUNDS if bodies.air[i].any() else 1
         for round in range(rounds):
             coefficient = np.zeros((3, degrees + 2))
+            if round > 0:
+                _follow(track, middle[i], t, start[i], start[i + 1], bodies, i)
             for f in range(start[i], start[i + 1]):
                 if round == 0:
                     for c in range(3):
                         q[c] = 0.0
                     q[Y] = -0.5 * bodies.gravity * t[f] * t[f]
                 else:
-                    q[:] = middle[i]
-                    _drift(q, t[f], bodies, i)
+                    q[:] = track[f - start[i]]
                 for c in range(3):
                     d = pose[f, c] - q[c]
                     for k in range(degrees + 2):

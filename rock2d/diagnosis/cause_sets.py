@@ -289,7 +289,9 @@ class _Reduction:
         scatter = np.ones(len(before.scatter), bool)
         for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
             scatter[k] = effect.name != self.name
-        slope = Slopes(own.impacts[..., kept], own.flights[..., kept], own.scatter[..., scatter], own.covariance)
+        slope = Slopes(
+            own.impacts[..., kept], own.flights[..., kept], own.scatter[..., scatter], own.covariance
+        )
         return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], slope=slope)
 
 

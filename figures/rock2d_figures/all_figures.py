@@ -11,7 +11,7 @@ from rock2d.graphics.figure_style import save_figure
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.runs.run import run
-from rock2d_figures import figure_1, figure_2, figure_3, identified, passing
+from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
 
 ENGINE_OF_MODEL = {"deterministic": "batch", "probabilistic": "point_mass"}
 RELEASES_IN_FIGURE_3 = 25  # of each block
@@ -32,6 +32,7 @@ def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Pat
         "figure_2": figure_2.figure(results),
         "figure_3": figure_3.figure(runs),
         "passing": passing.figure(results.passing),
+        "arrivals": arrivals.figure(results.arrivals, results.known),
         "identified": identified.figure(_identified(tables)),
     }
     for name, figure in figures.items():

@@ -21,6 +21,8 @@ WALK_SCALES = (
     0.3,
 )  # steps over those of the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)
 
+SHRINKAGE = 0.05  # of correlations between unknowns that move in different groups
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -68,6 +70,29 @@ class Sample:
         """Index of the likeliest hypothesis."""
         return int(np.argmax(self.log_likelihood))
 
+    @classmethod
+    def joined(cls, runs: Sequence[Sample]) -> Sample:
+        """The hypotheses of independent runs of the same size."""
+        return cls(
+            np.concatenate([run.u for run in runs]),
+            np.concatenate([run.log_likelihood for run in runs]),
+            float(np.mean([run.log_evidence for run in runs])),
+        )
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor of the likelihood that depends on some unknowns only.
+
+    Attributes
+    ----------
+    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
+    columns : of the hypotheses, on which it depends
+    """
+
+    log_likelihood: Callable[[Array], Array]
+    columns: Array
+
 
 @dataclass(frozen=True)
 class Moves:
@@ -75,14 +100,17 @@ class Moves:
 
     Attributes
     ----------
-    count : moves at each step; at least 2 with `redrawn` columns
+    count : rounds of moves at each step; at least 2 with `redrawn` columns
     free : columns that moves may change (default: all); the others change by resampling alone
     redrawn : columns that every other move draws from the prior instead of walking: a choice among models
+    groups : columns that walk together, one group after the other in each round (default: all free ones together).
+        Only the factors of the likelihood that depend on a group are computed again.
     """
 
     count: int = 3
     free: Array | None = None
     redrawn: Array | None = None
+    groups: Sequence[Array] = ()
 
 
 def prior_draws(count: int, dimensions: int, rng: np.random.Generator) -> Array:
@@ -94,7 +122,7 @@ def prior_draws(count: int, dimensions: int, rng: np.random.Generator) -> Array:
 
 
 def posterior(
-    log_likelihood: Callable[[Array], Array],
+    log_likelihood: Callable[[Array], Array] | Sequence[Factor],
     start: Array,
     count: int,
     rng: np.random.Generator,
@@ -106,7 +134,7 @@ def posterior(
 
     Parameters
     ----------
-    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
+    log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible; or its factors
     start : (m, d) draws of the prior
     count : hypotheses of the posterior
     moves : how hypotheses move at each step (default `Moves()`)
@@ -115,33 +143,80 @@ def posterior(
     Raises ValueError if no draw of the prior is possible.
     """
     moves = Moves() if moves is None else moves
-    redrawn = moves.redrawn
-    columns = np.arange(start.shape[1]) if moves.free is None else np.asarray(moves.free)
-    walking = columns if redrawn is None else np.setdiff1d(columns, redrawn)
-    u, ll = start.copy(), log_likelihood(start)
-    if not np.isfinite(ll).any():
+    if callable(log_likelihood):
+        log_likelihood = [Factor(log_likelihood, np.arange(start.shape[1]))]
+    known = _Hypotheses.of(start, log_likelihood)
+    if not np.isfinite(known.total).any():
         raise ValueError("no draw of the prior is possible under the likelihood")
     power, evidence = 0.0, 0.0
     while power < 1.0:
+        ll = known.total
         step = _next_step(ll, 1.0 - power, EFFECTIVE_SHARE * count)
         power = 1.0 if power + step >= 1.0 - 1e-9 else power + step
         weight = np.exp(step * (ll - ll.max()))
         evidence += step * float(ll.max()) + float(np.log(weight.mean()))
         at = (rng.random() + np.arange(count)) / count
-        kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(u) - 1)
-        u, ll = u[kept], ll[kept]
+        known.keep(np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(ll) - 1))
         for move in range(moves.count):
-            if redrawn is not None and move % 2:
-                proposed = u.copy()
-                proposed[:, redrawn] = rng.random((count, len(redrawn)))
-            else:
-                proposed = _walk(u, walking, rng)
-            ahead = log_likelihood(proposed)
-            taken = np.log(rng.random(count)) < power * (ahead - ll)
-            u[taken], ll[taken] = proposed[taken], ahead[taken]
+            known.move(moves, move, power, rng)
         if on_progress is not None:
             on_progress(power)
-    return Sample(u, ll, evidence)
+    return Sample(known.u, known.total, evidence)
+
+
+@dataclass
+class _Hypotheses:
+    """Hypotheses (n, d) and the logarithms (n, factors) of the factors of their likelihoods."""
+
+    u: Array
+    by_factor: Array
+    factors: Sequence[Factor]
+
+    @classmethod
+    def of(cls, u: Array, factors: Sequence[Factor]) -> _Hypotheses:
+        """Compute every factor; of hypotheses that an earlier one excludes, no further one."""
+        by_factor = np.zeros((len(u), len(factors)))
+        possible = np.ones(len(u), bool)
+        for k, factor in enumerate(factors):
+            by_factor[possible, k] = factor.log_likelihood(u[possible])
+            possible &= np.isfinite(by_factor[:, k])
+        return cls(u.copy(), by_factor, factors)
+
+    @property
+    def total(self) -> Array:
+        """(n,) log-likelihoods."""
+        return np.asarray(self.by_factor.sum(axis=1))
+
+    def keep(self, chosen: Array) -> None:
+        """Only these, given as indices."""
+        self.u, self.by_factor = self.u[chosen], self.by_factor[chosen]
+
+    def move(self, moves: Moves, round: int, power: float, rng: np.random.Generator) -> None:
+        """One round of moves under the likelihood to this power."""
+        redrawn = moves.redrawn
+        columns = np.arange(self.u.shape[1]) if moves.free is None else np.asarray(moves.free)
+        walking = columns if redrawn is None else np.setdiff1d(columns, redrawn)
+        if redrawn is not None and round % 2:
+            proposed = self.u.copy()
+            proposed[:, redrawn] = rng.random((len(proposed), len(redrawn)))
+            self._take(proposed, redrawn, power, rng)
+            return
+        for group in moves.groups or [walking]:
+            self._take(_walk(self.u, group, rng), group, power, rng)
+
+    def _take(self, proposed: Array, columns: Array, power: float, rng: np.random.Generator) -> None:
+        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do."""
+        touched = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
+        ahead = self.by_factor.copy()
+        possible = np.ones(len(proposed), bool)
+        for k in touched:
+            ahead[possible, k] = self.factors[k].log_likelihood(proposed[possible])
+            possible &= np.isfinite(ahead[:, k])
+        gain = np.where(possible, ahead[:, touched].sum(axis=1), -np.inf) - self.by_factor[:, touched].sum(
+            axis=1
+        )
+        taken = np.log(rng.random(len(proposed))) < power * gain
+        self.u[taken], self.by_factor[taken] = proposed[taken], ahead[taken]
 
 
 def _next_step(ll: Array, remaining: float, wanted: float) -> float:
@@ -163,12 +238,22 @@ def _next_step(ll: Array, remaining: float, wanted: float) -> float:
 
 
 def _walk(u: Array, columns: Array, rng: np.random.Generator) -> Array:
-    """Random walk along the covariance of the hypotheses, reflected at the walls of the cube (symmetric)."""
+    """Random walk of some columns along their covariance while the others stay, reflected at the walls of the cube
+    (symmetric)."""
     d = len(columns)
-    covariance = np.atleast_2d(np.cov(u[:, columns].T)) + 1e-6 * np.eye(d)
     stride = 2.38 / np.sqrt(d) * rng.choice(WALK_SCALES, len(u))
     out = u.copy()
-    out[:, columns] += stride[:, None] * (rng.standard_normal((len(u), d)) @ np.linalg.cholesky(covariance).T)
+    steps = rng.standard_normal((len(u), d)) @ np.linalg.cholesky(_covariance(u, columns)).T
+    out[:, columns] += stride[:, None] * steps
     folded = np.abs(out[:, columns]) % 2.0
     out[:, columns] = np.where(folded > 1.0, 2.0 - folded, folded)
     return out
+
+
+def _covariance(u: Array, columns: Array) -> Array:
+    """(d, d) covariance of some columns, given the others: the inverse of their block of the precision matrix."""
+    every = np.atleast_2d(np.cov(u.T)) + 1e-6 * np.eye(u.shape[1])
+    if len(columns) == u.shape[1]:
+        return every[np.ix_(columns, columns)]
+    shrunk = every + SHRINKAGE * np.diag(np.diag(every))  # few hypotheses show correlations by chance
+    return np.asarray(np.linalg.inv(np.linalg.inv(shrunk)[np.ix_(columns, columns)]))

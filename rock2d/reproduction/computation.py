@@ -18,7 +18,9 @@ from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import published, stages
+from rock2d.reproduction.arrivals import calibrate_with_arrivals
 from rock2d.reproduction.hypotheses import known_setup
+from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.stages import Effort
 
@@ -36,7 +38,7 @@ def compute_results(
     With `candidates` also the deterministic model with candidate effects, on held-out blocks.
     """
     known = known_setup(load_scenario(scenario_file(SCENARIO)))
-    seeds = np.random.SeedSequence(seed).spawn(6)
+    seeds = np.random.SeedSequence(seed).spawn(9)
     samples = {
         "deterministic": finished.sample(
             "deterministic", partial(stages.calibrate_deterministic, known, effort, seeds[0])
@@ -56,7 +58,15 @@ def compute_results(
         for block, own in zip(published.BLOCKS[1:], seeds[3:5], strict=True)
         if candidates
     }
-    return evaluate(known, samples, reduction, held_out, seeds[5], seed)
+    arrivals = finished.sample("arrivals", partial(calibrate_with_arrivals, known, effort, seeds[6]))
+    missing = {
+        model: finished.arrays(f"missing_effects_{model}", partial(compute, known, arrivals.u, effort, own))
+        for model, compute, own in (
+            ("deterministic", deterministic_candidates, seeds[7]),
+            ("probabilistic", point_mass_candidates, seeds[8]),
+        )
+    }
+    return evaluate(known, samples, reduction, held_out, (arrivals, missing), seeds[5], seed)
 
 
 class FinishedStages:

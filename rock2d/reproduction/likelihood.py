@@ -47,13 +47,24 @@ def _log_dirichlet_multinomial(alpha: Array, counts: Array) -> Array:
 
 def filmed_counts(block: str) -> Array:
     """(lines + 1,) filmed releases of a block by the last line they passed."""
-    passed = published.passed()[published.BLOCKS.index(block)]
+    return published_counts(published.EXPERIMENT, block)
+
+
+def published_counts(percent: Array, block: str) -> Array:
+    """(lines + 1,) releases of a block by the last line they passed, from a table (blocks, lines) of Table 2."""
+    passed = published.passed(percent)[published.BLOCKS.index(block)]
     return published.reached(np.concatenate([[published.RELEASES], passed]))
 
 
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return _possible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
+    return published_log_likelihood(outcome, published.EXPERIMENT, block)
+
+
+def published_log_likelihood(outcome: Outcome, percent: Array, block: str) -> Array:
+    """(k,) log-likelihood of the block's row of a table (blocks, lines) of Table 2: of the experiment, or of one of the
+    paper's models."""
+    return _possible(outcome, log_counts(outcome.by_last_line, published_counts(percent, block)))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:

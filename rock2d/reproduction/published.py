@@ -43,9 +43,10 @@ MEANINGS = (
 )
 
 
-def passed() -> np.ndarray:
-    """(blocks, lines) releases that passed, out of RELEASES."""
-    return np.rint(EXPERIMENT * RELEASES / 100).astype(int)
+def passed(percent: np.ndarray | None = None) -> np.ndarray:
+    """(blocks, lines) releases that passed, out of RELEASES, from a table of passing frequencies in %: by default the
+    experiment's."""
+    return np.rint((EXPERIMENT if percent is None else percent) * RELEASES / 100).astype(int)
 
 
 def reached(passed_lines: np.ndarray) -> np.ndarray:

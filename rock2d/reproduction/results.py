@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
+from rock2d.reproduction.arrival_results import ArrivalResults, arrival_results
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
@@ -39,6 +40,7 @@ class Results:
     slope_reduction_deg : block -> slope reduction of each hypothesis of the probabilistic model
     held_out : for the cube and the parallelepiped, the prediction without its cells; empty without candidates
     passing, candidates, cells : tables
+    arrivals : what follows from the arrivals of the paper's simulations
     errors : RMSE in points, by the data that a model was fitted to
     conclusions : sentences
     """
@@ -52,6 +54,7 @@ class Results:
     passing: pd.DataFrame
     candidates: pd.DataFrame
     cells: pd.DataFrame
+    arrivals: ArrivalResults
     errors: dict[str, float]
     conclusions: list[str] = field(default_factory=list)
 
@@ -62,11 +65,13 @@ class Results:
 
 def evaluate(
     known: KnownSetup, samples: dict[str, Sample], slope_reduction_deg: dict[str, Array],
-    without_block: dict[str, Sample], stream: np.random.SeedSequence, seed: int,
+    without_block: dict[str, Sample], arrivals: tuple[Sample, Mapping[str, Mapping[str, Array]]],
+    stream: np.random.SeedSequence, seed: int,
 ) -> Results:  # fmt: skip
     """Predictions of all calibrations with errors and conclusions.
 
-    `without_block`: held-out block -> posterior of the deterministic model with candidate effects.
+    `without_block`: held-out block -> posterior of the deterministic model with candidate effects; `arrivals`:
+    posterior with the arrivals of the paper's simulations, and what was computed of the candidates on them.
     """
     draw_seed, floor_seed = stream.spawn(2)
     draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)
@@ -90,10 +95,12 @@ def evaluate(
         held_out.append(HeldOutBlock(own, predicted, block))
     cells = summary.cells_table(held_out)
     rng = np.random.default_rng(floor_seed)
+    with_arrivals = arrival_results(known, *arrivals, draws, seed)
     results = Results(
         known, seed, samples, outcomes, slope_reduction_deg, held_out,
         summary.passing_table(outcomes["deterministic"], outcomes["probabilistic"]),
-        summary.candidates_table(held_out), cells, _errors(outcomes, held_out, cells, rng),
+        summary.candidates_table(held_out), cells, with_arrivals,
+        _errors(outcomes, held_out, cells, rng) | with_arrivals.errors(),
     )  # fmt: skip
     results.conclusions.extend(_conclusions(results))
     return results
@@ -165,6 +172,7 @@ def _conclusions(results: Results) -> list[str]:
         lines.append(
             f"Monte Carlo error of the {model} model's mean predictions: {summary.monte_carlo_error(own):.1f} points."
         )
+    lines += results.arrivals.conclusions()
     if not results.held_out:
         return lines
     shares = results.candidates.pivot(index="candidate", columns="held_out", values="share_all_cells")

@@ -117,11 +117,7 @@ def calibrate(
 
         prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
         runs.append(posterior(likelihood, prior, half, rng, moves, on_progress=halfway))
-    return Sample(
-        np.concatenate([run.u for run in runs]),
-        np.concatenate([run.log_likelihood for run in runs]),
-        float(np.mean([run.log_evidence for run in runs])),
-    )
+    return Sample.joined(runs)
 
 
 def _likelihood(
@@ -209,6 +205,12 @@ def candidate_indices(values: Values) -> Array:
 def candidate_prior(candidate: str) -> float:
     """Prior probability of a candidate."""
     return 0.5 if candidate == NO_CANDIDATE else 0.5 / (len(CANDIDATES) - 1)
+
+
+def candidate_value(candidate: str) -> float:
+    """The value of the unknown `candidate` that chooses a candidate: the inverse of `candidate_indices`."""
+    place = CANDIDATES.index(candidate)
+    return 0.25 if place == 0 else 0.5 + 0.5 * (place - 0.5) / (len(CANDIDATES) - 1)
 
 
 def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:

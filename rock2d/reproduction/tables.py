@@ -37,6 +37,9 @@ def result_tables(results: Results) -> dict[str, pd.DataFrame]:
         "table_3": probabilistic_parameters(results),
         "table_4": deterministic_parameters(results),
         "assumptions": pd.concat(assumptions, ignore_index=True),
+        "paper_column": results.arrivals.paper_column,
+        "predicted_with_arrivals": results.arrivals.passing,
+        "missing_effects": results.arrivals.missing_effects,
     }
     if results.held_out:
         tables |= {"candidates": results.candidates, "cells": results.cells}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.calibration.sequential_monte_carlo import Moves, Quantity, Space, posterior, prior_draws
+from rock2d.calibration.sequential_monte_carlo import Factor, Moves, Quantity, Space, posterior, prior_draws
 
 MEAN, SD = np.array([0.3, 0.6, 0.5]), np.array([0.03, 0.05, 0.04])
 
@@ -72,3 +72,46 @@ def test_values_of_a_space():
     assert space.columns(["b_N_m"]).tolist() == [1]
     with pytest.raises(KeyError):
         space.columns(["c"])
+
+
+def factors(asked):
+    """The same Gaussian in two factors; `asked` gets the number of the factor at each call."""
+
+    def factor(k, columns):
+        def log_likelihood(u):
+            asked.append(k)
+            return -0.5 * (((u[:, columns] - MEAN[columns]) / SD[columns]) ** 2).sum(axis=1)
+
+        return Factor(log_likelihood, np.array(columns))
+
+    return [factor(0, [0, 1]), factor(1, [2])]
+
+
+def test_factors_that_move_in_groups_give_the_posterior_of_their_product():
+    rng, groups = np.random.default_rng(4), [np.array([0, 1]), np.array([2])]
+    found = posterior(factors([]), prior_draws(4000, 3, rng), 1000, rng, Moves(6, groups=groups))
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(4 * SD.max() / np.sqrt(1000)))
+    assert found.u.std(axis=0) == pytest.approx(SD, rel=0.12)
+    assert found.log_evidence == pytest.approx(np.log(np.prod(SD * np.sqrt(2 * np.pi))), abs=0.25)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+
+
+def test_a_group_computes_only_the_factors_that_depend_on_it():
+    asked = []
+    rng = np.random.default_rng(5)
+    posterior(factors(asked), prior_draws(400, 3, rng), 100, rng, Moves(3, groups=[np.array([2])]))
+    assert asked.count(0) == 1 and asked.count(1) > 3
+
+
+def test_hypotheses_that_one_factor_excludes_reach_no_further_one():
+    seen = []
+
+    def later(u):
+        seen.append(u[:, 0].min())
+        return np.zeros(len(u))
+
+    half = Factor(lambda u: np.where(u[:, 0] < 0.5, -np.inf, 0.0), np.array([0]))
+    rng = np.random.default_rng(6)
+    found = posterior([half, Factor(later, np.array([0, 1]))], prior_draws(400, 2, rng), 100, rng, Moves(3))
+    assert min(seen) >= 0.5 and found.u[:, 0].min() >= 0.5
+    assert found.log_evidence == pytest.approx(np.log(0.5), abs=1e-2)

@@ -1,0 +1,82 @@
+"""The arrivals that explain the paper's own simulations, against the statements of its text."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
+from rock2d.reproduction import published
+from rock2d.reproduction.arrival_results import ArrivalResults
+from rock2d.reproduction.hypotheses import KnownSetup, incident_distributions
+from rock2d.reproduction.outcomes import FACING_ZONE, Outcome
+from rock2d_figures.style import STYLES
+
+Array = np.ndarray
+
+WORDS_COLOUR = "#cfcfcf"
+N = published.RELEASES
+# block -> lowest and highest share in % of first impacts on the facing that the text allows
+WORDS_ON_FACING = {
+    "sphere": (0.0, 100.0 * (1 - published.SPHERE_IN_DITCH / N)),
+    "cube": tuple(100.0 * count / N for count in published.CUBE_ON_FACING),
+    "parallelepiped": (100.0 * published.PARALLELEPIPED_ON_FACING / N, 100.0),
+}
+
+
+def figure(results: ArrivalResults, known: KnownSetup) -> Figure:
+    """One panel for each quantity, one row for each block: median and 95 % interval over hypotheses. Grey: what the
+    text says, and the speed of the drop."""
+    drawn = blank_figure(7.2, 2.3)
+    axes = drawn.subplots(1, 4, sharey=True)
+    values, drop_m_s = results.values, float(np.sqrt(2.0 * known.gravity_m_s2 * published.DROP_M))
+    for row, (block, outcome) in enumerate(zip(published.BLOCKS, results.predicted, strict=True)):
+        mean = incident_distributions(values, known.blocks[block], known.gravity_m_s2).mean
+        on_facing = outcome.first_zone == FACING_ZONE
+        _words(axes[0], row, *WORDS_ON_FACING[block])
+        _interval(axes[0], row, 100.0 * on_facing.mean(axis=1))
+        if block == "parallelepiped":
+            _words(axes[1], row, 0.0, published.OFF_NORMAL_DEG)
+        _interval(axes[1], row, _mean_angle(outcome, on_facing))
+        axes[2].axvline(drop_m_s, color=WORDS_COLOUR, lw=2, zorder=1)
+        _interval(axes[2], row, np.hypot(mean[:, 3], mean[:, 4]))
+        _interval(axes[3], row, np.abs(mean[:, 5]))
+    titles = (
+        "first impacts on facing (%)", "angle to facing's normal (°)", "speed off the slope (m/s)", "spin (rad/s)",
+    )  # fmt: skip
+    for axis, title in zip(axes, titles, strict=True):
+        axis.set_xlabel(title, fontsize=SMALL_PT)
+        axis.grid(axis="x", color="#e4e4e4", lw=0.6)
+        axis.set_axisbelow(True)
+    axes[0].set_xlim(-5, 105)
+    axes[0].set_yticks(range(len(published.BLOCKS)), published.BLOCKS)
+    axes[0].set_ylim(len(published.BLOCKS) - 0.5, -0.5)
+    colour = STYLES["deterministic"][0]
+    handles = [
+        handle("median, 95 % over hypotheses", color=colour, marker="D", ls="-", ms=4, lw=1.4),
+        handle("the text; speed of the drop", color=WORDS_COLOUR, ls="-", lw=7),
+    ]
+    drawn.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=SMALL_PT)
+    finish(drawn)
+    return drawn
+
+
+def _mean_angle(outcome: Outcome, on_facing: Array) -> Array:
+    """Mean angle off the facing's normal of the hypotheses that have first impacts there."""
+    some = on_facing.any(axis=1)
+    angles = np.where(on_facing, outcome.off_normal_deg, 0.0)[some].sum(axis=1)
+    return np.asarray(angles / on_facing[some].sum(axis=1))
+
+
+def _words(axis: Axes, row: int, low: float, high: float) -> None:
+    axis.fill_betweenx([row - 0.32, row + 0.32], low - 0.8, high + 0.8, color=WORDS_COLOUR, lw=0)
+
+
+def _interval(axis: Axes, row: int, values: Array) -> None:
+    if not len(values):
+        return
+    colour = STYLES["deterministic"][0]
+    low, middle, high = np.percentile(values, [2.5, 50.0, 97.5])
+    axis.plot([low, high], [row, row], color=colour, lw=1.4, zorder=3)
+    axis.plot(middle, row, "D", color=colour, ms=4, zorder=4)

@@ -1,0 +1,246 @@
+"""What the paper's models lack: candidates are added to each of them on the arrivals that the paper's simulations tell.
+
+The deterministic model keeps the parameters of Table 4, so that a candidate has nothing to hide behind. The point mass
+model has parameters that explain the sphere's experimental row: those of Table 3 do not. A candidate is calibrated on
+the experimental rows of some blocks and scored on another's: importance weights over hypotheses and sizes of the
+effect, drawn from their priors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rock2d.reproduction import published
+from rock2d.reproduction.arrivals import table_4
+from rock2d.reproduction.hypotheses import (
+    DETERMINISTIC_SPACE,
+    REBOUND_QUANTITIES,
+    KnownSetup,
+    Values,
+)
+from rock2d.reproduction.likelihood import passing_log_likelihood
+from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
+from rock2d.reproduction.stages import (
+    CANDIDATES,
+    MOST_CANDIDATE_PARAMETERS,
+    NO_CANDIDATE,
+    Effort,
+    OnProgress,
+    candidate_outcome,
+    candidate_value,
+    standard_normal_draws,
+)
+from rock2d.scene.blocks import Block
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = np.ndarray
+# (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
+Simulation = Callable[[Values, str, Array, str, Array], Outcome]
+
+HYPOTHESES, SIZES = 96, 6  # of the posterior; of a candidate for each of them
+REBOUND_DRAWS = 24  # parameters of the point mass model that are tried for each hypothesis
+# held-out tests: the blocks that a candidate is calibrated on, and those that it is scored on
+TESTS = (
+    (("sphere",), ("cube", "parallelepiped")),
+    (("cube",), ("parallelepiped",)),
+    (("parallelepiped",), ("cube",)),
+)
+RESAMPLES = 200  # of the hypotheses, for the errors of scores
+
+LARGEST_SLOPE_REDUCTION_DEG = 60.0
+LARGEST_FRICTION_CHANGE_DEG = 30.0
+SMALLEST_FACTOR = 0.2  # on a parameter of the point mass model
+SLOPE_REDUCTION, SHAPE = "slope_reduction", "shape"
+POINT_MASS_CANDIDATES = (
+    NO_CANDIDATE, "friction", "momentum_half", "tangential_restitution", SLOPE_REDUCTION, SHAPE,
+)  # fmt: skip
+
+
+def deterministic_candidates(
+    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+) -> dict[str, Array]:
+    """What each of CANDIDATES, added to Table 4, makes of the three blocks: `percent` (candidates, k, blocks, lines)
+    and `log_likelihood` (candidates, k, blocks) of the experimental rows, for hypotheses `sample` (k', d) of
+    DETERMINISTIC_SPACE."""
+
+    def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
+        own = {f"candidate.{i}": size for i, size in enumerate(sizes.T)}
+        chosen = np.full(len(sizes), candidate_value(candidate))
+        return candidate_outcome(known, {**values, "candidate": chosen, **own}, block, draws)
+
+    values = table_4(DETERMINISTIC_SPACE.values(_some(sample)))
+    return _every_candidate(simulate, CANDIDATES, values, effort, seed, on_progress)
+
+
+def point_mass_candidates(
+    known: KnownSetup, sample: Array, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
+) -> dict[str, Array]:
+    """The same of POINT_MASS_CANDIDATES, with parameters of the point mass model that explain the sphere."""
+    fitting, trying = seed.spawn(2)
+    values = _fitted_to_the_sphere(known, DETERMINISTIC_SPACE.values(_some(sample)), effort, fitting)
+
+    def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
+        changed, reduction = point_mass_with(candidate, values, known.blocks[block], sizes[:, 0])
+        return probabilistic_outcome(known, changed, block, draws, reduction)
+
+    return _every_candidate(simulate, POINT_MASS_CANDIDATES, values, effort, trying, on_progress)
+
+
+def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -> tuple[Values, Array]:
+    """Parameters of the point mass model with a candidate of `size` (k,) in [0, 1], and its slope reduction in degrees.
+
+    The slope reduction of `shape` is in proportion to how far the profile of a block is from round, R / r - 1 with the
+    radii of the circles around and inside it; `slope_reduction` is the same for every block that is not round.
+    """
+    changed, reduction = dict(values), np.zeros(len(size))
+    longest = np.sqrt(2.0) - 1.0  # of a square
+    for zone in ("ditch", "facing"):
+        if candidate == "friction":
+            key = f"{zone}.friction_angle_deg"
+            changed[key] = np.minimum(changed[key] + LARGEST_FRICTION_CHANGE_DEG * size, 89.0)
+        elif candidate in ("momentum_half", "tangential_restitution"):
+            key = f"{zone}.momentum_half_kg_m_s" if candidate == "momentum_half" else f"{zone}.{candidate}"
+            changed[key] = changed[key] * SMALLEST_FACTOR**size
+    out_of_round = block.radius_m / block.inradius_m - 1.0
+    if candidate == SLOPE_REDUCTION and out_of_round > 1e-9:
+        reduction = LARGEST_SLOPE_REDUCTION_DEG * size
+    if candidate == SHAPE:
+        reduction = np.minimum(LARGEST_SLOPE_REDUCTION_DEG * size * out_of_round / longest, 80.0)
+    return changed, reduction
+
+
+def _some(sample: Array) -> Array:
+    """Some of the hypotheses, evenly from both halves."""
+    step = max(1, len(sample) // HYPOTHESES)
+    return sample[::step][:HYPOTHESES]
+
+
+def _fitted_to_the_sphere(
+    known: KnownSetup, values: Values, effort: Effort, seed: np.random.SeedSequence
+) -> dict[str, Array]:
+    """Hypotheses with parameters of the point mass model, resampled so that they explain the sphere's row."""
+    draw_seed, run_seed = seed.spawn(2)
+    rng, count = np.random.default_rng(run_seed), len(values["slope_deg"])
+    many = {name: np.repeat(v, REBOUND_DRAWS) for name, v in values.items()}
+    many |= {q.name: q.value(rng.random(count * REBOUND_DRAWS)) for q in REBOUND_QUANTITIES}
+    draws = standard_normal_draws(effort.releases, draw_seed)["sphere"]
+    likely = passing_log_likelihood(probabilistic_outcome(known, many, "sphere", draws), "sphere")
+    weight = np.exp(likely - likely.max())
+    at = (rng.random() + np.arange(count)) / count
+    kept = np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1)
+    return {name: v[kept] for name, v in many.items()}
+
+
+def _every_candidate(
+    simulate: Simulation, candidates: Sequence[str], values: Values, effort: Effort,
+    seed: np.random.SeedSequence, on_progress: OnProgress,
+) -> dict[str, Array]:  # fmt: skip
+    draw_seed, size_seed = seed.spawn(2)
+    draws = standard_normal_draws(effort.releases, draw_seed)
+    many = {name: np.repeat(v, SIZES) for name, v in values.items()}
+    k = len(many["slope_deg"])
+    sizes = np.random.default_rng(size_seed).random((k, MOST_CANDIDATE_PARAMETERS))
+    percent = np.empty((len(candidates), k, len(published.BLOCKS), len(published.LINES)))
+    likely = np.empty(percent.shape[:3])
+    for c, candidate in enumerate(candidates):
+        for b, block in enumerate(published.BLOCKS):
+            outcome = simulate(many, block, draws[block], candidate, sizes)
+            percent[c, :, b], likely[c, :, b] = (
+                100 * outcome.frequencies,
+                passing_log_likelihood(outcome, block),
+            )
+            on_progress((c + (b + 1) / len(published.BLOCKS)) / len(candidates))
+    return {"percent": percent, "log_likelihood": likely}
+
+
+@dataclass(frozen=True)
+class HeldOutScore:
+    """A candidate on blocks that it was not calibrated on.
+
+    Attributes
+    ----------
+    log_score : log-probability of the filmed numbers of these blocks
+    over_none, error : log_score above that of no candidate, and its standard error over hypotheses
+    percent : (blocks, lines) predicted passing frequencies of these blocks
+    effective : number of hypotheses that carry the weight
+    """
+
+    log_score: float
+    over_none: float
+    error: float
+    percent: Array
+    effective: float
+
+
+def held_out_score(
+    found: Mapping[str, Array],
+    candidate: int,
+    calibrated_on: Sequence[str],
+    scored_on: Sequence[str],
+    seed: int,
+) -> HeldOutScore:
+    """The score of the candidate at this place in `found` of `deterministic_candidates` or `point_mass_candidates`;
+    the first place is that of no candidate."""
+    on, ahead = ([published.BLOCKS.index(b) for b in blocks] for blocks in (calibrated_on, scored_on))
+    likely = found["log_likelihood"]
+    known, predicted = likely[:, :, on].sum(axis=2), likely[:, :, ahead].sum(axis=2)
+    groups = likely.shape[1] // SIZES
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    every = np.arange(groups)
+    own = _log_score(known[candidate], predicted[candidate], every)
+    resampled = []
+    for _ in range(RESAMPLES):
+        drawn = rng.integers(0, groups, groups)
+        scores = [_log_score(known[c], predicted[c], drawn) for c in (candidate, 0)]
+        resampled.append(scores[0] - scores[1])
+    weight = np.exp(known[candidate] - known[candidate].max())
+    return HeldOutScore(
+        own,
+        own - _log_score(known[0], predicted[0], every),
+        float(np.std(resampled)),
+        np.einsum("k,kbl->bl", weight, found["percent"][candidate][:, ahead]) / weight.sum(),
+        float(weight.sum() ** 2 / (weight**2).sum()),
+    )
+
+
+def _log_score(known: Array, predicted: Array, groups: Array) -> float:
+    """log of the mean probability of what is predicted, over hypotheses in proportion to that of what is known."""
+    rows = (groups[:, None] * SIZES + np.arange(SIZES)).ravel()
+    top, both = known[rows].max(), (known + predicted)[rows].max()
+    return float(
+        both
+        + np.log(np.exp((known + predicted)[rows] - both).sum())
+        - top
+        - np.log(np.exp(known[rows] - top).sum())
+    )
+
+
+def missing_effects_table(found: Mapping[str, Mapping[str, Array]], seed: int) -> pd.DataFrame:
+    """One row for each model, test and candidate, the best score of a test first; `found`: model -> candidates."""
+    import pandas as pd
+
+    names = {"deterministic": CANDIDATES, "probabilistic": POINT_MASS_CANDIDATES}
+    rows = []
+    for model, own in found.items():
+        for on, ahead in TESTS:
+            for c, candidate in enumerate(names[model]):
+                score = held_out_score(own, c, on, ahead, seed)
+                row: dict[str, object] = {
+                    "model": model, "calibrated_on": "+".join(on), "scored_on": "+".join(ahead), "candidate": candidate,
+                    "log_score": score.log_score, "over_none": score.over_none, "error": score.error,
+                    "effective": score.effective,
+                }  # fmt: skip
+                for block, percent in zip(ahead, score.percent, strict=True):
+                    row |= {f"{block}_{line}": p for line, p in zip(published.LINES, percent, strict=True)}
+                rows.append(row)
+    table = pd.DataFrame(rows)
+    order = table.groupby(["model", "calibrated_on"], sort=False)["log_score"].rank(ascending=False)
+    return table.assign(rank=order.astype(int)).sort_values(
+        ["model", "calibrated_on", "rank"], ignore_index=True
+    )

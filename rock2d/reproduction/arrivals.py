@@ -40,12 +40,9 @@ from rock2d.reproduction.stages import (
 
 Array = np.ndarray
 
-# Moves in groups change more at once than moves of all unknowns, and each costs several simulations.
-ROUNDS_OVER_MOVES, SHARE_OF_HYPOTHESES, SHARE_OF_RELEASES = (
-    1 / 6,
-    1 / 2,
-    0.8,
-)  # of those of the other calibrations
+# Of the effort of the other calibrations: moves in groups change more at once, and each costs several simulations.
+ROUNDS_OVER_MOVES = 1 / 6
+SHARE_OF_HYPOTHESES, SHARE_OF_RELEASES = 0.3, 0.6
 
 
 def table_4(values: Values) -> dict[str, Array]:

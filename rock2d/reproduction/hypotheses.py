@@ -34,10 +34,10 @@ MEASURE_LINE_M = 0.6
 SETUP_QUANTITIES = (
     Quantity("slope_deg", 30.0, 45.0, source=PLAUSIBLE_RANGE),
     Quantity("ditch_m", 0.05, 0.20, source=PLAUSIBLE_RANGE),
-    Quantity("facing_deg", 55.0, 75.0, source=PLAUSIBLE_RANGE),
+    Quantity("facing_deg", 35.0, 75.0, source=PLAUSIBLE_RANGE),
     Quantity("line_1_height", 0.28, 0.39, source="about 1/3 of the embankment's height"),
     Quantity("line_2_height", 0.61, 0.72, source="about 2/3 of the embankment's height"),
-    Quantity("line_tilt_deg", 0.0, 45.0, source="from upright toward the facing's normal"),
+    Quantity("line_tilt_deg", 0.0, 90.0, source="from upright to level, over the ditch"),
     Quantity("drop_up_slope_m", 0.05, 0.80, source="where blocks leave the slope, from its toe"),
     Quantity("drop_spread_m", 1e-3, 1e-2, log=True, source="of that place, 1 sd"),
 )

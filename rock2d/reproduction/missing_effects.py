@@ -43,7 +43,7 @@ Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
 Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 
-HYPOTHESES, SIZES = 96, 6  # of the posterior; of a candidate for each of them
+HYPOTHESES, SIZES = 48, 4  # of the posterior; of a candidate for each of them
 REBOUND_DRAWS = 24  # parameters of the point mass model that are tried for each hypothesis
 # held-out tests: the blocks that a candidate is calibrated on, and those that it is scored on
 TESTS = (
@@ -51,6 +51,7 @@ TESTS = (
     (("cube",), ("parallelepiped",)),
     (("parallelepiped",), ("cube",)),
 )
+SHARE_OF_RELEASES = 0.6  # of those of the calibrations
 RESAMPLES = 200  # of the hypotheses, for the errors of scores
 
 LARGEST_SLOPE_REDUCTION_DEG = 60.0
@@ -121,6 +122,10 @@ def _some(sample: Array) -> Array:
     return sample[::step][:HYPOTHESES]
 
 
+def _releases(effort: Effort) -> int:
+    return max(1, round(SHARE_OF_RELEASES * effort.releases))
+
+
 def _fitted_to_the_sphere(
     known: KnownSetup, values: Values, effort: Effort, seed: np.random.SeedSequence
 ) -> dict[str, Array]:
@@ -129,7 +134,7 @@ def _fitted_to_the_sphere(
     rng, count = np.random.default_rng(run_seed), len(values["slope_deg"])
     many = {name: np.repeat(v, REBOUND_DRAWS) for name, v in values.items()}
     many |= {q.name: q.value(rng.random(count * REBOUND_DRAWS)) for q in REBOUND_QUANTITIES}
-    draws = standard_normal_draws(effort.releases, draw_seed)["sphere"]
+    draws = standard_normal_draws(_releases(effort), draw_seed)["sphere"]
     likely = passing_log_likelihood(probabilistic_outcome(known, many, "sphere", draws), "sphere")
     weight = np.exp(likely - likely.max())
     at = (rng.random() + np.arange(count)) / count
@@ -142,7 +147,7 @@ def _every_candidate(
     seed: np.random.SeedSequence, on_progress: OnProgress,
 ) -> dict[str, Array]:  # fmt: skip
     draw_seed, size_seed = seed.spawn(2)
-    draws = standard_normal_draws(effort.releases, draw_seed)
+    draws = standard_normal_draws(_releases(effort), draw_seed)
     many = {name: np.repeat(v, SIZES) for name, v in values.items()}
     k = len(many["slope_deg"])
     sizes = np.random.default_rng(size_seed).random((k, MOST_CANDIDATE_PARAMETERS))

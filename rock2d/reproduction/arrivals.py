@@ -11,20 +11,11 @@ Assumed: the paper's 50 simulated and the 50 filmed releases of a block are inde
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from rock2d.calibration.sequential_monte_carlo import Factor, Moves, Sample, posterior, prior_draws
+from rock2d.calibration.sequential_monte_carlo import Factor, Sample
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import (
-    CONTACT_QUANTITIES,
-    DETERMINISTIC_SPACE,
-    SETUP_QUANTITIES,
-    KnownSetup,
-    Values,
-    arrival_quantities,
-)
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values
 from rock2d.reproduction.likelihood import (
     first_impact_log_likelihood,
     passing_log_likelihood,
@@ -32,17 +23,19 @@ from rock2d.reproduction.likelihood import (
 )
 from rock2d.reproduction.outcomes import deterministic_outcome
 from rock2d.reproduction.stages import (
-    PRIOR_DRAWS_PER_HYPOTHESIS,
+    Draws,
     Effort,
     OnProgress,
-    standard_normal_draws,
+    arrival_columns,
+    calibrate,
+    law_columns,
+    setup_columns,
 )
 
 Array = np.ndarray
 
-# Of the effort of the other calibrations: moves in groups change more at once, and each costs several simulations.
-ROUNDS_OVER_MOVES = 1 / 6
-SHARE_OF_HYPOTHESES, SHARE_OF_RELEASES = 0.3, 0.6
+# Each round of moves costs several simulations with lines: shares of the effort of the other calibrations.
+SHARE_OF_HYPOTHESES, SHARE_OF_RELEASES, SHARE_OF_MOVES = 0.4, 0.6, 1.0
 
 
 def table_4(values: Values) -> dict[str, Array]:
@@ -56,63 +49,31 @@ def calibrate_with_arrivals(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model given the paper's deterministic column, the statements on first impacts and the sphere's
-    experimental row: DETERMINISTIC_SPACE. Half of the hypotheses come from one run of the sampler, half from another
-    with other releases."""
-    half, runs = round(SHARE_OF_HYPOTHESES * effort.hypotheses / 2), list[Sample]()
-    moves = Moves(max(1, round(ROUNDS_OVER_MOVES * effort.moves)), groups=_groups())
-    for own in seed.spawn(2):
-        draws = standard_normal_draws(max(1, round(SHARE_OF_RELEASES * effort.releases)), own)
-        rng = np.random.default_rng(own.spawn(1)[0])
-
-        def halfway(power: float) -> None:
-            on_progress((len(runs) + power) / 2)
-
-        prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, len(DETERMINISTIC_SPACE.quantities), rng)
-        runs.append(posterior(_factors(known, draws), prior, half, rng, moves, on_progress=halfway))
-    return Sample.joined(runs)
+    experimental row: DETERMINISTIC_SPACE."""
+    own = Effort(
+        round(SHARE_OF_HYPOTHESES * effort.hypotheses),
+        max(1, round(SHARE_OF_RELEASES * effort.releases)),
+        max(1, round(SHARE_OF_MOVES * effort.moves)),
+    )
+    return calibrate(DETERMINISTIC_SPACE, lambda draws: factors(known, draws), own, seed, on_progress)
 
 
-def _columns(*quantities: str) -> Array:
-    return DETERMINISTIC_SPACE.columns(quantities)
-
-
-def _of_setup() -> Array:
-    return _columns(*(q.name for q in SETUP_QUANTITIES))
-
-
-def _of_contact() -> Array:
-    return _columns(*(q.name for q in CONTACT_QUANTITIES))
-
-
-def _of_arrival(block: str) -> Array:
-    return _columns(*(q.name for q in arrival_quantities(block)))
-
-
-def _groups() -> list[Array]:
-    """The arrival of a block touches one factor or two, the set-up all; so arrivals and law move twice in a round."""
-    arrivals = [_of_arrival(block) for block in published.BLOCKS]
-    return [_of_setup(), *arrivals, _of_contact(), *arrivals, _of_contact()]
-
-
-def _factors(known: KnownSetup, draws: dict[str, Array]) -> list[Factor]:
+def factors(known: KnownSetup, draws: Draws) -> list[Factor]:
     """One factor for each block's row of the paper's deterministic column, and the sphere's experimental row."""
+    space = DETERMINISTIC_SPACE
+    setup = setup_columns(space)
 
-    def of_paper(block: str) -> Callable[[Array], Array]:
+    def of_paper(block: str) -> Factor:
         def log_likelihood(u: Array) -> Array:
-            values = table_4(DETERMINISTIC_SPACE.values(u))
-            outcome = deterministic_outcome(known, values, block, draws[block])
+            outcome = deterministic_outcome(known, table_4(space.values(u)), block, draws[block])
             counts = published_log_likelihood(outcome, published.DETERMINISTIC, block)
             return first_impact_log_likelihood(outcome, block) + counts
 
-        return log_likelihood
+        return Factor(log_likelihood, np.concatenate([setup, arrival_columns(space, block)]))
 
     def of_experiment(u: Array) -> Array:
-        values = DETERMINISTIC_SPACE.values(u)
-        return passing_log_likelihood(
-            deterministic_outcome(known, values, "sphere", draws["sphere"]), "sphere"
-        )
+        outcome = deterministic_outcome(known, space.values(u), "sphere", draws["sphere"])
+        return passing_log_likelihood(outcome, "sphere")
 
-    setup = _of_setup()
-    factors = [Factor(of_paper(b), np.concatenate([setup, _of_arrival(b)])) for b in published.BLOCKS]
-    of_law = np.concatenate([setup, _of_arrival("sphere"), _of_contact()])
-    return [*factors, Factor(of_experiment, of_law)]
+    own = np.concatenate([setup, arrival_columns(space, "sphere"), law_columns(space)])
+    return [*(of_paper(block) for block in published.BLOCKS), Factor(of_experiment, own)]

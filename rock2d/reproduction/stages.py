@@ -9,12 +9,13 @@ cells count the same 50 releases; their likelihoods are multiplied as if the rel
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import (
+    Factor,
     Moves,
     Quantity,
     Sample,
@@ -23,7 +24,14 @@ from rock2d.calibration.sequential_monte_carlo import (
     prior_draws,
 )
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.hypotheses import (
+    DETERMINISTIC_SPACE,
+    PROBABILISTIC_SPACE,
+    SETUP_QUANTITIES,
+    KnownSetup,
+    Values,
+    arrival_quantities,
+)
 from rock2d.reproduction.likelihood import first_impact_log_likelihood, passing_log_likelihood
 from rock2d.reproduction.outcomes import (
     Outcome,
@@ -35,6 +43,7 @@ from rock2d.reproduction.outcomes import (
 from rock2d.scene.world import World
 
 Array = np.ndarray
+Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
 ModelFunction = Callable[[KnownSetup, Values, str, Array], Outcome]
 
@@ -67,12 +76,12 @@ class Effort:
     ----------
     hypotheses : of each posterior; half of them come from each of two independent runs
     releases : of each block, simulated for each hypothesis
-    moves : of all hypotheses at each step of the sampler
+    moves : rounds of moves of all hypotheses at each step of the sampler
     """
 
     hypotheses: int = 448
     releases: int = 40
-    moves: int = 12
+    moves: int = 3
 
 
 @dataclass(frozen=True)
@@ -84,66 +93,78 @@ class Model:
     outcome : simulates the releases of a block for hypotheses of `space`
     first_impacts : the same up to the first impact, for blocks without cells in the likelihood
     space : the unknowns
-    redrawn : columns of `space` that every other move draws from the prior, or None
     """
 
     outcome: ModelFunction
     first_impacts: ModelFunction
     space: Space
-    redrawn: Array | None = None
 
 
 def calibrate(
-    known: KnownSetup,
-    model: Model,
-    blocks_with_cells: Sequence[str],
-    effort: Effort,
-    seed: np.random.SeedSequence,
-    on_progress: OnProgress,
-) -> Sample:
-    """Posterior of a model, given the statements on first impacts of all blocks and the cells of some blocks.
+    space: Space, factors: Callable[[Draws], list[Factor]], effort: Effort, seed: np.random.SeedSequence,
+    on_progress: OnProgress, redrawn: Array | None = None,
+) -> Sample:  # fmt: skip
+    """Posterior over a space, given the factors of a likelihood that simulates releases from standard normal draws.
 
     Half of the hypotheses come from one run of the sampler, half from another with other releases.
     """
-    width, half = len(model.space.quantities), effort.hypotheses // 2
-    moves = Moves(effort.moves, redrawn=model.redrawn)
+    width, half = len(space.quantities), effort.hypotheses // 2
+    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn))
     runs: list[Sample] = []
     for own in seed.spawn(2):
-        likelihood = _likelihood(known, model, blocks_with_cells, effort.releases, own)
+        draws = standard_normal_draws(effort.releases, own)
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
             on_progress((len(runs) + power) / 2)
 
         prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
-        runs.append(posterior(likelihood, prior, half, rng, moves, on_progress=halfway))
+        runs.append(posterior(factors(draws), prior, half, rng, moves, on_progress=halfway))
     return Sample.joined(runs)
 
 
-def _likelihood(
-    known: KnownSetup,
-    model: Model,
-    blocks_with_cells: Sequence[str],
-    releases: int,
-    seed: np.random.SeedSequence,
-) -> Callable[[Array], Array]:
-    draws = standard_normal_draws(releases, seed)
+def setup_columns(space: Space) -> Array:
+    """Columns of the unknowns of the set-up."""
+    return space.columns([q.name for q in SETUP_QUANTITIES])
 
-    def likelihood(u: Array) -> Array:
-        values, total = model.space.values(u), np.zeros(len(u))
-        for block in published.BLOCKS:  # hypotheses that an earlier block excludes are not simulated again
-            possible = np.isfinite(total)
-            if possible.any():
-                own = {key: v[possible] for key, v in values.items()}
-                with_cells = block in blocks_with_cells
-                simulate = model.outcome if with_cells else model.first_impacts
-                outcome = simulate(known, own, block, draws[block])
-                total[possible] += first_impact_log_likelihood(outcome, block)
-                if with_cells:
-                    total[possible] += passing_log_likelihood(outcome, block)
-        return total
 
-    return likelihood
+def arrival_columns(space: Space, block: str) -> Array:
+    """Columns of the unknowns of a block's arrival."""
+    return space.columns([q.name for q in arrival_quantities(block)])
+
+
+def law_columns(space: Space) -> Array:
+    """Columns of all other unknowns: the parameters of the law, and the candidate."""
+    others = [setup_columns(space), *(arrival_columns(space, block) for block in published.BLOCKS)]
+    return np.setdiff1d(np.arange(len(space.quantities)), np.concatenate(others))
+
+
+def _groups(space: Space, redrawn: Array | None) -> list[Array]:
+    """What moves together: the arrival of a block concerns few factors, the set-up all of them."""
+    arrivals = [arrival_columns(space, block) for block in published.BLOCKS]
+    law = np.setdiff1d(law_columns(space), [] if redrawn is None else redrawn)
+    return [setup_columns(space), *arrivals, law]
+
+
+def _factors(
+    known: KnownSetup, model: Model, blocks_with_cells: Sequence[str]
+) -> Callable[[Draws], list[Factor]]:
+    """One factor for each block: its statements on first impacts, and its cells if they count."""
+    space = model.space
+
+    def of_block(block: str, draws: Array) -> Factor:
+        with_cells = block in blocks_with_cells
+        simulate = model.outcome if with_cells else model.first_impacts
+
+        def log_likelihood(u: Array) -> Array:
+            outcome = simulate(known, space.values(u), block, draws)
+            total = first_impact_log_likelihood(outcome, block)
+            return total + passing_log_likelihood(outcome, block) if with_cells else total
+
+        own = setup_columns(space), arrival_columns(space, block), law_columns(space)
+        return Factor(log_likelihood, np.concatenate(own))
+
+    return lambda draws: [of_block(block, draws[block]) for block in published.BLOCKS]
 
 
 def calibrate_deterministic(
@@ -151,7 +172,7 @@ def calibrate_deterministic(
 ) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
     model = Model(deterministic_outcome, deterministic_first_impacts, DETERMINISTIC_SPACE)
-    return calibrate(known, model, ("sphere",), effort, seed, on_progress)
+    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
 
 
 def calibrate_probabilistic(
@@ -159,7 +180,7 @@ def calibrate_probabilistic(
 ) -> Sample:
     """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
     model = Model(probabilistic_outcome, probabilistic_outcome, PROBABILISTIC_SPACE)
-    return calibrate(known, model, ("sphere",), effort, seed, on_progress)
+    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
 
 
 def calibrate_candidates(
@@ -168,8 +189,10 @@ def calibrate_candidates(
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
     choice = np.arange(len(DETERMINISTIC_SPACE.quantities), len(CANDIDATE_SPACE.quantities))
-    model = Model(candidate_outcome, candidate_first_impacts, CANDIDATE_SPACE, redrawn=choice)
-    return calibrate(known, model, others, effort, seed, on_progress)
+    model = Model(candidate_outcome, candidate_first_impacts, CANDIDATE_SPACE)
+    return calibrate(
+        CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
+    )
 
 
 def calibrate_slope_reductions(

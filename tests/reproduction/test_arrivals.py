@@ -22,7 +22,16 @@ from rock2d.reproduction.missing_effects import (
     held_out_score,
     point_mass_with,
 )
-from rock2d.reproduction.stages import CANDIDATES, Effort, candidate_indices, candidate_value
+from rock2d.reproduction.stages import (
+    CANDIDATE_SPACE,
+    CANDIDATES,
+    Effort,
+    arrival_columns,
+    candidate_indices,
+    candidate_value,
+    law_columns,
+    setup_columns,
+)
 
 KNOWN = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
@@ -45,16 +54,21 @@ def test_the_paper_s_column_in_counts():
 
 
 def test_every_unknown_moves_and_each_factor_hears_of_its_own():
-    groups, width = arrivals._groups(), len(DETERMINISTIC_SPACE.quantities)
-    assert sorted(set(np.concatenate(groups))) == list(range(width))
-    factors = arrivals._factors(KNOWN, {block: np.zeros((1, 6)) for block in published.BLOCKS})
-    law = set(arrivals._of_contact())
+    for space in (DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, CANDIDATE_SPACE):
+        groups = [
+            setup_columns(space),
+            law_columns(space),
+            *(arrival_columns(space, b) for b in published.BLOCKS),
+        ]
+        assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
+    factors = arrivals.factors(KNOWN, {block: np.zeros((1, 6)) for block in published.BLOCKS})
+    law = set(law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False, False, False, True]
 
 
 def test_arrivals_have_the_same_bits_for_the_same_seed_and_learn_nothing_from_the_validation(monkeypatch):
     def calibrated():
-        effort = Effort(hypotheses=32, releases=10, moves=6)
+        effort = Effort(hypotheses=32, releases=10, moves=1)
         return arrivals.calibrate_with_arrivals(
             KNOWN, effort, np.random.SeedSequence(2), lambda share: None
         ).u

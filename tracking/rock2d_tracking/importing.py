@@ -132,7 +132,13 @@ def import_tracks(
     without_spin = False
     for film in films:
         paths = [film] if isinstance(film, (str, Path)) else film
-        tracks = _tracks([read_points(path, files.kind) for path in paths], options)
+        points = [read_points(path, files.kind) for path in paths]
+        for own in points:
+            if own.y and own.y != files.y:
+                raise InputError(f"y grows {own.y}wards in this format: state y {own.y}", own.path, own.line)
+            if own.said:
+                report(own.said)
+        tracks = _tracks(points, options)
         frame, x_y_m, theta_rad = _motion(tracks, world, block, options)
         if theta_rad is None:
             without_spin, theta_rad = True, np.zeros(len(frame))

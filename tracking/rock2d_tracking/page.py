@@ -59,7 +59,7 @@ def write_page(
 
 def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) -> dict[str, str]:
     """Label -> value of the table at the top of the page."""
-    frames, experiment, flag = film.frames, film.experiment, impacts["flag"]
+    frames, experiment, flag = film.frames, film.experiment, impacts["flag"].astype(str)
     lost = frames.loc[frames["reason"] != "", "reason"].value_counts()
     return {
         "releases": f"{frames['release'].nunique()}",
@@ -67,7 +67,9 @@ def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) ->
         "flights, impacts": f"{len(flights)}, {len(impacts)}",
         "noise of a frame": f"{1e3 * experiment.position_noise_m:.3g} mm, "
         f"{np.rad2deg(experiment.angle_noise_rad):.2g}°",
-        "residuals of the parabolas, over the noise": f"{flights['misfit'].median():.2f} (noise alone makes 1)",
+        "residuals of the parabolas, over the noise": f"{flights['misfit'].median():.2f} (noise alone makes 1)"
+        if len(flights)
+        else "no flight was seen",
         "impacts flagged": f"{(flag != '').sum()} "
         f"(deep {flag.str.contains('deep').sum()}, low rebound {flag.str.contains('low').sum()})",
     } | {f"lost: {reason}": f"{count} frames" for reason, count in lost.items()}
@@ -148,4 +150,5 @@ def _pixel_m(film: TrackedFilm) -> float:
     seen = film.frames[film.frames["reason"] == ""]
     table = film.experiment.trajectories
     assert table is not None
-    return float(np.ptp(table["x_m"]) / max(np.ptp(seen["u_px"]), 1e-9))
+    metres, pixels = (np.ptp(own, axis=0) for own in (table[["x_m", "y_m"]], seen[["u_px", "v_px"]]))
+    return float(np.hypot(*metres) / max(np.hypot(*pixels), 1e-9))

@@ -24,14 +24,20 @@ class Points:
     table : one row a point that was seen: `track` (its name), `line` (in the file), `frame` or `time` or both (a whole
         number; in the file's unit, mostly s), `u` and `v` (in the file's unit of length) and, where the file has them,
         `confidence` (0 to 1) and `theta_rad` (from u toward v)
+    y : where v grows, "up" or "down", if the format fixes it; else ""
+    said : what the file states of its own scale and time, for the user; "" if nothing
     """
 
     path: Path
     line: int
     table: pd.DataFrame
+    y: str = ""
+    said: str = ""
 
     @classmethod
-    def seen(cls, path: Path, line: int, rows: list[dict[str, Any]]) -> Points:
+    def seen(
+        cls, path: Path, line: int, rows: list[dict[str, Any]], *, y: str = "", said: str = ""
+    ) -> Points:
         """Points of rows with the keys of `table`, without those whose u, v or theta is empty; raises `InputError`."""
         import pandas as pd
 
@@ -46,4 +52,4 @@ class Points:
         if wrong.any():
             row = table[wrong].iloc[0]
             raise InputError(f"column {when}: {row[when]:g} is no {when}", path, int(row["line"]))
-        return cls(path, line, table)
+        return cls(path, line, table, y, said)

@@ -1,4 +1,4 @@
-"""Tracker (Open Source Physics): exported delimited text, read and written.
+"""Tracker (Open Source Physics): exported delimited text, read and written; its projects (`.trk`), read.
 
 File > Export > Data File writes the cells of a data table: a line with the name of the track (`mass_A` alone up to
 version 5; later at the track's first column, as in `,mass A,,`), the names of the columns (`t`, `frame`, `x`, `y`,
@@ -24,6 +24,7 @@ from rock2d.files.folders import write_whole
 from rock2d_tracking.delimited_text import cells, number, separator_of
 from rock2d_tracking.importers import Importer
 from rock2d_tracking.tracked_points import FRAME_TIME_TOLERANCE, Points
+from rock2d_tracking.tracker_project import looks_like_project, read_project
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,15 +33,18 @@ WRITTEN_COLUMNS = ("t", "frame", "x", "y", "theta_rad")
 
 
 def looks_like(text: str) -> bool:
-    """If the text has Tracker's line of column names."""
-    return _header(text.split("\n")) is not None
+    """If the text has Tracker's line of column names, or is a project."""
+    return looks_like_project(text) or _header(text.split("\n")) is not None
 
 
 def read(path: Path, text: str) -> Points:
     """Points in calibrated units (pixels if only pixelx and pixely were exported); `time` in s and perhaps `frame`.
+    Those of a project are in pixels, y downwards, with `frame`.
 
     `theta_rad` is read if the file is one of `write_tracker`. Raises `InputError` with file and line.
     """
+    if looks_like_project(text):
+        return read_project(path, text)
     lines = text.split("\n")
     at = _header(lines)
     if at is None:

@@ -1,0 +1,347 @@
+"""Gravity from the flights of a film, with its error: how far lengths or times of the film are off.
+
+Frame k of a flight shows p + v t + a t²/2 with two errors: one of the position, of standard deviation σ in each axis,
+and one of the instant, τ (frames are not evenly spaced), which shifts the block along its path by its speed. So its
+covariance is C = σ² 1 + τ² v vᵀ. Both variances are estimated from the residuals of all flights, and each flight is
+fitted by generalised least squares. Of n even frames over a time T without τ, a has the standard error σ √(720/n) / T².
+
+Errors that change slowly (compression, a lens, drag) do not average out over the frames. They show in the polynomials
+next to the parabola: if those of degree 3 to 6 are clearly larger than the rest, they alone give the variance.
+
+Flights are combined within each release, and releases with each other. Where releases disagree by more than their
+errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982), Journal
+of Research of the National Bureau of Standards 87(5), 377-385.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
+from rock2d.kinematics.recorded_gravity import (
+    AGREEING_SPREAD,
+    CLEAR_CURVATURE,
+    LARGEST_RATIO,
+    LEAST_RATIO,
+    STEEP,
+)
+from rock2d.records.columns import POSITION, X, Y
+
+Array = np.ndarray
+
+PARABOLA = 3  # polynomials of a parabola
+SLOW_DEGREES = 4  # of the polynomials next to it
+VARIANCE_ROUNDS = 5  # of the estimate of σ and τ
+SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered
+CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
+NORMAL_95 = 1.959964  # standard errors of a 95 % interval
+OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
+FEWEST_ODD_FLIGHTS = 2  # that agree on an acceleration far from gravity
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with its standard error, defined so that value ± 1.96 errors is the 95 % interval: few frames make it
+    larger by Student's distribution."""
+
+    value: float
+    error: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        return self.value - NORMAL_95 * self.error, self.value + NORMAL_95 * self.error
+
+    def off(self, expected: float) -> bool:
+        """Whether the value differs from what is expected, at 3 standard errors."""
+        return abs(self.value - expected) > 3.0 * self.error
+
+
+@dataclass(frozen=True)
+class FlightGravity:
+    """Gravity as the flights of a film show it.
+
+    Attributes
+    ----------
+    gravity_m_s2 : size of the acceleration in flight
+    tilt_rad : angle of the image against the vertical, counter-clockwise
+    used : (flights,) whether a flight counts; others are too short, too straight, or differ from the rest
+    each, each_error : (flights,) size of the acceleration of each flight and its standard error, in m/s²
+    weight : (flights,) share of each flight in the result
+    pull : (flights, 2) mean of speed × velocity over the flight, weighted as an acceleration shows in the parabola,
+        in m²/s²
+    noise_m, instant_noise_s : σ and τ
+    slow : whether slowly changing errors decide
+    """
+
+    gravity_m_s2: Measured
+    tilt_rad: Measured
+    used: Array
+    each: Array
+    each_error: Array
+    weight: Array
+    pull: Array
+    noise_m: float
+    instant_noise_s: float
+    slow: bool
+
+
+def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGravity | None:
+    """Gravity from the flights of a film, as recorded; None if no flight shows it clearly.
+
+    `stated_m_s2`: the gravity that is expected, which tells falls from other smooth motion.
+    """
+    paths = [
+        _Path(film.t_s[a:b], film.pose[a:b, POSITION])
+        for a, b in zip(flights.first, flights.last, strict=True)
+    ]
+    every = _fitted(paths)
+    used = _falls(every, stated_m_s2)
+    if not used.any():
+        return None
+    fits = _fitted([path for path, use in zip(paths, used, strict=True) if use])
+    size = np.hypot(*fits.acceleration.T)
+    down = fits.acceleration / size[:, None]
+    error = np.sqrt(np.einsum("ni,nij,nj->n", down, fits.covariance, down))
+    # across the acceleration, counter-clockwise: turning the picture so moves it there
+    aside = np.column_stack([-down[:, Y], down[:, X]])
+    turn_error = np.sqrt(np.einsum("ni,nij,nj->n", aside, fits.covariance, aside)) / size
+    turn = np.arctan2(fits.acceleration[:, X], -fits.acceleration[:, Y])
+    if np.median(np.cos(turn)) < 0:  # the film falls upwards: y is mirrored, and x is as it was
+        turn = np.arctan2(fits.acceleration[:, X], fits.acceleration[:, Y])
+    release = flights.release[used]
+    gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
+    tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
+    return FlightGravity(
+        gravity, tilt, used, np.hypot(*every.acceleration.T), _sizes_error(every), _spread(weight, used),
+        _pulls(paths), fits.noise_m, fits.instant_noise_s, fits.slow,
+    )  # fmt: skip
+
+
+class _Path(NamedTuple):
+    """Frames of one flight: instants (n,), positions (n, 2)."""
+
+    t_s: Array
+    position: Array
+
+
+class _Fits(NamedTuple):
+    """Fitted flights: acceleration (m, 2) with covariance (m, 2, 2), velocity in the middle (m, 2); what the film has in
+    common: σ, τ, degrees of freedom of the errors, whether slow errors decide."""
+
+    acceleration: Array
+    covariance: Array
+    velocity: Array
+    noise_m: float
+    instant_noise_s: float
+    freedom: float
+    slow: bool
+
+
+class _Whitened(NamedTuple):
+    """One flight with unit variance: coefficients (2 axes × 3 degrees, in the flight's own time from -1 to 1), their
+    covariance, residuals along and across the path (2, n) in m, shares of the variance that the fit leaves them (2, n),
+    speeds (n,), and squares of all residuals and of the slow polynomials with the number of these."""
+
+    coefficients: Array
+    covariance: Array
+    residuals: Array
+    left: Array
+    speed: Array
+    squares: float
+    slow_squares: float
+    slow_count: int
+
+
+def _fitted(paths: list[_Path]) -> _Fits:
+    """All flights, with the variances that their residuals show."""
+    variance, jitter = 1.0, 0.0
+    flights: list[_Whitened] = []
+    for _ in range(VARIANCE_ROUNDS):
+        before = [own.coefficients for own in flights] or [None] * len(paths)
+        flights = [_whitened(p, variance, jitter, c) for p, c in zip(paths, before, strict=True)]
+        variance, jitter = _variances(flights, variance, jitter)
+    freedom = float(sum(2 * len(p.t_s) - 2 * PARABOLA for p in paths) - 1 - (jitter > 0))
+    squares, slow_squares, slow_count = (
+        sum(values)
+        for values in zip(
+            *((own.squares, own.slow_squares, own.slow_count) for own in flights), (0.0, 0.0, 0), strict=True
+        )
+    )
+    factor, slow = squares / max(freedom, 1.0), False
+    if _significant(slow_squares, slow_count, squares - slow_squares, freedom - slow_count):
+        factor, freedom, slow = slow_squares / slow_count, float(slow_count), True
+    half = np.array([np.ptp(p.t_s) / 2 for p in paths])
+    c = np.array([own.coefficients for own in flights]).reshape(-1, 2, PARABOLA)
+    covariance = np.array([own.covariance[2::PARABOLA, 2::PARABOLA] for own in flights]).reshape(-1, 2, 2)
+    return _Fits(
+        2 * c[:, :, 2] / half[:, None] ** 2,
+        factor * covariance * (2 / half**2)[:, None, None] ** 2,
+        c[:, :, 1] / half[:, None],
+        float(np.sqrt(variance)),
+        float(np.sqrt(jitter)),
+        freedom,
+        slow,
+    )
+
+
+def _own_time(t_s: Array) -> Array:
+    return (t_s - t_s.mean()) / (np.ptp(t_s) / 2)
+
+
+def _whitened(path: _Path, variance: float, jitter: float, before: Array | None) -> _Whitened:
+    """One flight by generalised least squares; `before`: its coefficients, from which the velocities come."""
+    s, n = _own_time(path.t_s), len(path.t_s)
+    if before is None:
+        before = np.polynomial.polynomial.polyfit(s, path.position, 2).T
+    velocity = (before[:, 1:2] + 2 * before[:, 2:] * s).T / (np.ptp(path.t_s) / 2)
+    speed = np.hypot(*velocity.T)
+    ahead = np.divide(
+        velocity, speed[:, None], out=np.tile([1.0, 0.0], (n, 1)), where=speed[:, None] > 0
+    )
+    slow = int(np.clip((n - PARABOLA) // 2, 0, SLOW_DEGREES))
+    powers = np.polynomial.legendre.legvander(s, PARABOLA - 1 + slow)
+    powers[:, :PARABOLA] = np.vander(s, PARABOLA, increasing=True)
+    axes = np.stack([ahead, np.column_stack([-ahead[:, Y], ahead[:, X]])])  # along and across
+    sd = np.sqrt([variance + jitter * speed**2, np.full(n, variance)])
+
+    def rows(columns: Array) -> Array:
+        """(2n, 2k) columns for x, then for y, along and across the path with unit variance."""
+        return np.concatenate(
+            [np.hstack([axis[:, c : c + 1] * columns for c in (X, Y)]) / own[:, None] for axis, own in zip(axes, sd, strict=True)]
+        )  # fmt: skip
+
+    design = rows(powers[:, :PARABOLA])
+    seen = np.concatenate([(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)])
+    q, r = np.linalg.qr(np.hstack([design, rows(powers[:, PARABOLA:])]))
+    fit = 2 * PARABOLA
+    inverse = np.linalg.inv(r[:fit, :fit])
+    projected = q.T @ seen
+    residual = seen - q[:, :fit] @ projected[:fit]
+    return _Whitened(
+        (inverse @ projected[:fit]).reshape(2, PARABOLA), inverse @ inverse.T, residual.reshape(2, n) * sd,
+        1.0 - (q[:, :fit] ** 2).sum(axis=1).reshape(2, n), speed, float(residual @ residual),
+        float((projected[fit:] ** 2).sum()), 2 * slow,
+    )  # fmt: skip
+
+
+def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tuple[float, float]:
+    """σ² and τ² from the residuals: their squares are σ² across the path and σ² + τ² v² along it."""
+    squares = np.concatenate([own.residuals.ravel() ** 2 for own in flights])
+    left = np.maximum(np.concatenate([own.left.ravel() for own in flights]), 1e-6)
+    speed = np.concatenate([np.append(own.speed, np.zeros_like(own.speed)) for own in flights])
+    design = np.column_stack([np.ones_like(speed), speed**2])
+    weight = left**2 / (design @ [variance, jitter]) ** 2
+    least = SMALLEST_NOISE**2
+    alone = max(float((weight * squares / left).sum() / weight.sum()), least)
+    normal = design.T @ (weight[:, None] * design)
+    if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)) + 1e-300)) > 1e8:
+        return alone, 0.0
+    inverse = np.linalg.inv(normal)
+    own, other = inverse @ (design.T @ (weight * squares / left))
+    clear = other > CLEAR_JITTER * np.sqrt(2.0 * inverse[1, 1])  # the variance of a square is 2 of its mean squared
+    return (max(float(own), least), float(other)) if clear else (alone, 0.0)
+
+
+def _significant(slow: float, slow_count: int, fast: float, fast_count: float) -> bool:
+    """Whether the slow residuals are larger than the others by more than chance."""
+    from scipy.stats import f
+
+    if slow_count < 1 or fast_count < 1 or fast <= 0.0:
+        return False
+    ratio = slow / slow_count / (fast / fast_count)
+    return bool(f.sf(ratio, slow_count, fast_count) < SLOW_CHANCE)
+
+
+def _sizes_error(fits: _Fits) -> Array:
+    """(m,) standard error of the size of each acceleration."""
+    down = fits.acceleration / np.maximum(np.hypot(*fits.acceleration.T), 1e-12)[:, None]
+    return np.sqrt(np.einsum("ni,nij,nj->n", down, fits.covariance, down))
+
+
+def _falls(fits: _Fits, stated_m_s2: float) -> Array:
+    """(m,) flights that surely fall: their path clearly bends, or is steeper than any ground, and most agree."""
+    size, error = np.hypot(*fits.acceleration.T), _sizes_error(fits)
+    vx, vy = fits.velocity.T
+    ax, ay = fits.acceleration.T
+    bend = np.abs(vx * ay - vy * ax) / np.maximum(np.hypot(vx, vy), 1e-12)
+    clear = (bend > CLEAR_CURVATURE * error) | (np.abs(vy) > STEEP * np.abs(vx))
+    clear &= size > CLEAR_CURVATURE * error
+    near = clear & (size > LEAST_RATIO * stated_m_s2) & (size < LARGEST_RATIO * stated_m_s2)
+    own = near if near.any() else clear
+    if not own.any():
+        return own
+    middle = _weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
+    found = own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
+    enough = near.any() or found.sum() >= FEWEST_ODD_FLIGHTS
+    return found & enough
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    passed = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(passed, 0.5 * passed[-1])])
+
+
+def _combined_over_releases(
+    values: Array, errors: Array, release: Array, freedom: float
+) -> tuple[Measured, Array]:
+    """Mean over releases with its error, and the weight of each flight. Of a single release, its flights count."""
+    from scipy.stats import t
+
+    names, index = np.unique(release, return_inverse=True)
+    if len(names) == 1:
+        names = index = np.arange(len(values))
+    total = np.bincount(index, errors**-2.0)
+    mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
+    if mean.scattered:
+        freedom = len(names) - 1
+    student = float(t.ppf(0.975, max(freedom, 1.0))) / NORMAL_95
+    return Measured(mean.value, mean.error * student), mean.weight[index] * errors**-2.0 / total[index]
+
+
+class _Mean(NamedTuple):
+    value: float
+    error: float
+    weight: Array
+    scattered: bool
+
+
+def _combined(values: Array, errors: Array) -> _Mean:
+    """Weighted mean; where the values disagree, with a scatter that makes chi-square their number less one."""
+    from scipy.optimize import brentq
+    from scipy.stats import chi2
+
+    def disagreement(scatter: float) -> float:
+        weight = 1.0 / (errors**2 + scatter)
+        mean = (weight * values).sum() / weight.sum()
+        return float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
+
+    scatter = 0.0
+    if len(values) > 1 and chi2.sf(disagreement(0.0) + len(values) - 1, len(values) - 1) < SCATTER_CHANCE:
+        scatter = float(brentq(disagreement, 0.0, 10.0 * np.ptp(values) ** 2))
+    weight = 1.0 / (errors**2 + scatter)
+    total = float(weight.sum())
+    return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0)
+
+
+def _spread(weight: Array, used: Array) -> Array:
+    """(flights,) the weights of the flights that are used; 0 elsewhere."""
+    out = np.zeros(len(used))
+    out[used] = weight
+    return out
+
+
+def _pulls(paths: list[_Path]) -> Array:
+    """(m, 2) see `FlightGravity.pull`. A force that changes within a flight shows in the parabola with the weight
+    (1 - s²)², s the time from -1 to 1."""
+    out = np.zeros((len(paths), 2))
+    for i, path in enumerate(paths):
+        s = _own_time(path.t_s)
+        c = np.polynomial.polynomial.polyfit(s, path.position, 2)
+        velocity = (c[1] + 2 * c[2] * s[:, None]) / (np.ptp(path.t_s) / 2)
+        weight = np.maximum(1.0 - s**2, 0.0) ** 2
+        out[i] = (weight[:, None] * np.hypot(*velocity.T)[:, None] * velocity).sum(axis=0) / weight.sum()
+    return out

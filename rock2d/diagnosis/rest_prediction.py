@@ -18,6 +18,7 @@ from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.rest_heights import REST_FRAMES
 from rock2d.kinematics.states import centroid_poses, drift
+from rock2d.records.columns import THETA
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -69,6 +70,7 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
         sigma_state = np.sqrt(noise[:, k, k])
         ahead = _residuals(data, rests, world, sigma_state[:, None] * (np.arange(STATE_SIZE) == k))
         variance += np.nan_to_num(ahead - at) ** 2
+    variance[data.unknown_spin[rests.flight] > 0.0, THETA] = np.inf
     return variance
 
 

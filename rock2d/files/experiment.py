@@ -108,6 +108,28 @@ class Experiment:
             raise ValueError("an experiment has either trajectories or impacts")
 
 
+def seen_frames(experiment: Experiment) -> pd.DataFrame:
+    """The rows of an experiment with trajectories that were not lost.
+
+    A release of a circle may have no angle at all: then its angle is unknown, and 0 here. Raises `InputError` if every
+    frame is lost.
+    """
+    table = experiment.trajectories
+    assert table is not None
+    round_ = [name for name, block in experiment.blocks.items() if block.shape == "circle"]
+    if table["theta_rad"].isna().any():
+        without = table["theta_rad"].isna().groupby(table["release"]).transform("all")
+        table = table.assign(theta_rad=table["theta_rad"].mask(without & table["block"].isin(round_), 0.0))
+    table = table.dropna()
+    if table.empty:
+        raise InputError(
+            "every frame of the film is lost: only a circle may be without theta_rad",
+            experiment.folder,
+            code="empty",
+        )
+    return table
+
+
 def load_experiment(folder: str | Path) -> Experiment:
     """Read and check an experiment folder; raises `InputError` on the first thing that cannot be right."""
     folder = Path(folder)
@@ -161,8 +183,8 @@ def read_trajectories(path: str | Path, blocks: Collection[str]) -> pd.DataFrame
     lines, table = _read_table(path, TRAJECTORY_COLUMNS, (), {"block": blocks})
     measured = ("x_m", "y_m", "theta_rad")
     frame = pd.DataFrame(_typed(path, lines, table, {"block": blocks}, may_be_empty=measured))
-    if frame[list(measured)].isna().any(axis=1).all():
-        raise InputError("every frame is lost: no row has x_m, y_m and theta_rad", path, code="empty")
+    if frame[["x_m", "y_m"]].isna().any(axis=1).all():
+        raise InputError("every frame is lost: no row has x_m and y_m", path, code="empty")
     release, t = frame["release"].to_numpy(), frame["t_s"].to_numpy()
     order = np.argsort(release, kind="stable")
     stuck = np.flatnonzero((np.diff(release[order]) == 0) & (np.diff(t[order]) <= 0))

@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
 from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion
-from rock2d.records.columns import OMEGA, RATES, VX, X, Y
+from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -30,6 +30,7 @@ class FilmSegments:
     basis : polynomials of the flights
     impacts : every pair of flights in a row
     start_s : (flights,) see `impacts.start_instants`
+    unknown_spin : (flights,) 1 sigma in rad/s of the spin where the angle was not measured (that of rolling), else 0
     order : (releases,) place of each release in its block's series
     """
 
@@ -37,6 +38,7 @@ class FilmSegments:
     basis: Basis
     impacts: Impacts
     start_s: Array
+    unknown_spin: Array
     order: Array
     _states: dict[Hashable, States] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -48,7 +50,8 @@ class FilmSegments:
         states = fit_states(world, film, segmentation.flights, basis)
         start = start_instants(world, segmentation, basis, states)
         impacts = find_impacts(world, segmentation, basis, states, start)
-        return cls(segmentation, basis, impacts, start, release_order(film.release_block).astype(float))
+        spin = np.where(film.angle_known[segmentation.flights.release], 0.0, _rolling(world, segmentation, states))
+        return cls(segmentation, basis, impacts, start, spin, release_order(film.release_block).astype(float))
 
     @property
     def film(self) -> Film:
@@ -72,6 +75,7 @@ class FilmSegments:
             basis=self.basis.only(keep),
             impacts=impacts,
             start_s=self.start_s[keep],
+            unknown_spin=self.unknown_spin[keep],
         )
 
     def states(self, world: World) -> States:
@@ -92,7 +96,10 @@ class FilmSegments:
         return self.state_covariance(which, dt) * unit[:, :, None] * unit[:, None, :]
 
     def state_covariance(self, which: Array, dt: Array) -> Array:
-        """(n, 6, 6) covariance of the measured states of flights `which`, at recorded instants dt from their middle."""
+        """(n, 6, 6) covariance of the measured states of flights `which`, at recorded instants dt from their middle.
+
+        An angle that was not measured is uniform, and its spin may be that of rolling in either sense.
+        """
         out = np.zeros((len(which), STATE_SIZE, STATE_SIZE))
         rate, level = self.basis.slope[which] ** 2, self.basis.level[which] ** 2
         for c in range(POSE_SIZE):
@@ -100,4 +107,15 @@ class FilmSegments:
             out[:, c, c] = variance * (level + rate * dt**2)
             out[:, c, VX + c] = out[:, VX + c, c] = variance * rate * dt
             out[:, VX + c, VX + c] = variance * rate
+        blind = self.unknown_spin[which] > 0.0
+        for c, variance in ((THETA, np.pi**2 / 3.0), (OMEGA, self.unknown_spin[which][blind] ** 2)):
+            out[blind, c, :] = out[blind, :, c] = 0.0
+            out[blind, c, c] = variance
         return out
+
+
+def _rolling(world: World, segmentation: Segmentation, states: States) -> Array:
+    """(flights,) spin in rad/s of a block that rolls as fast as it flies, and at least as it falls over its radius."""
+    radius = np.array([b.radius_m for b in world.blocks.values()])[segmentation.flights.block]
+    speed = np.hypot(states.middle[:, VX], states.middle[:, VY])
+    return np.asarray(np.maximum(speed, np.sqrt(max(world.gravity_m_s2, 1e-3) * radius)) / radius)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,7 @@ from rock2d.engines.geometry import (
     point_depth,
     polygon_depth,
 )
-from rock2d.errors import InputError
-from rock2d.files.experiment import Experiment
+from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.segmentation import (
     ACCELERATION_SD,
     CONTACT,
@@ -54,6 +53,7 @@ class Film:
     release, block : (frames,) index into `release_names` and `block_names`
     release_names : numbers of the releases, ascending (the order filmed)
     release_block : (releases,) block of each
+    angle_known : (releases,) whether the angle was measured; that of a circle without marks is not, and constant
     noise : (3,) 1 sigma of a frame, white part; `long_noise` (3,) the same for averages over many frames, which
         correlated noise makes larger
     """
@@ -64,6 +64,7 @@ class Film:
     release_names: Array
     release_block: Array
     block_names: list[str]
+    angle_known: Array
     stated_noise: Array
     noise: Array
     long_noise: Array
@@ -98,18 +99,17 @@ def load_film(experiment: Experiment) -> Film:
 
     Raises InputError if every frame is lost.
     """
-    table = experiment.trajectories
-    assert table is not None
-    table = table.dropna().sort_values(["release", "t_s"], kind="stable")
-    if table.empty:
-        raise InputError("every frame of the film is lost", experiment.folder, code="empty")
+    table = seen_frames(experiment).sort_values(["release", "t_s"], kind="stable")
     names, release = np.unique(table["release"].to_numpy(), return_inverse=True)
     block_names = list(experiment.blocks)
     starts = np.searchsorted(release, np.arange(len(names)))
     blocks = table["block"].map({name: i for i, name in enumerate(block_names)}).to_numpy()
     pose = table[["x_m", "y_m", "theta_rad"]].to_numpy(float).copy()
-    for a, b in zip(starts, np.append(starts[1:], len(release)), strict=True):
+    round_ = np.array([block.shape == "circle" for block in experiment.blocks.values()])
+    angle_known = np.ones(len(names), bool)
+    for r, (a, b) in enumerate(itertools.pairwise(np.append(starts, len(release)))):
         pose[a:b, THETA] = np.unwrap(pose[a:b, THETA])
+        angle_known[r] = not round_[blocks[a]] or np.ptp(pose[a:b, THETA]) > 0.0
     stated = np.array([experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad])
     film = Film(
         table["t_s"].to_numpy(float),
@@ -118,6 +118,7 @@ def load_film(experiment: Experiment) -> Film:
         names,
         blocks[starts],
         block_names,
+        angle_known,
         stated,
         stated,
         stated,
@@ -137,13 +138,18 @@ def _first_noise(film: Film) -> Array:
     even = np.ptp(t, axis=1) < 1.5 * (NOISE_WINDOW_FRAMES - 1) * np.median(
         np.diff(film.t_s)[np.diff(film.release) == 0]
     )
-    windows = windows[even & (release[:, 0] == release[:, -1])]
+    whole = even & (release[:, 0] == release[:, -1])
+    windows, known = windows[whole], film.angle_known[release[whole, 0]]
     if len(windows) < 4:
         return np.maximum(film.stated_noise, 1e-6)
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
     residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
     variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
-    return np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
+    noise = np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
+    if not known.all():
+        angle = np.sqrt(np.median(variance[known, THETA])) if known.any() else film.stated_noise[THETA]
+        noise[THETA] = max(float(angle), SMALLEST_NOISE)
+    return noise
 
 
 def segment_film(world: World, film: Film) -> Segmentation:
@@ -259,6 +265,17 @@ def _velocity_change(t: Array, pose: Array, before: tuple[int, int], after: tupl
 
 def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
     """Noise of a frame, and of averages over many frames, from the residuals of cubics fitted to the flights."""
+    noise, long_noise = _noise_of_flights(film, flights)
+    known = film.angle_known[flights.release]
+    if not known.all():
+        own = Flights(*(getattr(flights, f.name)[known] for f in fields(Flights)))
+        angle = [both[THETA] for both in _noise_of_flights(film, own)] if len(own) else [film.noise[THETA]] * 2
+        noise, long_noise = np.append(noise[:THETA], angle[0]), np.append(long_noise[:THETA], angle[1])
+    return noise, long_noise
+
+
+def _noise_of_flights(film: Film, flights: Flights) -> tuple[Array, Array]:
+    """The same, of flights whose angles are all measured, or do not matter."""
     lagged, pairs, freedom, used = np.zeros((NOISE_LAGS + 1, 3)), np.zeros(NOISE_LAGS + 1), 0.0, 0
     for a, b in zip(flights.first, flights.last, strict=True):
         n = b - a

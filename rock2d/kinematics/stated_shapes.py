@@ -51,7 +51,7 @@ def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Arra
     for before, after in zip(data.impacts.before, data.impacts.after, strict=True):
         first = flights.last[before] - CONTACT_MARGIN_FRAMES
         last = flights.first[after] + CONTACT_MARGIN_FRAMES
-        if last - first > MOST_FRAMES:
+        if last - first > MOST_FRAMES or not film.angle_known[flights.release[before]]:
             continue
         block = int(flights.block[before])
         pose = world.view.true(film.pose[first:last])

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.files.experiment import seen_frames
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -97,7 +99,8 @@ def write_comparison(
 
     assert film.trajectories is not None and simulated.trajectories is not None
     cross_section, blocks = simulated.cross_section, simulated.blocks
-    measured = film.trajectories[film.trajectories["release"].isin([t.release for t in tracks])]
+    seen = seen_frames(film)
+    measured = seen[seen["release"].isin([t.release for t in tracks])]
     residuals = residual_table(measured, simulated.trajectories)
     noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
     summary = residual_summary(residuals, tracks, noise)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.files.experiment import seen_frames
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -77,7 +78,7 @@ def measured_states(scenario: Scenario, seed: int, releases: int | None = None) 
     source = scenario.incident["default"].from_experiment
     assert source is not None
     blocks, cross_section = scenario.make_blocks(), scenario.make_cross_section()
-    rows = experiment.trajectories.dropna()
+    rows = seen_frames(experiment)
     out, taken = [], dict.fromkeys(blocks, 0)
     films = rows["release"].nunique()
     seeds = {name: drawn_seeds(seed, b, 0, films + 1) for b, name in enumerate(blocks)}

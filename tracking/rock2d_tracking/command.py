@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,7 +101,7 @@ def film(
     """
     from tqdm import tqdm
 
-    from rock2d.files.experiment import load_experiment
+    from rock2d.files.experiment import load_experiment, seen_frames
     from rock2d_tracking.setup_writing import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
     from rock2d_tracking.synthetic.film import FilmOptions, film_frames, write_film
@@ -108,6 +109,7 @@ def film(
     experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
+    experiment = replace(experiment, trajectories=seen_frames(experiment))
     for suffix in (".avi", ".csv", ".yaml"):
         check_file(out.with_suffix(suffix))
     numbers = experiment.trajectories["release"].unique()[: film_format.releases].tolist()
@@ -180,7 +182,7 @@ def import_files(
 
 def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> None:
     """Write the trajectories of an experiment for Tracker (Open Source Physics)."""
-    from rock2d.files.experiment import load_experiment
+    from rock2d.files.experiment import load_experiment, seen_frames
     from rock2d_tracking.importers.tracker import write_tracker
 
     experiment = load_experiment(experiment_folder)
@@ -189,7 +191,7 @@ def export_tracker(experiment_folder: Path, out: Path, *, report: Report) -> Non
             "holds impacts only; Tracker needs an experiment with trajectories", experiment_folder
         )
     check_file(out)
-    for path in write_tracker(out, experiment.trajectories, experiment.fps):
+    for path in write_tracker(out, seen_frames(experiment), experiment.fps):
         report(f"written: {path}")
 
 

@@ -115,7 +115,7 @@ def import_tracks(
     """Trajectories of what was tracked in one or several films of releases of `block`.
 
     Returns rows of `TRAJECTORY_COLUMNS`. A frame that lacks one of the points is a missing row. One mark alone shows no
-    orientation: for a circle `theta_rad` is then 0 throughout, and `report` gets a remark about it. Any other block is
+    orientation: for a circle `theta_rad` is then NaN throughout, and `report` gets a remark about it. Any other block is
     refused, since rows without theta would count as lost.
 
     Raises `InputError`, with file and line, if the files or the statements about them cannot be right.
@@ -141,7 +141,7 @@ def import_tracks(
         tracks = _tracks(points, options)
         frame, x_y_m, theta_rad = _motion(tracks, world, block, options)
         if theta_rad is None:
-            without_spin, theta_rad = True, np.zeros(len(frame))
+            without_spin, theta_rad = True, np.full(len(frame), np.nan)
         longest_gap = math.inf if options.gap_frames is None else options.gap_frames
         splits = np.flatnonzero(np.diff(frame) - 1 > longest_gap) + 1
         for rows in np.split(np.arange(len(frame)), splits):
@@ -149,7 +149,7 @@ def import_tracks(
             columns = (release, block.name, frame[rows] / scale.fps, *x_y_m[rows].T, theta_rad[rows])
             parts.append(pd.DataFrame(dict(zip(TRAJECTORY_COLUMNS, columns, strict=True))))
     if without_spin:
-        report(f"{block.name}: one mark shows no orientation; theta_rad is 0 and the spin is unknown")
+        report(f"{block.name}: one mark shows no orientation; theta_rad stays empty and the spin is unknown")
     return pd.concat(parts, ignore_index=True)
 
 

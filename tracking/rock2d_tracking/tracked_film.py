@@ -77,7 +77,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     rows = [_rows(k, release, fps) for k, release in enumerate(kept)]
     frames = pd.DataFrame([row for own in rows for row in own])
     if not setup.keys.detection.marks and any(setup.blocks[p.block].shape == "circle" for p in kept):
-        remarks.append("circles carry no marks: their angle is written as 0 and their spin is unknown")
+        remarks.append("circles carry no marks: their angle is left empty and their spin is unknown")
     return TrackedFilm(_experiment(frames, setup, camera, fps), frames, remarks)
 
 
@@ -171,6 +171,8 @@ def _experiment(frames: pd.DataFrame, setup: Setup, camera: PixelMap, fps: float
     seen = frames[frames["reason"] == ""]
     world = camera.to_world(seen[["u_px", "v_px"]].to_numpy(float))
     theta = camera.angle_to_world(seen["angle_px_rad"].to_numpy(float))
+    if not setup.keys.detection.marks:
+        theta[seen["block"].map(lambda name: setup.blocks[name].shape == "circle").to_numpy(bool)] = np.nan
     table = pd.DataFrame({
         "release": seen["release"].to_numpy(), "block": seen["block"].to_numpy(), "t_s": seen["t_s"].to_numpy(),
         "x_m": world[:, 0], "y_m": world[:, 1], "theta_rad": theta,

@@ -50,7 +50,9 @@ class FilmSegments:
         states = fit_states(world, film, segmentation.flights, basis)
         start = start_instants(world, segmentation, basis, states)
         impacts = find_impacts(world, segmentation, basis, states, start)
-        spin = np.where(film.angle_known[segmentation.flights.release], 0.0, _rolling(world, segmentation, states))
+        spin = np.where(
+            film.angle_known[segmentation.flights.release], 0.0, _rolling(world, segmentation, states)
+        )
         return cls(segmentation, basis, impacts, start, spin, release_order(film.release_block).astype(float))
 
     @property

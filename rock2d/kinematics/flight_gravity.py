@@ -9,8 +9,8 @@ Errors that change slowly (compression, a lens, drag) do not average out over th
 next to the parabola: if those of degree 3 to 6 are clearly larger than the rest, they alone give the variance.
 
 Flights are combined within each release, and releases with each other. Where releases disagree by more than their
-errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982), Journal
-of Research of the National Bureau of Standards 87(5), 377-385.
+errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982),
+Journal of Research of the National Bureau of Standards 87(5), 377-385.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as sl
 CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
 NORMAL_95 = 1.959964  # standard errors of a 95 % interval
 OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
-FEWEST_ODD_FLIGHTS = 2  # that agree on an acceleration far from gravity
 
 
 @dataclass(frozen=True)
@@ -97,6 +96,8 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         _Path(film.t_s[a:b], film.pose[a:b, POSITION])
         for a, b in zip(flights.first, flights.last, strict=True)
     ]
+    if not paths:
+        return None
     every = _fitted(paths)
     used = _falls(every, stated_m_s2)
     if not used.any():
@@ -128,8 +129,8 @@ class _Path(NamedTuple):
 
 
 class _Fits(NamedTuple):
-    """Fitted flights: acceleration (m, 2) with covariance (m, 2, 2), velocity in the middle (m, 2); what the film has in
-    common: σ, τ, degrees of freedom of the errors, whether slow errors decide."""
+    """Fitted flights: acceleration (m, 2) with covariance (m, 2, 2), velocity in the middle (m, 2); what the film has
+    in common: σ, τ, degrees of freedom of the errors, whether slow errors decide."""
 
     acceleration: Array
     covariance: Array
@@ -198,9 +199,7 @@ def _whitened(path: _Path, variance: float, jitter: float, before: Array | None)
         before = np.polynomial.polynomial.polyfit(s, path.position, 2).T
     velocity = (before[:, 1:2] + 2 * before[:, 2:] * s).T / (np.ptp(path.t_s) / 2)
     speed = np.hypot(*velocity.T)
-    ahead = np.divide(
-        velocity, speed[:, None], out=np.tile([1.0, 0.0], (n, 1)), where=speed[:, None] > 0
-    )
+    ahead = np.divide(velocity, speed[:, None], out=np.tile([1.0, 0.0], (n, 1)), where=speed[:, None] > 0)
     slow = int(np.clip((n - PARABOLA) // 2, 0, SLOW_DEGREES))
     powers = np.polynomial.legendre.legvander(s, PARABOLA - 1 + slow)
     powers[:, :PARABOLA] = np.vander(s, PARABOLA, increasing=True)
@@ -209,12 +208,13 @@ def _whitened(path: _Path, variance: float, jitter: float, before: Array | None)
 
     def rows(columns: Array) -> Array:
         """(2n, 2k) columns for x, then for y, along and across the path with unit variance."""
-        return np.concatenate(
-            [np.hstack([axis[:, c : c + 1] * columns for c in (X, Y)]) / own[:, None] for axis, own in zip(axes, sd, strict=True)]
-        )  # fmt: skip
+        sides = [np.hstack([axis[:, c : c + 1] * columns for c in (X, Y)]) for axis in axes]
+        return np.concatenate([side / own[:, None] for side, own in zip(sides, sd, strict=True)])
 
     design = rows(powers[:, :PARABOLA])
-    seen = np.concatenate([(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)])
+    seen = np.concatenate(
+        [(axis * path.position).sum(axis=1) / own for axis, own in zip(axes, sd, strict=True)]
+    )
     q, r = np.linalg.qr(np.hstack([design, rows(powers[:, PARABOLA:])]))
     fit = 2 * PARABOLA
     inverse = np.linalg.inv(r[:fit, :fit])
@@ -241,7 +241,9 @@ def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tupl
         return alone, 0.0
     inverse = np.linalg.inv(normal)
     own, other = inverse @ (design.T @ (weight * squares / left))
-    clear = other > CLEAR_JITTER * np.sqrt(2.0 * inverse[1, 1])  # the variance of a square is 2 of its mean squared
+    clear = other > CLEAR_JITTER * np.sqrt(
+        2.0 * inverse[1, 1]
+    )  # the variance of a square is 2 of its mean squared
     return (max(float(own), least), float(other)) if clear else (alone, 0.0)
 
 
@@ -274,9 +276,7 @@ def _falls(fits: _Fits, stated_m_s2: float) -> Array:
     if not own.any():
         return own
     middle = _weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
-    found = own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
-    enough = near.any() or found.sum() >= FEWEST_ODD_FLIGHTS
-    return found & enough
+    return own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

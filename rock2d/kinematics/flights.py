@@ -269,7 +269,9 @@ def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:
     known = film.angle_known[flights.release]
     if not known.all():
         own = Flights(*(getattr(flights, f.name)[known] for f in fields(Flights)))
-        angle = [both[THETA] for both in _noise_of_flights(film, own)] if len(own) else [film.noise[THETA]] * 2
+        angle = (
+            [both[THETA] for both in _noise_of_flights(film, own)] if len(own) else [film.noise[THETA]] * 2
+        )
         noise, long_noise = np.append(noise[:THETA], angle[0]), np.append(long_noise[:THETA], angle[1])
     return noise, long_noise
 

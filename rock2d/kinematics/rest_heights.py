@@ -6,6 +6,8 @@ Only heights above the ground are judged: how deep a block lies in its indentati
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
@@ -20,6 +22,32 @@ STILL_SDS = 8.0  # standard deviations of the noise by which their positions may
 FEWEST_RESTS = 5  # of a block
 # of the mean height, in its standard errors, and in block radii
 CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
+FARTHEST_RADII = 2.0  # from the ground, of a block that lies on it
+
+
+@dataclass(frozen=True)
+class RestHeight:
+    """Height of the lowest point of a block at rest above the stated ground: mean over `rests` releases, with its
+    standard error (None of a single release), and over the radius of the block."""
+
+    block: str
+    rests: int
+    height_m: float
+    error_m: float | None
+    height_radii: float
+
+
+def rest_heights(film: Film, world: World) -> list[RestHeight]:
+    """Of each block that comes to rest on the ground of a world, or near it."""
+    found = []
+    for b, (name, block) in enumerate(world.blocks.items()):
+        heights = _rest_heights_m(film, world, b)
+        heights = heights[np.abs(heights) < FARTHEST_RADII * block.radius_m]
+        if n := len(heights):
+            error = float(heights.std(ddof=1) / np.sqrt(n)) if n > 1 else None
+            height = float(heights.mean())
+            found.append(RestHeight(name, n, height, error, height / block.radius_m))
+    return found
 
 
 def rest_remarks(film: Film, world: World) -> list[str]:

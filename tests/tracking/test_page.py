@@ -37,4 +37,4 @@ def test_a_film_without_an_impact_or_a_flight_gets_its_page(tmp_path, frames):
     assert len(impacts) == 0 and len(flights) == (frames > 8)
     write_page(tmp_path / "page.html", found, flights, impacts, data, np.zeros(SIZE_PX[::-1], np.uint8))
     page = (tmp_path / "page.html").read_text()
-    assert f"{len(flights)}, 0" in page and page.count("<img") == 4 and "nan" not in page
+    assert f"{len(flights)}, 0" in page and page.count("<img") == 5 and "nan" not in page

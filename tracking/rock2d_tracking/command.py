@@ -44,6 +44,8 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
     """
     from tqdm import tqdm
 
+    from rock2d.kinematics.film_statement import film_statement, write_statement
+    from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.overlay import Overlay
     from rock2d_tracking.page import write_page
     from rock2d_tracking.tracked_film import film_of, tracked_film
@@ -72,6 +74,8 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
         found.remarks.extend(_check_sanity(found.experiment, setup))
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
+        said = film_statement(data, setup_world(found.experiment), found.experiment.fps)
+        write_statement(folder, said)
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
@@ -80,6 +84,8 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
         f"{found.frames['release'].nunique()} releases, {trusted} of {len(found.frames)} frames trusted, "
         f"{len(flights)} flights, {len(impacts)} impacts"
     )
+    for line in said.sentences():
+        report(f"film: {line}")
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")

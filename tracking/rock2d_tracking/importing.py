@@ -115,8 +115,8 @@ def import_tracks(
     """Trajectories of what was tracked in one or several films of releases of `block`.
 
     Returns rows of `TRAJECTORY_COLUMNS`. A frame that lacks one of the points is a missing row. One mark alone shows no
-    orientation: for a circle `theta_rad` is then NaN throughout, and `report` gets a remark about it. Any other block is
-    refused, since rows without theta would count as lost.
+    orientation: for a circle `theta_rad` is then NaN throughout, and `report` gets a remark about it. Any other block
+    is refused, since rows without theta would count as lost.
 
     Raises `InputError`, with file and line, if the files or the statements about them cannot be right.
     """

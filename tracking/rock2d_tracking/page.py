@@ -20,6 +20,9 @@ from rock2d.graphics.pages import (
     html_table,
 )  # fmt: skip
 from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_statement import film_statement
+from rock2d.kinematics.flight_gravity import flight_gravity
+from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.tracked_film import TrackedFilm
 
 if TYPE_CHECKING:
@@ -42,6 +45,9 @@ def write_page(
     frames, name = film.frames, film.experiment.name
     figures = [
         ("Tracks", "Trusted frames on the still picture of the film.", _tracks(frames, background)),
+        ("Gravity", "Acceleration of each flight that shows it, with its 95 % interval. The band is what all flights "
+         "say together, the line the stated gravity: beside the band, scale or frame rate is wrong.",
+         _gravity(film, data)),
         ("Flights", "Residuals of the parabolas against the time within the flight. A pattern means a lens, a tilt, a "
          "wrong frame rate or air; noise alone means a good track.", _residuals(film, data)),
         ("Sub-pixel bias", "Mean residuals of the parabolas by the place of the centre within its pixel. A wave means "
@@ -49,8 +55,10 @@ def write_page(
         ("Trust", "Confidence of every frame, release after release; lost frames have 0.", _trust(frames)),
     ]  # fmt: skip
     pictures = "".join(html_figure(title, figure, text) for title, text, figure in figures)
+    said = film_statement(data, setup_world(film.experiment), film.experiment.fps).sentences()
     body = (
         f"<h1>{html.escape(name)}: tracked</h1>{html_list(film.remarks)}"
+        f"<h2>What the film says of itself</h2>{html_list(said)}"
         f"{html_table(_summary(film, flights, impacts).items())}"
         f"<video controls src='overlay.webm'></video>{pictures}"
     )
@@ -131,6 +139,23 @@ def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
                 )
         own.set_xlabel(f"place of {column[0]} within its pixel")
         own.set_ylabel("mean residual (px)")
+    return figure
+
+
+def _gravity(film: TrackedFilm, data: FilmSegments) -> Figure:
+    figure, (axes,) = blank_axes(7.0, 2.8)
+    stated = film.experiment.gravity_m_s2
+    found = flight_gravity(data.film, data.segmentation.flights, stated)
+    axes.axhline(stated, color=PAGE_RULE)
+    axes.set_xlabel("flight")
+    axes.set_ylabel("g (m/s²)")
+    if found is None:
+        return figure
+    axes.axhspan(*found.gravity_m_s2.ci95, color=PAGE_ACCENT, alpha=0.2, lw=0)
+    used = np.flatnonzero(found.used)
+    axes.errorbar(used + 1, found.each[used], 1.96 * found.each_error[used], fmt="o", ms=3, color=PAGE_ACCENT)
+    axes.set_xlim(0.5, len(found.used) + 0.5)
+    axes.xaxis.get_major_locator().set_params(integer=True)
     return figure
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
@@ -32,7 +33,8 @@ def flights_and_impacts(
     """Tables of flights and impacts of a `film` (see `tracked_film.film_of`).
 
     Flights: release, block, begin_s, end_s, frames, the state at the middle instant `t_s` and its standard errors
-    (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise). Impacts: release, block, t_s,
+    (`*_se`), `misfit` (root mean square of what the parabola leaves, over the noise), `gravity_m_s2` (size of the
+    acceleration of a flight that clearly falls, else NaN) and its standard error. Impacts: release, block, t_s,
     zone, velocities before and after with standard errors, `penetration_m`, `rebound_m`, `flag` ("", "deep", "low",
     "deep low").
     """
@@ -58,6 +60,9 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
     for k, name in enumerate(STATE_NAMES):
         table[name], table[f"{name}_se"] = middle[:, k], error[:, k]
     table["misfit"] = misfit.max(axis=1)
+    found = flight_gravity(film, flights, experiment.gravity_m_s2)
+    for name, values in (("gravity_m_s2", "each"), ("gravity_m_s2_se", "each_error")):
+        table[name] = np.where(found.used, getattr(found, values), np.nan) if found is not None else np.nan
     return table
 
 

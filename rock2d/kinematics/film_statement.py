@@ -1,0 +1,258 @@
+"""What a film says of itself, before any model of contact: gravity in its flights, heights at rest, what it lacks.
+
+Gravity comes out with the factor of a wrong scale, and with the square of a wrong frame rate: g found = s g for
+lengths that are recorded s times too long, and g found = q² g for a true duration that is q times the recorded one.
+From g alone the two cannot be told apart.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.files.folders import write_whole
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
+from rock2d.kinematics.recorded_gravity import LARGEST_RATIO, LEAST_RATIO
+from rock2d.kinematics.rest_heights import LEAST_HEIGHT_RADII, RestHeight, rest_heights
+from rock2d.records.columns import X, Y
+from rock2d.scene.blocks import Block
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+FILM_FILE = "film.json"
+SCALE_OR_RATE = ("scale_error", "frame_rate_error")
+AIR_DENSITY_KG_M3 = 1.2
+DRAG_COEFFICIENT = {"circle": 0.5}  # of a ball; Hoerner (1965), Fluid-dynamic drag
+OTHER_DRAG_COEFFICIENT = 1.0  # of a body with edges
+LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
+CLEAR_HEIGHT = 4.0  # standard errors
+
+
+@dataclass(frozen=True)
+class FilmStatement:
+    """What a film says of itself.
+
+    Attributes
+    ----------
+    stated_m_s2, fps : gravity and frame rate as stated
+    gravity : as the flights show it; None if no flight does
+    flights, releases : how many show it; `left_out`: flights that do not
+    air : share of gravity by which the air would change it, and angle in rad by which it would turn it, for bodies of
+        the stated mass and size
+    rests : heights at rest
+    without_angle : blocks whose angle was not measured
+    """
+
+    stated_m_s2: float
+    fps: float
+    gravity: FlightGravity | None
+    flights: int
+    releases: int
+    left_out: int
+    air: tuple[float, float]
+    rests: list[RestHeight]
+    without_angle: list[str]
+
+    @property
+    def ratio(self) -> Measured | None:
+        """Gravity found over gravity stated: 1 if scale and frame rate are right."""
+        if self.gravity is None:
+            return None
+        own = self.gravity.gravity_m_s2
+        return Measured(own.value / self.stated_m_s2, own.error / self.stated_m_s2)
+
+    @property
+    def off(self) -> bool:
+        """Whether scale or frame rate must be wrong: gravity is off by more than its error, the air and the place on
+        the earth explain."""
+        return (ratio := self.ratio) is not None and ratio.off(1.0) and not self._explained(ratio)
+
+    def _explained(self, ratio: Measured) -> bool:
+        """If the air, twice as strong as expected, or another place on the earth would explain the difference."""
+        beyond = ratio.value - 1.0
+        rest = min((abs(beyond - share) for share in np.linspace(0.0, 2.0 * self.air[0], 21)), default=beyond)
+        return max(rest - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
+
+    @property
+    def suspects(self) -> list[str]:
+        """Effects of which one must act, or both."""
+        return list(SCALE_OR_RATE) if self.off else []
+
+    def parameters(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """Effect -> its parameter, if it acts alone: value, 95 % interval, unit."""
+        if (ratio := self.ratio) is None:
+            return {}
+        rate = Measured(ratio.value**0.5, 0.5 * ratio.error / ratio.value**0.5)
+        return {
+            name: {parameter: {"value": own.value, "ci95": list(own.ci95), "unit": "1"}}
+            for name, parameter, own in zip(
+                SCALE_OR_RATE, ("scale", "time_scale"), (ratio, rate), strict=True
+            )
+        }
+
+    def true_fps(self) -> Measured | None:
+        """The frame rate with which gravity comes out as stated."""
+        if (ratio := self.ratio) is None:
+            return None
+        value = self.fps / ratio.value**0.5
+        return Measured(value, 0.5 * value * ratio.error / ratio.value)
+
+    def content(self) -> dict[str, Any]:
+        """As plain numbers and words, for `film.json` and `diagnosis.json`."""
+        return {
+            "gravity": self._gravity_content(),
+            "rests": [asdict(own) for own in self.rests],
+            "without_angle": self.without_angle,
+            "said": self.sentences(),
+        }
+
+    def _gravity_content(self) -> dict[str, Any] | None:
+        gravity, fps = self.gravity, self.true_fps()
+        if gravity is None or fps is None:
+            return None
+        return {
+            "value_m_s2": gravity.gravity_m_s2.value,
+            "error_m_s2": gravity.gravity_m_s2.error,
+            "ci95_m_s2": list(gravity.gravity_m_s2.ci95),
+            "stated_m_s2": self.stated_m_s2,
+            "flights": self.flights,
+            "releases": self.releases,
+            "left_out": self.left_out,
+            "position_noise_m": gravity.noise_m,
+            "instant_noise_s": gravity.instant_noise_s,
+            "slow_errors": gravity.slow,
+            "air_share": self.air[0],
+            "tilt_rad": gravity.tilt_rad.value,
+            "tilt_ci95_rad": list(gravity.tilt_rad.ci95),
+            "off": self.off,
+            "effects": self.suspects,
+            "parameters": self.parameters(),
+            "true_fps": {"value": fps.value, "ci95": list(fps.ci95)},
+        }
+
+    def sentences(self) -> list[str]:
+        """For the user: gravity first."""
+        said = [self._gravity_sentence()]
+        said += [line for line in (self._tilt_sentence(),) if line]
+        said += [_rest_sentence(own) for own in self.rests]
+        said += [
+            f"the angle of block {name} was not measured: spin, and effects that need it, cannot be judged"
+            for name in self.without_angle
+        ]
+        return said
+
+    def _gravity_sentence(self) -> str:
+        ratio, fps = self.ratio, self.true_fps()
+        if self.gravity is None or ratio is None or fps is None:
+            return "no flight shows gravity clearly: scale and frame rate cannot be checked"
+        found = (
+            f"g = {_with_error(self.gravity.gravity_m_s2)} m/s² in {_count(self.flights, 'flight')} of "
+            f"{_count(self.releases, 'release')}"
+        )
+        size = Measured(100.0 * abs(ratio.value - 1.0), 100.0 * ratio.error)
+        if self.off:
+            way = "long" if ratio.value > 1.0 else "short"
+            near = LEAST_RATIO < ratio.value < LARGEST_RATIO
+            carried = "" if near else ". Did the block fly there, or did something carry it?"
+            return (
+                f"{{{', '.join(SCALE_OR_RATE)}}}: {_with_error(size, ' %')}. {found}, stated {self.stated_m_s2:g}: "
+                f"lengths are {_with_error(size, ' %')} too {way}, or the true frame rate is {_with_error(fps)} and "
+                f"not {self.fps:g} frames/s, or both are off. Flights alone cannot tell which{carried}"
+            )
+        if ratio.off(1.0):
+            return (
+                f"{found} differs from the stated {self.stated_m_s2:g} by {_with_error(size, ' %')}, no more than air "
+                f"(about {100 * abs(self.air[0]):.1g} %) and the place on the earth ({100 * LOCAL_GRAVITY:g} %) explain"
+            )
+        return (
+            f"{found} agrees with the stated {self.stated_m_s2:g}: scale, or the square of the frame rate, is right to "
+            f"{_rounded(100.0 * (abs(ratio.value - 1.0) + 1.96 * ratio.error))} %, unless their errors cancel"
+        )
+
+    def _tilt_sentence(self) -> str:
+        gravity = self.gravity
+        if gravity is None or not gravity.tilt_rad.off(0.0):
+            return ""
+        tilt, air = gravity.tilt_rad, self.air[1]
+        if min(abs(tilt.value - share) for share in np.linspace(0.0, 2.0 * air, 21)) <= 2.0 * tilt.error:
+            return ""
+        degrees = Measured(float(np.rad2deg(abs(tilt.value))), float(np.rad2deg(tilt.error)))
+        way = "counter-clockwise" if tilt.value > 0 else "clockwise"
+        return (
+            f"{{camera_tilt}}: {_with_error(degrees, '°')}. Blocks do not fall straight down in the picture: it is "
+            f"turned {way} against the vertical, or a force acts along x"
+        )
+
+
+def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatement:
+    """What a film says of itself, from its segments in a `world`; `fps`: the stated frame rate."""
+    film, flights = data.film, data.segmentation.flights
+    gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
+    used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
+    drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
+    air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
+    blind = np.unique(film.release_block[~film.angle_known])
+    return FilmStatement(
+        world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
+        air, rest_heights(film, world), [film.block_names[b] for b in blind],
+    )  # fmt: skip
+
+
+def write_statement(folder: Path, statement: FilmStatement) -> None:
+    """Write `film.json` into an experiment folder."""
+    text = json.dumps(statement.content(), indent=1, allow_nan=False, ensure_ascii=False)
+    write_whole(folder / FILM_FILE, text + "\n")
+
+
+def _drag_per_mass(block: Block) -> float:
+    """ρ C_d A / 2 m in 1/m, of a body as deep as its profile is high."""
+    coefficient = DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT)
+    return 0.5 * AIR_DENSITY_KG_M3 * coefficient * np.pi / 4.0 * block.size_m**2 / block.mass_kg
+
+
+def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:
+    """Share by which drag changes the size of the acceleration, and angle by which it turns it."""
+    change = -(gravity.weight * drag) @ gravity.pull
+    return float(-change[Y] / stated_m_s2), float(change[X] / stated_m_s2)
+
+
+def _rest_sentence(own: RestHeight) -> str:
+    way = "above" if own.height_m > 0 else "below"
+    size = f"{1e3 * abs(own.height_m):.2g}"
+    error = "" if own.error_m is None else f" ± {1e3 * own.error_m:.1g}"
+    clear = own.error_m is not None and own.height_m > max(
+        CLEAR_HEIGHT * own.error_m, LEAST_HEIGHT_RADII * own.height_m / own.height_radii
+    )
+    ask = ": are its size, the scale, the origin and the ground right?" if clear else ""
+    return (
+        f"at rest, block {own.block} lies {size}{error} mm {way} the stated ground, "
+        f"{100 * abs(own.height_radii):.2g} % of its radius ({_count(own.rests, 'release')}){ask}"
+    )
+
+
+def _count(n: int, thing: str) -> str:
+    return f"{n} {thing}{'' if n == 1 else 's'}"
+
+
+def _decimals(error: float) -> int:
+    """So that an error has one digit, or two if the first is 1."""
+    if not (error > 0.0 and math.isfinite(error)):
+        return 3
+    first = math.floor(math.log10(error))
+    return max(0, -first + (error / 10.0**first < 1.95))
+
+
+def _with_error(own: Measured, unit: str = "") -> str:
+    places = _decimals(own.error)
+    return f"{own.value:.{places}f}{unit} ± {own.error:.{places}f}"
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.2g}"

@@ -75,6 +75,8 @@ def run_diagnosis(
     write_whole(out / DIAGNOSIS, json.dumps(content, indent=1, allow_nan=False) + "\n")
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
+    for line in result.film.sentences() if result.film is not None else ():
+        report(f"film: {line}")
     if result.found is None:
         raise InputError(
             f"not diagnosed: {'; '.join(content['sanity']['faults'])}", experiment, code="not_diagnosed"

@@ -30,6 +30,9 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
+from rock2d.kinematics import sanity as checks
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_statement import FilmStatement, film_statement
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -41,6 +44,11 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
+# of films whose flights can still be read
+SPEAKING_FAULTS = {
+    checks.FEW_RELEASES, checks.FEW_IMPACTS, checks.WRONG_GRAVITY, checks.CONSTANT_ANGLE, checks.BELOW_GROUND,
+    checks.ABOVE_GROUND, checks.BESIDE_GROUND,
+}  # fmt: skip
 BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
     400,
     220,
@@ -51,13 +59,15 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
-    `gaps` is what each effect closes alone; `regression_closes` the share that a flexible regression closes without any
-    effect; `seed` that of the bootstrap, None if nothing was drawn.
+    `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
+    effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `seed` that
+    of the bootstrap, None if nothing was drawn.
     """
 
     experiment: Experiment
     sanity: Sanity
     setup: World
+    film: FilmStatement | None = None
     data: FilmData | TableData | None = None
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
@@ -94,7 +104,7 @@ def diagnose(
     """
     setup = setup_world(experiment)
     sanity, data = prepared(experiment, setup)
-    result = Diagnosis(experiment, sanity, setup)
+    result = Diagnosis(experiment, sanity, setup, said_by_film(experiment, setup, sanity, data))
     if data is None:
         return result
     if folder is not None:
@@ -140,6 +150,19 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
         check_impacts(impacts, impacts + stay, sanity)
     return sanity, None if sanity.faults else data
+
+
+def said_by_film(
+    experiment: Experiment, setup: World, sanity: Sanity, data: FilmData | TableData | None
+) -> FilmStatement | None:
+    """What a film says of itself, also if it is too poor to diagnose; None of impacts and of unreadable films."""
+    if experiment.trajectories is None or any(fault.code not in SPEAKING_FAULTS for fault in sanity.faults):
+        return None
+    world = sanity.registered or setup
+    if world.gravity_m_s2 <= 0:
+        return None
+    segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
+    return film_statement(segments, world, experiment.fps)
 
 
 def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:

@@ -66,21 +66,42 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "remarks": result.sanity.remarks,
     }
     body = _faulty_json(result) if result.found is None else _found_json(result)
-    return head | body | {"sanity": sanity}
+    return (
+        head | body | {"film": result.film.content() if result.film is not None else None, "sanity": sanity}
+    )
 
 
 def _faulty_json(result: Diagnosis) -> dict[str, Any]:
     """What diagnosis.json holds of an experiment that could not be diagnosed."""
     names = list(catalogue())
-    suspects = result.sanity.suspects or ["none", *names]
+    film = result.film.suspects if result.film is not None else []
+    suspects = film or result.sanity.suspects or ["none", *names]
     probabilities = {"none": 0.0, "unknown": UNKNOWN_IF_FAULTY, **dict.fromkeys(names, 0.0)}
     for name in suspects:  # nothing was tried, so all are equally likely
         probabilities[name] += (1.0 - UNKNOWN_IF_FAULTY) / len(suspects)
     gap = dict.fromkeys(("base", "augmented", "noise_floor", "closure", "closure_ci95"))
     return {
         "base": {}, "verdict": "unknown", "group": [], "probabilities": probabilities, "effects": {}, "where": [],
-        "gap": {"unit": GAP_UNIT} | gap, "next_release": "", "causes": [], "outside": None, "floor": None,
+        "gap": {"unit": GAP_UNIT} | gap, "next_release": "", "causes": _film_causes_json(result, probabilities),
+        "outside": None, "floor": None,
     }  # fmt: skip
+
+
+def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> list[dict[str, Any]]:
+    """The effects of which gravity in the flights says that one acts, each with the size that it has alone."""
+    known, film = catalogue(), result.film
+    nothing = dict.fromkeys(("closes", "closes_ci95", "closes_range"))
+    return [
+        {
+            "effect": name,
+            "p": probabilities[name],
+            "parameters": film.parameters()[name],
+            "origin": known[name].origin,
+            "group": [other for other in film.suspects if other != name],
+        }
+        | nothing
+        for name in (film.suspects if film is not None else ())
+    ]
 
 
 def _found_json(result: Diagnosis) -> dict[str, Any]:

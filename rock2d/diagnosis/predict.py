@@ -83,9 +83,11 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
 
     A segment runs from the end of one flight to the end of the next, or of the film; its rows are the frames that were
-    recorded. The film is judged and divided with the camera and on the ground that the diagnosis found.
+    recorded. Where the angle was not measured, no spin is assumed, and theta_rad is NaN. The film is judged and divided
+    with the camera and on the ground that the diagnosis found.
     Of an impact table the velocities after each impact are predicted: `TABLE_COLUMNS`.
-    Raises InputError for a film that cannot be read or shows no flight, and for a diagnosis without a fitted law.
+    Raises InputError for a film that cannot be read or shows no flight with a frame after it, and for a diagnosis
+    without a fitted law.
     """
     import pandas as pd
 
@@ -101,6 +103,11 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     flights = np.flatnonzero(np.isfinite(data.start_s))
     if not len(flights):
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
+    last, release = data.segmentation.flights.last, data.segmentation.flights.release
+    flights = flights[last[flights] < np.searchsorted(film.release, release[flights], side="right")]
+    if not len(flights):
+        message = "no block touches the ground after a flight in this film: there is nothing to predict"
+        raise InputError(message, experiment.folder)
     world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
     changes = [] if base_only else learnt_changes(content)
     return pd.DataFrame(_segments(film, data, world, flights, changes), columns=list(COLUMNS))
@@ -202,6 +209,7 @@ def _segments(
     index = np.concatenate(frames)
     pose = np.concatenate([poses[i, :count] for i, count in enumerate(counts)])
     names = np.array(film.block_names)
+    pose[~film.angle_known[film.release[index]], THETA] = np.nan
     return {
         "release": film.release_names[film.release[index]],
         "block": names[film.release_block[film.release[index]]],

@@ -66,8 +66,8 @@ class FlightGravity:
     ----------
     gravity_m_s2 : size of the acceleration in flight
     tilt_rad : angle of the image against the vertical, counter-clockwise
-    used : (flights,) whether a flight counts; others are too short, too straight, or differ from the rest
-    each, each_error : (flights,) size of the acceleration of each flight and its standard error, in m/s²
+    used : (flights,) whether a flight counts; others are too straight, or differ from the rest
+    each, each_error : (flights,) acceleration of each flight along their mean and its standard error, in m/s²
     weight : (flights,) share of each flight in the result
     pull : (flights, 2) mean of speed × velocity over the flight, weighted as an acceleration shows in the parabola,
         in m²/s²
@@ -103,20 +103,22 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     if not used.any():
         return None
     fits = _fitted([path for path, use in zip(paths, used, strict=True) if use])
-    size = np.hypot(*fits.acceleration.T)
-    down = fits.acceleration / size[:, None]
-    error = np.sqrt(np.einsum("ni,nij,nj->n", down, fits.covariance, down))
-    # across the acceleration, counter-clockwise: turning the picture so moves it there
-    aside = np.column_stack([-down[:, Y], down[:, X]])
-    turn_error = np.sqrt(np.einsum("ni,nij,nj->n", aside, fits.covariance, aside)) / size
-    turn = np.arctan2(fits.acceleration[:, X], -fits.acceleration[:, Y])
-    if np.median(np.cos(turn)) < 0:  # the film falls upwards: y is mirrored, and x is as it was
-        turn = np.arctan2(fits.acceleration[:, X], fits.acceleration[:, Y])
+    mean = np.linalg.solve(
+        (precision := np.linalg.inv(fits.covariance)).sum(axis=0),
+        np.einsum("nij,nj->i", precision, fits.acceleration),
+    )
+    down = mean / np.hypot(*mean)
+    aside = np.array([-down[Y], down[X]])  # where a turn of the picture, counter-clockwise, moves it
+    size, error = _along(fits, down)
+    turn, turn_error = (values / np.hypot(*mean) for values in _along(fits, aside))
+    turn += np.arctan2(
+        down[X] * np.sign(-down[Y]), abs(down[Y])
+    )  # a film that falls upwards is mirrored, not turned
     release = flights.release[used]
     gravity, weight = _combined_over_releases(size, error, release, fits.freedom)
     tilt, _ = _combined_over_releases(turn, turn_error, release, fits.freedom)
     return FlightGravity(
-        gravity, tilt, used, np.hypot(*every.acceleration.T), _sizes_error(every), _spread(weight, used),
+        gravity, tilt, used, *_along(every, down), _spread(weight, used),
         _pulls(paths), fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
 
@@ -257,26 +259,34 @@ def _significant(slow: float, slow_count: int, fast: float, fast_count: float) -
     return bool(f.sf(ratio, slow_count, fast_count) < SLOW_CHANCE)
 
 
-def _sizes_error(fits: _Fits) -> Array:
-    """(m,) standard error of the size of each acceleration."""
-    down = fits.acceleration / np.maximum(np.hypot(*fits.acceleration.T), 1e-12)[:, None]
-    return np.sqrt(np.einsum("ni,nij,nj->n", down, fits.covariance, down))
+def _along(fits: _Fits, axis: Array) -> tuple[Array, Array]:
+    """(m,) component of each acceleration along an axis (2,), with its standard error."""
+    return fits.acceleration @ axis, np.sqrt(np.einsum("i,nij,j->n", axis, fits.covariance, axis))
 
 
 def _falls(fits: _Fits, stated_m_s2: float) -> Array:
-    """(m,) flights that surely fall: their path clearly bends, or is steeper than any ground, and most agree."""
-    size, error = np.hypot(*fits.acceleration.T), _sizes_error(fits)
+    """(m,) flights that fall. Those whose path gravity would clearly bend must bend; steep ones are steeper than any
+    ground; the noise of the others allows no such test, so that all together must be clear. What is tested does not
+    depend on the acceleration found, or chance would choose the flights."""
+    down = np.array([0.0, -1.0 if np.median(fits.acceleration[:, Y]) < 0 else 1.0])
+    size, error = _along(fits, down)
     vx, vy = fits.velocity.T
     ax, ay = fits.acceleration.T
     bend = np.abs(vx * ay - vy * ax) / np.maximum(np.hypot(vx, vy), 1e-12)
-    clear = (bend > CLEAR_CURVATURE * error) | (np.abs(vy) > STEEP * np.abs(vx))
-    clear &= size > CLEAR_CURVATURE * error
+    expected = stated_m_s2 * np.abs(vx) / np.maximum(np.hypot(vx, vy), 1e-12)
+    testable = expected > 2.0 * CLEAR_CURVATURE * error
+    steep = (stated_m_s2 > 2.0 * CLEAR_CURVATURE * error) & (np.abs(vy) > STEEP * np.abs(vx)) & ~testable
+    blurred = ~testable & ~steep
+    clear = steep | (testable & (bend > CLEAR_CURVATURE * error))
     near = clear & (size > LEAST_RATIO * stated_m_s2) & (size < LARGEST_RATIO * stated_m_s2)
-    own = near if near.any() else clear
+    own = (near if near.any() else clear) | blurred
     if not own.any():
         return own
     middle = _weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
-    return own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
+    used = own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
+    together = CLEAR_CURVATURE * float((error[used] ** -2.0).sum()) ** -0.5 < middle if used.any() else False
+    possible = clear.any() or LEAST_RATIO * stated_m_s2 < middle < LARGEST_RATIO * stated_m_s2
+    return used & bool(together and possible)
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

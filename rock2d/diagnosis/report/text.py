@@ -119,7 +119,9 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     """The name of the verdict as it is shown, and one or two sentences."""
     verdict, faults = content["verdict"], content["sanity"]["faults"]
     if faults:
-        return "Not diagnosed", f"This experiment is too poor to diagnose: {'; '.join(faults)}."
+        film = content.get("film") or {}
+        found = f" But its flights say: {film['said'][0]}." if (film.get("gravity") or {}).get("off") else ""
+        return "Not diagnosed", f"This experiment is too poor to diagnose: {'; '.join(faults)}.{found}"
     if verdict == "none":
         return "No gap", (
             "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "

@@ -144,4 +144,14 @@ def _after_faults(content: Mapping[str, Any]) -> list[str]:
         advice.append(
             "Check that y points up and x towards the embankment, and that film and cross-section have the same origin."
         )
+    gravity = (content.get("film") or {}).get("gravity")
+    if gravity and gravity["off"]:
+        scale, rate = gravity["value_m_s2"] / gravity["stated_m_s2"], gravity["true_fps"]["value"]
+        return [
+            "Measure the calibration length again, in the plane of motion, and film a clock: one of scale and frame "
+            f"rate is wrong. If it is the scale, multiply `metres_per_pixel` or `distance_m` by {1.0 / scale:.4g}; if "
+            f"it is the frame rate, set `fps: {rate:.6g}`.",
+            *advice,
+            "Then diagnose again. This diagnosis draws no other conclusion from these data.",
+        ]
     return [*advice, "Then diagnose again. This diagnosis draws no conclusions from these data."]

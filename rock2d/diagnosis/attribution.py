@@ -119,6 +119,7 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
         residuals = [model.residuals(p, some).impacts for p in corners]
         # channels in units of their median residual over all corners
         scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
+        scale[scale == 0.0] = 1.0  # of what was not measured
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
         found += [
             fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS)

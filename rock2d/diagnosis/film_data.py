@@ -62,6 +62,8 @@ class FilmData(FilmSegments):
         for c, direction in ((ALONG, along), (ACROSS, across)):
             difference[:, [c, VX + c]] /= world.view.true_per_recorded(at, direction)[:, None]
         difference[:, RATES] *= world.view.time_scale
+        blind = self.unknown_spin[self.impacts.after] > 0.0
+        difference[np.ix_(blind, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
         inflation = (self.film.long_noise / self.film.noise)[:, None]
         return Residuals(difference, states.residuals / inflation)
 

@@ -143,7 +143,8 @@ class FilmStatement:
         said += [line for line in (self._tilt_sentence(),) if line]
         said += [_rest_sentence(own) for own in self.rests]
         said += [
-            f"the angle of block {name} was not measured: spin, and effects that need it, cannot be judged"
+            f"the angle of block {name} was not measured: its spin is unknown, so that effects on the spin, and on the "
+            "speed along the ground after an impact, can hardly be judged"
             for name in self.without_angle
         ]
         return said

@@ -1,0 +1,113 @@
+"""Films that are too poor to diagnose: what can be said is said, the rest is named, nothing crashes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.diagnosis.command import run_diagnosis, run_prediction
+from rock2d.diagnosis.diagnose import prepared
+from rock2d.diagnosis.likelihood import log_likelihood
+from rock2d.errors import InputError
+from rock2d.files.experiment import Experiment, load_experiment, write_experiment
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.records.columns import OMEGA, THETA
+from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.test_film_statement import tossed
+
+SCHEMA = Path(__file__).parents[2] / "rock2d/diagnosis/diagnosis.schema.json"
+
+
+def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], InputError]:
+    """diagnosis.json, the lines that were printed, and the error of a film that is refused."""
+    import jsonschema
+
+    write_experiment(folder / "film", experiment)
+    lines: list[str] = []
+    with pytest.raises(InputError) as caught:
+        run_diagnosis(folder / "film", folder / "out", seed=0, workers=1, progress=False, report=lines.append)
+    content = json.loads((folder / "out/diagnosis.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, json.loads(SCHEMA.read_text(encoding="utf-8")))
+    assert caught.value.code == "not_diagnosed"
+    return content, lines, caught.value
+
+
+def test_one_flight_of_a_wrong_scale_is_refused_but_the_set_is_named_with_its_size(tmp_path):
+    content, lines, error = diagnosed(tmp_path, tossed(9.67))
+    assert "1 releases are too few" in str(error)
+    assert any(line.startswith("film: {scale_error, frame_rate_error}: 1.") for line in lines)
+    assert content["verdict"] == "unknown" and content["film"]["gravity"]["off"]
+    found = {cause["effect"]: cause for cause in content["causes"]}
+    assert list(found) == ["scale_error", "frame_rate_error"]
+    assert found["scale_error"]["group"] == ["frame_rate_error"]
+    assert found["scale_error"]["parameters"]["scale"]["value"] == pytest.approx(9.67 / 9.81, abs=0.004)
+    assert content["probabilities"]["scale_error"] == content["probabilities"]["frame_rate_error"] == 0.25
+    assert sum(content["probabilities"].values()) == pytest.approx(1.0)
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    assert "What the film says of itself" in page and "multiply" in page and "the angle of block ball" in page
+
+
+@pytest.mark.parametrize("frames", [4, 60])
+def test_a_right_film_without_impacts_names_no_cause(tmp_path, frames):
+    right = tossed()
+    content, _, _ = diagnosed(tmp_path, replace(right, trajectories=right.trajectories[:frames]))
+    assert content["causes"] == [] and content["verdict"] == "unknown"
+    assert (content["film"]["gravity"] is None) == (frames == 4)
+
+
+def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
+    write_experiment(tmp_path / "film", tossed())
+    model = {
+        "schema": 2, "experiment": "x", "verdict": "none", "effects": {},
+        "base": {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03},
+    }  # fmt: skip
+    (tmp_path / "d.json").write_text(json.dumps(model), encoding="utf-8")
+    with pytest.raises(InputError, match="no block touches the ground after a flight"):
+        run_prediction(
+            tmp_path / "film",
+            tmp_path / "d.json",
+            tmp_path / "p.csv",
+            base_only=False,
+            report=lambda line: None,
+        )
+    assert not (tmp_path / "p.csv").exists()
+    few = film(world(), 2, seed=3)
+    table = few.trajectories
+    unmarked = table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere"))
+    write_experiment(tmp_path / "few", replace(few, trajectories=unmarked))
+    run_prediction(
+        tmp_path / "few", tmp_path / "d.json", tmp_path / "p.csv", base_only=False, report=lambda line: None
+    )
+    predicted = pd.read_csv(tmp_path / "p.csv").groupby("block")
+    assert predicted["theta_rad"].count()["sphere"] == 0 and predicted["theta_rad"].count()["cube"] > 0
+    assert np.isfinite(predicted.get_group("sphere")["x_m"]).all()
+
+
+def test_an_angle_that_was_not_measured_is_no_measured_spin_of_zero(tmp_path):
+    full = film(world(), 8, seed=5)
+    table = full.trajectories
+    unmarked = replace(
+        full, trajectories=table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere"))
+    )
+    write_experiment(tmp_path, unmarked)
+    read = load_experiment(tmp_path)
+    setup = setup_world(read)
+    sanity, data = prepared(read, setup)
+    assert not sanity.faults and "angle of block sphere never changes" in " ".join(sanity.remarks)
+    sphere = data.impact_block == list(read.blocks).index("sphere")
+    residuals = data.residuals(setup).impacts
+    assert not residuals[np.ix_(sphere, (THETA, OMEGA))].any()
+    assert residuals[np.ix_(~sphere, (THETA, OMEGA))].any(axis=1).all()
+    noise = data.state_noise(setup)
+    assert (np.sqrt(noise[sphere, OMEGA, OMEGA]) > 50.0).all()  # rad/s: rolling at the speed of the flights
+    assert (np.sqrt(noise[~sphere, OMEGA, OMEGA]) < 20.0).all()
+    _, whole = prepared(full, setup)
+    assert np.median(data.film.noise[THETA]) == pytest.approx(
+        whole.film.noise[THETA], rel=0.1
+    )  # of the cubes alone
+    assert np.isfinite(log_likelihood(residuals, data.outcome_noise())).all()

@@ -90,6 +90,8 @@ def _faulty_json(result: Diagnosis) -> dict[str, Any]:
 def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> list[dict[str, Any]]:
     """The effects of which gravity in the flights says that one acts, each with the size that it has alone."""
     known, film = catalogue(), result.film
+    if film is None:
+        return []
     nothing = dict.fromkeys(("closes", "closes_ci95", "closes_range"))
     return [
         {
@@ -100,7 +102,7 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
             "group": [other for other in film.suspects if other != name],
         }
         | nothing
-        for name in (film.suspects if film is not None else ())
+        for name in film.suspects
     ]
 
 

@@ -163,7 +163,7 @@ def _fitted(paths: list[_Path]) -> _Fits:
     variance, jitter = 1.0, 0.0
     flights: list[_Whitened] = []
     for _ in range(VARIANCE_ROUNDS):
-        before = [own.coefficients for own in flights] or [None] * len(paths)
+        before: list[Array | None] = [own.coefficients for own in flights] if flights else [None] * len(paths)
         flights = [_whitened(p, variance, jitter, c) for p, c in zip(paths, before, strict=True)]
         variance, jitter = _variances(flights, variance, jitter)
     freedom = float(sum(2 * len(p.t_s) - 2 * PARABOLA for p in paths) - 1 - (jitter > 0))

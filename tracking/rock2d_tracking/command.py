@@ -115,10 +115,11 @@ def film(
     experiment = load_experiment(experiment_folder)
     if experiment.trajectories is None:
         raise InputError("holds impacts only; an experiment with trajectories is needed", experiment_folder)
-    experiment = replace(experiment, trajectories=seen_frames(experiment))
+    table = seen_frames(experiment)
+    experiment = replace(experiment, trajectories=table)
     for suffix in (".avi", ".csv", ".yaml"):
         check_file(out.with_suffix(suffix))
-    numbers = experiment.trajectories["release"].unique()[: film_format.releases].tolist()
+    numbers = table["release"].unique()[: film_format.releases].tolist()
     camera = _whole_view(experiment, film_format.size_px)
     options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
     shots = film_frames(experiment, camera, film_format.size_px, options)
@@ -131,7 +132,7 @@ def film(
 
         write_film(out, counted(), film_format.size_px, FILM_PLAYED_FPS, options.faults.quality, truth=True)
     setup = out.with_suffix(".yaml")
-    first = experiment.trajectories.groupby("release")["block"].first()
+    first = table.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])
     report(f"written: {out}, {out.with_suffix('.csv')} (truth), {setup}")
 
@@ -162,6 +163,9 @@ def import_files(
 
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
+    from rock2d.kinematics.film_segments import FilmSegments
+    from rock2d.kinematics.film_statement import film_statement, write_statement
+    from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.tracked_film import film_of, with_measured_noise
 
@@ -180,9 +184,14 @@ def import_files(
     )  # fmt: skip
     found = with_measured_noise(film_of(stated, setup), stated)
     _check_sanity(found, setup)
+    world = setup_world(found)
+    said = film_statement(FilmSegments.of(film_of(found, setup), world), world, found.fps)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
+        write_statement(folder, said)
     report(f"{table['release'].nunique()} releases, {len(table)} frames")
+    for line in said.sentences():
+        report(f"film: {line}")
     report(f"written: {out}")
 
 

@@ -143,6 +143,8 @@ def _bias(film: TrackedFilm, data: FilmSegments) -> Figure:
 
 
 def _gravity(film: TrackedFilm, data: FilmSegments) -> Figure:
+    from matplotlib.ticker import MaxNLocator
+
     figure, (axes,) = blank_axes(7.0, 2.8)
     stated = film.experiment.gravity_m_s2
     found = flight_gravity(data.film, data.segmentation.flights, stated)
@@ -155,7 +157,7 @@ def _gravity(film: TrackedFilm, data: FilmSegments) -> Figure:
     used = np.flatnonzero(found.used)
     axes.errorbar(used + 1, found.each[used], 1.96 * found.each_error[used], fmt="o", ms=3, color=PAGE_ACCENT)
     axes.set_xlim(0.5, len(found.used) + 0.5)
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
 
 

@@ -37,6 +37,10 @@ SLOW_DEGREES = 4  # of the polynomials next to it
 VARIANCE_ROUNDS = 5  # of the estimate of σ and τ
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered
 CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
+EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
+    3,
+    16,
+)  # left out at an end next to a contact; at most one of so many frames
 NORMAL_95 = 1.959964  # standard errors of a 95 % interval
 OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
 
@@ -93,8 +97,7 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
     `stated_m_s2`: the gravity that is expected, which tells falls from other smooth motion.
     """
     paths = [
-        _Path(film.t_s[a:b], film.pose[a:b, POSITION])
-        for a, b in zip(flights.first, flights.last, strict=True)
+        _Path(film.t_s[a:b], film.pose[a:b, POSITION]) for a, b in zip(*_inner(film, flights), strict=True)
     ]
     if not paths:
         return None
@@ -121,6 +124,14 @@ def flight_gravity(film: Film, flights: Flights, stated_m_s2: float) -> FlightGr
         gravity, tilt, used, *_along(every, down), _spread(weight, used),
         _pulls(paths), fits.noise_m, fits.instant_noise_s, fits.slow,
     )  # fmt: skip
+
+
+def _inner(film: Film, flights: Flights) -> tuple[Array, Array]:
+    """First and last (exclusive) frame of each flight without those next to a contact: too weak a contact to be seen in
+    single frames bends the ends of hundreds of flights alike."""
+    begin, end = (np.searchsorted(film.release, flights.release, side=side) for side in ("left", "right"))
+    margin = np.minimum(EDGE_FRAMES, (flights.last - flights.first) // FRAMES_PER_EDGE_FRAME)
+    return flights.first + margin * (flights.first > begin), flights.last - margin * (flights.last < end)
 
 
 class _Path(NamedTuple):

@@ -21,8 +21,10 @@ FEWEST_POINTS, MOST_POINTS = 24, 120
 CORNER_SHARE = 0.12  # of a side next to a corner, where there is no single normal
 SAMPLES_PER_PX = 2.0  # along a normal
 WIDE_SHARE, NARROW_SHARE = 0.75, 0.45  # of the inner radius on which the edge is looked for, at first and at last
-NARROWEST_PX, WIDEST_PX = 3.0, 9.0  # limits of the narrow search
+NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
 INNER_SHARE = 0.45  # of the inner half of a normal, from which the block's colour is taken
+SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
+SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
 WIDE_ROUNDS, NARROW_ROUNDS = 3, 5
 FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it is not seen
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
@@ -185,6 +187,8 @@ def _offsets(
     shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inner = t < -half * (1 - INNER_SHARE)
     own = np.median(seen[:, inner], axis=1)[:, None]
+    if half <= WIDEST_PX:
+        own = own + _shading(seen[:, inner], t[inner], own)[:, None] * (t - t[inner].mean())[None, :, None]
     contrast = own - behind
     power = (contrast**2).sum(axis=2)
     share = ((seen - behind) * contrast).sum(axis=2) / np.maximum(power, 1e-6)
@@ -196,6 +200,18 @@ def _offsets(
     strength = np.where(level > faint, level**2 / (level**2 + (3 * faint) ** 2), 0.0)
     strength *= inside.all(axis=1) & (shown[:, middle].min(axis=1) > 0.5)
     return offset, strength
+
+
+def _shading(inside: Array, t: Array, own: Array) -> Array:
+    """(n, colours) slope of the block's colour along the normals, alike at neighbouring points: it gets darker toward
+    the edge of its lit side."""
+    from scipy.ndimage import median_filter, uniform_filter1d
+
+    line = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
+    slope = np.einsum("t,ntc->nc", line, inside)
+    slope = uniform_filter1d(median_filter(slope, (SHADING_POINTS, 1), mode="wrap"), SHADING_POINTS, axis=0, mode="wrap")
+    most = SHADING_SHARE * np.abs(own[:, 0]) / np.abs(t.mean())
+    return np.asarray(np.clip(slope, -most, most))
 
 
 def _weighted_median(values: Array, weights: Array) -> float:

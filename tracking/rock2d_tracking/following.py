@@ -35,6 +35,7 @@ Array = np.ndarray
 
 FEWEST_SHOTS, MOST_SHOTS = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
+LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
 LEAST_SIZE_CHANGE = 0.012  # of the outline; below it the size that is stated is the better one
 LARGEST_SIZE_CHANGE = 0.5
@@ -57,6 +58,7 @@ SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
 CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
 LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
+FAR_FROM_ARC_REACHES = 1.0  # distance from its arc at which something else was fitted
 FAST_FALL_PX = 0.5  # per frame squared, from which a block falls visibly within a few frames
 STILL_STEP_PX = 0.5  # per frame; a lost block that moved less is expected where it was
 
@@ -171,12 +173,13 @@ class _Follower:
     def _learned(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> Looks:
         seen = self._sized(looks, shots)
         if abs(seen.size - 1.0) < LEAST_SIZE_CHANGE and self._works(looks, shots) >= LEAST_OUTLINES:
-            return replace(looks, size=seen.size, size_error=seen.size_error)
+            seen = replace(looks, size=seen.size, size_error=seen.size_error)
         looks = seen
-        for kind, least in (("outline", LEAST_OUTLINES), ("edge", LEAST_EDGES)):
-            looks = replace(looks, kind=kind)
-            if self._works(looks, shots) >= least:
-                return looks
+        by_edge = replace(looks, kind="edge")
+        if self._works(looks, shots) >= LEAST_OUTLINES:
+            return by_edge if self._apart(looks, by_edge, shots) > LARGEST_BIAS_PX else looks
+        if self._works(by_edge, shots) >= LEAST_EDGES:
+            return by_edge
         still = self.background.grey
         pairs = [(image, place) for _, image, place in shots]
         picture = learned_picture(pairs, still, looks.outline.reach_px)
@@ -186,6 +189,18 @@ class _Follower:
         off = [m[0] - p for m, (_, p) in zip(places, pairs, strict=True) if m is not None and m[1] > LEAST_MATCH]
         scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
         return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
+
+    def _apart(self, looks: Looks, by_edge: Looks, shots: list[tuple[int, Array, Array]]) -> float:
+        """Usual distance in px between the places by outline and by edge; 0 where the edge is not seen all around.
+
+        If the block is of one grey, both agree; if not, the edge is right, because it assumes less."""
+        apart = []
+        for number, image, place in shots:
+            a = self._fit_start(number, image, looks, place)
+            b = self._fit_start(number, image, by_edge, place, SEEN_TO_START)
+            if not a.reason and not b.reason:
+                apart.append(float(np.hypot(*(a.pose - b.pose)[:2])))
+        return float(np.median(apart)) if len(apart) >= FEWEST_SHOTS else 0.0
 
     def _works(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> float:
         """Share of the shots in which a fit finds the block."""
@@ -295,40 +310,52 @@ class _Follower:
 
     def _follow_on(self, number: int, frame: Array) -> Sight:
         assert self.release is not None
-        expected = self._expected(number)
         looks = self.looks[self.release.block]
         outline = looks.outline
-        if not self.release.last_seen(1):
-            best = self._fit_start(number, frame, looks, expected[:2])
+        seen = self.release.last_seen(4)
+        on_arc = self._place_on_arc(number, outline)
+        if not seen and on_arc is None:
+            return lost_sight(number, "no fit")
+        if not seen:
+            best, expected = self._fit_start(number, frame, looks, on_arc), np.array([*on_arc, 0.0])
         else:
-            best = self._fit(number, frame, looks, expected, self._grey)
-        if best.reason:
-            blob = self._blob(number, frame, expected, outline)
-            if blob is not None:
-                other = self._fit(number, frame, looks, np.array([*blob, expected[2]]), self._grey)
-                best = other if not other.reason else best
-        if not best.reason and self._jumped(best.pose, expected, outline):
-            best = lost_sight(number, "too far from the expected place")
+            expected = self._expected(number)
+            starts = [] if on_arc is not None and (len(seen) < 2 or self._lost) else [expected]
+            starts += [np.array([*on_arc, expected[2]])] if on_arc is not None else []
+            best = lost_sight(number, "no fit")
+            for start in starts:
+                best = self._fit(number, frame, looks, start, self._grey)
+                if not best.reason:
+                    break
+            if best.reason:
+                blob = self._blob(number, frame, expected, outline)
+                if blob is not None:
+                    other = self._fit(number, frame, looks, np.array([*blob, expected[2]]), self._grey)
+                    best = other if not other.reason else best
+        if not best.reason:
+            far = np.hypot(*(best.pose[:2] - on_arc)) > FAR_FROM_ARC_REACHES * outline.reach_px if on_arc is not None \
+                else self._jumped(best.pose, expected, outline)
+            if far:
+                best = lost_sight(number, "too far from the expected place")
         if not best.reason and outline.symmetry_rad == 0.0 and self.setup.keys.detection.marks:
             best = self._with_angle_of_marks(frame, best, expected[2], outline)
         return best
+
+    def _place_on_arc(self, number: int, outline: Outline) -> Array | None:
+        """Where the block's arc, or what moves there, says that it is."""
+        place = self.chain.at(number) if self.chain is not None else None
+        if place is None:
+            return None
+        moving = self.motion.near(number, place, 0.5 * outline.reach_px)
+        return place if moving is None or not moving.whole else np.array([moving.u_px, moving.v_px])
 
     def _expected(self, number: int) -> Array:
         """Pose in this frame if the motion of the last frames continues."""
         assert self.release is not None
         seen = self.release.last_seen(4)
-        place = self.chain.at(number) if self.chain is not None else None
-        if place is not None:
-            candidate = self.motion.near(number, place, 0.5 * self.looks[self.release.block].outline.reach_px)
-            if candidate is not None and candidate.whole:
-                place = np.array([candidate.u_px, candidate.v_px])
-        if not seen:
-            assert place is not None
-            return np.array([*place, 0.0])
-        last = seen[-1]
+        last, first = seen[-1], seen[0]
         if len(seen) < 2:
-            return last.pose.copy() if place is None else np.array([*place, last.pose[2]])
-        first = seen[0]
+            return last.pose.copy()
         pace = (last.pose - first.pose) / (last.frame - first.frame)
         ahead = number - last.frame
         expected = last.pose + pace * ahead
@@ -338,8 +365,6 @@ class _Follower:
             expected[1] += 0.5 * g * ahead * (ahead + last.frame - first.frame)
         elif ahead > 1 and np.hypot(*pace[:2]) > STILL_STEP_PX:
             expected[1] += 0.5 * g * ahead**2
-        if place is not None:
-            expected[:2] = place
         return np.asarray(expected)
 
     def _jumped(self, pose: Array, expected: Array, outline: Outline) -> bool:

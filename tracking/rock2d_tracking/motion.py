@@ -24,8 +24,11 @@ CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves diff
 LEAST_AREA_PX = 6  # of a candidate in the coarse picture
 LARGEST_AREA_SHARE = 0.2  # of the picture
 MOST_CANDIDATES = 60  # of a frame, the largest; more are flicker
-DARKER_SHARE = 0.97  # of the pixels of a shadow that keep the colour of the ground ...
-SHADOW_RATIO_SPREAD = 0.12  # ... and are darker by the same factor, within this spread
+CORE_SHARE = 0.35  # of its strongest change: the weaker rim of a candidate is blur and shadow
+SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
+SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
+SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
+CHANGE_RATIO = 0.6  # largest difference between the changes of two candidates that are the same block, over the larger
 AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
@@ -46,6 +49,7 @@ class Candidate(NamedTuple):
     u_px, v_px : its centroid in the film's pixels
     area_px2 : its area in the film's pixels
     whole : whether it is clear of the edges of the picture
+    change : (3,) mean change of its colours, in grey levels; all alike in a grey film
     shadow : whether it only darkens the background
     """
 
@@ -54,6 +58,7 @@ class Candidate(NamedTuple):
     v_px: float
     area_px2: float
     whole: bool
+    change: tuple[float, float, float]
     shadow: bool
 
 
@@ -66,6 +71,9 @@ class Arc:
     frames, places : (n,) frame numbers and (n, 2) centroids in px
     curve : (3, 2) polynomial of u and v over (frame - `middle`), highest power first
     falls : whether its curvature is significant and about that of gravity
+    gravity_ratio : its acceleration over the gravity that scale and frame rate promise
+    contrast : usual change in grey levels, of the colour that changes most
+    shadow_share : share of its frames that look like a shadow
     """
 
     frames: Array
@@ -75,6 +83,8 @@ class Arc:
     middle: float
     falls: bool
     gravity_ratio: float
+    contrast: float
+    shadow_share: float
 
     @property
     def first(self) -> int:
@@ -246,9 +256,20 @@ def _limit(stack: Array, still: Array) -> Array:
 
 
 def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
+    """The cores of what changed: a block and its shadow, or the hand that just let go of it, touch only by their rims."""
     import cv2
 
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+    count, labels = cv2.connectedComponents(mask)
+    if count == 1:
+        return []
+    off = cv2.absdiff(picture, still)
+    off = off.max(axis=2) if off.ndim == 3 else off
+    inside = np.flatnonzero(labels)
+    own = labels.ravel()[inside]
+    strongest = np.zeros(count)
+    np.maximum.at(strongest, own, off.ravel()[inside])
+    core = (off > CORE_SHARE * strongest[labels]) & (mask > 0)
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(core.astype(np.uint8), connectivity=4)
     height, width = mask.shape
     order = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:MOST_CANDIDATES]
     found = []
@@ -257,22 +278,26 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
         if area < LEAST_AREA_PX or area > LARGEST_AREA_SHARE * mask.size:
             continue
         box = np.s_[top : top + high, left : left + wide]
-        own = labels[box] == k
+        within = labels[box] == k
+        now, before = (a[box][within].reshape(area, -1).astype(float) for a in (picture, still))
+        change = np.broadcast_to((now - before).mean(axis=0), 3)
         whole = left > 0 and top > 0 and left + wide < width and top + high < height
         u, v = (centres[k] + 0.5) * coarse - 0.5
         found.append(Candidate(
-            frame, float(u), float(v), float(area * coarse**2), whole, _is_shadow(picture[box][own], still[box][own])
+            frame, float(u), float(v), float(area * coarse**2), whole,
+            (float(change[0]), float(change[1]), float(change[2])), _is_shadow(now, before),
         ))  # fmt: skip
     return found
 
 
-def _is_shadow(seen: Array, still: Array) -> bool:
-    """Whether pixels are the background's, all darker by about the same factor in every colour."""
-    ratio = (seen.reshape(len(seen), -1) + 1.0) / (still.reshape(len(still), -1) + 1.0)
-    darker = ratio.max(axis=1) < 1.0
-    if np.mean(darker) < DARKER_SHARE or np.median(still) < 40 or np.median(ratio) < 0.3:
-        return False
-    return bool(np.std(ratio) < SHADOW_RATIO_SPREAD)
+def _is_shadow(now: Array, before: Array) -> bool:
+    """Whether pixels (n, colours) are the background's, all darker by about the same factor in every colour."""
+    ratio = (now + 2.0) / (before + 2.0)
+    middle = np.median(ratio, axis=0)
+    return bool(
+        SHADOW_RATIOS[0] < middle.min() and middle.max() < SHADOW_RATIOS[1]
+        and np.ptp(middle) < SHADOW_COLOURS and ratio.mean(axis=1).std() < SHADOW_SPREAD
+    )  # fmt: skip
 
 
 # --- arcs ---
@@ -280,7 +305,7 @@ def _is_shadow(seen: Array, still: Array) -> bool:
 
 def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
     """Parabolas through candidates, the longest runs of frames that keep to one; `fall_px` as in `motion_of`."""
-    table = [np.array([(c.u_px, c.v_px, c.area_px2) for c in own if c.whole and not c.shadow]).reshape(-1, 3)
+    table = [np.array([(c.u_px, c.v_px, c.area_px2, *c.change, c.shadow) for c in own if c.whole]).reshape(-1, 7)
              for own in candidates]  # fmt: skip
     used = [np.zeros(len(own), bool) for own in table]
     arcs = []
@@ -310,8 +335,7 @@ def _best_run(
         nxt = table[frame + ahead]
         if not len(nxt):
             continue
-        ratio = nxt[:, 2] / start[2]
-        fits = np.flatnonzero((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & ~used[frame + ahead])
+        fits = np.flatnonzero(_alike(nxt, start) & ~used[frame + ahead])
         for k in fits.tolist():
             run = _extended(table, used, [(frame, i), (frame + ahead, k)], fall_px)
             if len(run) >= FEWEST_ARC_FRAMES and (best is None or len(run) > len(best)):
@@ -324,8 +348,8 @@ def _extended(
 ) -> list[tuple[int, int]]:
     """A run of two candidates, frame by frame as far as its parabola carries."""
     frame = run[-1][0] + 1
-    area = table[run[0][0]][run[0][1]][2]
-    radius = np.sqrt(area / np.pi)
+    usual = table[run[0][0]][run[0][1]].copy()
+    radius = np.sqrt(usual[2] / np.pi)
     missed = 0
     while frame < len(table) and missed <= LONGEST_ARC_GAP:
         at = _predicted(table, run, frame, fall_px)
@@ -333,8 +357,7 @@ def _extended(
         pick = -1
         if len(own):
             away = np.hypot(own[:, 0] - at[0], own[:, 1] - at[1])
-            ratio = own[:, 2] / area
-            away[(ratio > AREA_RATIO) | (ratio < 1 / AREA_RATIO) | used[frame]] = np.inf
+            away[~_alike(own, usual) | used[frame]] = np.inf
             k = int(np.argmin(away))
             last = table[run[-1][0]][run[-1][1]]
             slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
@@ -347,7 +370,7 @@ def _extended(
                 pick = k
         if pick >= 0:
             run.append((frame, pick))
-            area = 0.8 * area + 0.2 * own[pick, 2]
+            usual[2:] = 0.8 * usual[2:] + 0.2 * own[pick, 2:]
             missed = 0
         else:
             missed += 1
@@ -355,6 +378,14 @@ def _extended(
                 break
         frame += 1
     return run
+
+
+def _alike(rows: Array, one: Array) -> Array:
+    """Which candidates have about the area and the colours of one."""
+    ratio = rows[:, 2] / one[2]
+    apart = np.abs(rows[:, 3:6] - one[3:6]).max(axis=1)
+    most = np.maximum(np.abs(rows[:, 3:6]).max(axis=1), np.abs(one[3:6]).max())
+    return np.asarray((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most))
 
 
 RECENT_FRAMES = 24  # of an arc, from which its next place is predicted
@@ -392,7 +423,8 @@ def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc 
     falls = bool(curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend * (fall_px or 1.0) > 0)
     if curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error:
         return None
-    return Arc(frames, rows[:, :2], rows[:, 2], curve, middle, falls, float(ratio))
+    contrast = float(np.abs(np.median(rows[:, 3:6], axis=0)).max())
+    return Arc(frames, rows[:, :2], rows[:, 2], curve, middle, falls, float(ratio), contrast, float(rows[:, 6].mean()))
 
 
 # --- chains ---
@@ -421,13 +453,19 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     if radii_px:
         low, high = np.pi * min(radii_px) ** 2 * 0.3, np.pi * max(radii_px) ** 2 * 2.5
         kept = [c for c in kept if low < c.area_px2 < high]
-    # two things at one time: the longer fall is the block
-    kept.sort(key=lambda c: -c.frames_seen)
+    # of two things at one time, the block is the one that falls longer, stands out more, and has its size
+    kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
     for chain in kept:
         if all(chain.last < c.first or chain.first > c.last for c in chosen):
             chosen.append(chain)
     return sorted(chosen, key=lambda c: c.first)
+
+
+def _weight(chain: Chain, radii_px: list[float]) -> float:
+    frames = sum(len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > 0.5 else 1.0) * a.contrast for a in chain.arcs)
+    misfit = min((abs(np.log(chain.area_px2 / (np.pi * r**2))) for r in radii_px), default=0.0)
+    return float(frames * np.exp(-misfit))
 
 
 def _joined(before: Arc, after: Arc) -> bool:

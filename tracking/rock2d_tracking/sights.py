@@ -50,3 +50,36 @@ class FollowedRelease:
 def lost_sight(frame: int, reason: str) -> Sight:
     """A frame in which the block was not found."""
     return Sight(frame, np.full(3, np.nan), np.full(3, np.nan), 0.0, reason)
+
+
+ERROR_NEIGHBOURS = 3  # frames on each side of one whose scatter about their parabola is compared with its error
+FEWEST_ERROR_FRAMES = 8
+LARGEST_ERROR_FACTOR = 30.0
+
+
+def state_honest_errors(release: FollowedRelease) -> None:
+    """Enlarge the standard errors of a release to the scatter of its frames about the parabolas through their
+    neighbours: a fit knows the noise of pixels, not compression, blur and light."""
+    seen = release.seen
+    t = np.array([s.frame for s in seen], float)
+    if len(seen) < FEWEST_ERROR_FRAMES:
+        return
+    pose, error = np.array([s.pose for s in seen]), np.array([s.error for s in seen])
+    ratios = []
+    for i in range(ERROR_NEIGHBOURS, len(seen) - ERROR_NEIGHBOURS):
+        near = slice(i - ERROR_NEIGHBOURS, i + ERROR_NEIGHBOURS + 1)
+        if t[near][-1] - t[near][0] > 3 * ERROR_NEIGHBOURS:
+            continue
+        basis = np.linalg.qr(np.vander(t[near] - t[i], 3))[0]
+        left = pose[near] - basis @ (basis.T @ pose[near])
+        own = 1.0 - float((basis[ERROR_NEIGHBOURS] ** 2).sum())
+        ratios.append(left[ERROR_NEIGHBOURS] / (error[i] * np.sqrt(own)))
+    if len(ratios) < 2:
+        return
+    table = np.abs(np.array(ratios))
+    # impacts are outliers of the median
+    place = 1.4826 * float(np.median(table[:, :2]))
+    turn = 1.4826 * float(np.nanmedian(table[:, 2])) if np.isfinite(table[:, 2]).any() else 1.0
+    factor = np.clip([place, place, turn], 1.0, LARGEST_ERROR_FACTOR)
+    for sight in seen:
+        sight.error = sight.error * factor

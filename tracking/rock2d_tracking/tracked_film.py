@@ -13,7 +13,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, seg
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight
+from rock2d_tracking.sights import FollowedRelease, Sight, state_honest_errors
 
 Array = np.ndarray
 
@@ -48,7 +48,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     """The experiment that a film shows; raises ValueError if it shows no release."""
     camera = setup.pixel_map(size_px)
     remarks: list[str] = []
-    kept = [release for release in releases if _moved(release)]
+    kept = without_jumps(releases)
     if len(kept) < len(releases):
         remarks.append(
             f"{len(releases) - len(kept)} of {len(releases)} objects that were followed never moved and are left out"
@@ -65,7 +65,6 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
         )
     missing = 0
     for release in kept:
-        _reject_jumps(release.sights)
         missing += _renumber_dropped(
             release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel
         )
@@ -87,6 +86,15 @@ def _moved(release: FollowedRelease) -> bool:
         return False
     poses = np.array([s.pose[:2] for s in seen])
     return bool(np.ptp(poses, axis=0).max() > SHORTEST_MOTION_PX)
+
+
+def without_jumps(releases: Sequence[FollowedRelease]) -> list[FollowedRelease]:
+    """The releases that moved; frames that jump out of their motion are rejected, errors are those that flights show."""
+    kept = [release for release in releases if _moved(release)]
+    for release in kept:
+        _reject_jumps(release.sights)
+        state_honest_errors(release)
+    return kept
 
 
 def _reject_jumps(sights: list[Sight]) -> None:

@@ -23,10 +23,12 @@ SAMPLES_PER_PX = 2.0  # along a normal
 WIDE_SHARE, NARROW_SHARE = 0.75, 0.45  # of the inner radius on which the edge is looked for, at first and at last
 NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
 INNER_SHARE = 0.45  # of the inner half of a normal, from which the block's colour is taken
+LEAST_SHADING_PX = 4.0  # half a normal; on a shorter one, blur looks like shading
 SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
 SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
 WIDE_ROUNDS, NARROW_ROUNDS = 3, 5
 FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it is not seen
+STRONG, ENOUGH_STRONG = 0.25, 0.6  # strength of an edge point that counts, and share of such points that is enough
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
 TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
@@ -50,7 +52,7 @@ class EdgeFit(NamedTuple):
     pose : (3,) u, v in px and angle in rad
     error : (3,) standard errors
     size, size_error : factor on the outline, and its standard error (infinite if it was not fitted)
-    seen : share of the outline whose edge was found where the outline is
+    seen : share of the outline, where it has contrast, whose edge was found where the outline is
     contrast : usual contrast of its edge, in grey levels
     """
 
@@ -144,7 +146,9 @@ def fit_edges(
             return None
         curve = (columns * weight[:, None]).T @ columns
         near = np.abs(left) < max(FOUND_PX, FOUND_RADII * reach)
-        seen = float(((strength > 0.25) & near).sum() / len(strength))
+        strong = strength > STRONG
+        # where the block has the colour of what is behind it, its edge says nothing for or against
+        seen = float((strong & near).sum() / max(strong.sum(), ENOUGH_STRONG * len(strong)))
         contrast = float(np.median(strength))
         if not wide and length < 0.01 and abs(full[3]) * reach < 0.01 and round_ > WIDE_ROUNDS:
             break
@@ -187,7 +191,7 @@ def _offsets(
     shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inner = t < -half * (1 - INNER_SHARE)
     own = np.median(seen[:, inner], axis=1)[:, None]
-    if half <= WIDEST_PX:
+    if LEAST_SHADING_PX <= half <= WIDEST_PX:
         own = own + _shading(seen[:, inner], t[inner], own)[:, None] * (t - t[inner].mean())[None, :, None]
     contrast = own - behind
     power = (contrast**2).sum(axis=2)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -13,7 +14,7 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.edges import EdgeFit, edge_points, fit_edges
-from rock2d_tracking.looks import LEAST_MATCH, Looks, best_view, learned_picture, matched, plain_looks
+from rock2d_tracking.looks import LEAST_MATCH, Looks, View, best_view, learned_picture, matched, plain_looks
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import Chain, Motion, motion_of
 from rock2d_tracking.outline import (
@@ -36,6 +37,7 @@ Array = np.ndarray
 FEWEST_SHOTS, MOST_SHOTS = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
 LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
+FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # of places by edge about an arc, over that of places by outline
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
 LEAST_SIZE_CHANGE = 0.012  # of the outline; below it the size that is stated is the better one
 LARGEST_SIZE_CHANGE = 0.5
@@ -76,13 +78,35 @@ def follow(
     promised : about how many frames there are, 0 if nobody knows
     on_progress : called for every frame with its number, its picture and the release that is being followed, if any
     """
-    camera = setup.pixel_map(size_px)
-    outlines = {name: outline_of(b, setup.metres_per_pixel, camera.up) for name, b in setup.blocks.items()}
-    radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines.values()]
-    fall = -camera.up * setup.keys.gravity_m_s2 / setup.metres_per_pixel / setup.keys.camera.fps**2
-    motion = motion_of(film, promised, radii, fall, setup.keys.camera.fps)
+    motion = motion_in(film, setup, size_px, promised)
     if not motion.candidates:
         return Followed([], motion, {})
+    follower, view = _prepared(film, setup, size_px, motion)
+    for number, frame in enumerate(film):
+        follower.read_frame(number, view(frame))
+        on_progress(number, frame, follower.release)
+    follower.end_release()
+    return Followed(follower.releases, motion, follower.looks, follower.rejected)
+
+
+def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], promised: int) -> Motion:
+    """What moves in a film of which a set-up file is known."""
+    camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
+    outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
+    radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
+    fall = -camera.up * setup.keys.gravity_m_s2 / setup.metres_per_pixel / fps**2
+    return motion_of(film, promised, radii, fall, fps)
+
+
+def looks_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> dict[str, Looks]:
+    """How the blocks look where their arcs say that they are."""
+    return _prepared(film, setup, size_px, motion)[0].looks
+
+
+def _prepared(
+    film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion
+) -> tuple[_Follower, View]:
+    """A follower that knows background and looks, and how it wants to see frames."""
     named = setup.keys.detection.background_frames
     samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
     samples = samples or motion.samples
@@ -90,13 +114,9 @@ def follow(
     still = np.median(np.stack(samples), axis=0).astype(np.uint8)
     radius = float(np.median([np.sqrt(c.area_px2 / np.pi) for c in motion.chains])) if motion.chains else 1.0
     view = best_view([(picture, place) for _, picture, place in shots], still, radius)
-    follower = _Follower(setup, size_px, Background([view(s) for s in samples]), motion, outlines)
+    follower = _Follower(setup, size_px, Background([view(s) for s in samples]), motion)
     follower.learn_looks([(number, view(picture), place) for number, picture, place in shots])
-    for number, frame in enumerate(film):
-        follower.read_frame(number, view(frame))
-        on_progress(number, frame, follower.release)
-    follower.end_release()
-    return Followed(follower.releases, motion, follower.looks)
+    return follower, view
 
 
 def shots_of(film: Iterable[Array], motion: Motion) -> list[tuple[int, Array, Array]]:
@@ -123,11 +143,13 @@ def shots_of(film: Iterable[Array], motion: Motion) -> list[tuple[int, Array, Ar
 
 @dataclass
 class Followed:
-    """What was followed: the releases, what moves in the film, and how each block looks."""
+    """What was followed: the releases, what moves in the film, how each block looks, and how many frames of things
+    that were not followed were lost, by reason."""
 
     releases: list[FollowedRelease]
     motion: Motion
     looks: dict[str, Looks]
+    rejected: Counter[str] = field(default_factory=Counter)
 
 
 class _Follower:
@@ -139,17 +161,20 @@ class _Follower:
         size_px: tuple[int, int],
         background: Background,
         motion: Motion,
-        outlines: dict[str, Outline],
     ) -> None:
         self.setup, self.background, self.motion = setup, background, motion
         self.map: PixelMap = setup.pixel_map(size_px)
         self.visible = _above_ground(setup.cross_section, self.map, size_px)
-        self.looks = {name: plain_looks(outline) for name, outline in outlines.items()}
+        self.looks = {
+            name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
+            for name, block in setup.blocks.items()
+        }
         self.longest_loss = max(3, round(LONGEST_LOSS_S * setup.keys.camera.fps))
         self.releases: list[FollowedRelease] = []
         self.release: FollowedRelease | None = None
         self.chain: Chain | None = None
         self.blur = 1.0
+        self.rejected: Counter[str] = Counter()
         self._sighted: list[tuple[Sight, Array]] = []  # sights of what may be a block, with their frames
         self._marks = Marks()
         self._lost = 0
@@ -177,7 +202,7 @@ class _Follower:
         looks = seen
         by_edge = replace(looks, kind="edge")
         if self._works(looks, shots) >= LEAST_OUTLINES:
-            return by_edge if self._apart(looks, by_edge, shots) > LARGEST_BIAS_PX else looks
+            return by_edge if self._better(by_edge, looks, shots) else looks
         if self._works(by_edge, shots) >= LEAST_EDGES:
             return by_edge
         still = self.background.grey
@@ -190,17 +215,31 @@ class _Follower:
         scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
         return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
 
-    def _apart(self, looks: Looks, by_edge: Looks, shots: list[tuple[int, Array, Array]]) -> float:
-        """Usual distance in px between the places by outline and by edge; 0 where the edge is not seen all around.
+    def _better(self, by_edge: Looks, looks: Looks, shots: list[tuple[int, Array, Array]]) -> bool:
+        """Whether the edge finds a block better than its outline with one grey.
 
-        If the block is of one grey, both agree; if not, the edge is right, because it assumes less."""
-        apart = []
+        If the block is of one grey, both agree; if not, the edge is right, because it assumes less. Where they agree,
+        the one whose places scatter less about the arcs is better."""
+        pairs = []
         for number, image, place in shots:
             a = self._fit_start(number, image, looks, place)
             b = self._fit_start(number, image, by_edge, place, SEEN_TO_START)
             if not a.reason and not b.reason:
-                apart.append(float(np.hypot(*(a.pose - b.pose)[:2])))
-        return float(np.median(apart)) if len(apart) >= FEWEST_SHOTS else 0.0
+                pairs.append((number, *a.pose[:2], *b.pose[:2]))
+        if len(pairs) < max(FEWEST_SHOTS, LEAST_OUTLINES * len(shots)):
+            return False
+        table = np.array(pairs)
+        if np.median(np.hypot(*(table[:, 1:3] - table[:, 3:]).T)) > LARGEST_BIAS_PX:
+            return True
+        squares, count = np.zeros(4), 0
+        for arc in (a for c in self.motion.chains for a in c.arcs):
+            own = table[(table[:, 0] >= arc.first) & (table[:, 0] <= arc.last)]
+            if len(own) < FEWEST_PAIRS_ON_ARC:
+                continue
+            basis = np.linalg.qr(np.vander(own[:, 0] - own[:, 0].mean(), 3))[0]
+            squares += ((own[:, 1:] - basis @ (basis.T @ own[:, 1:])) ** 2).sum(axis=0)
+            count += len(own)
+        return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum())
 
     def _works(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> float:
         """Share of the shots in which a fit finds the block."""
@@ -292,6 +331,8 @@ class _Follower:
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
                 self.releases.append(self.release)
+            else:
+                self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
 
     def _next_block(self) -> str:

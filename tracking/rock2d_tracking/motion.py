@@ -71,6 +71,7 @@ class Arc:
     frames, places : (n,) frame numbers and (n, 2) centroids in px
     curve : (3, 2) polynomial of u and v over (frame - `middle`), highest power first
     falls : whether its curvature is significant and about that of gravity
+    other : whether its curvature is significant and not that of gravity
     gravity_ratio : its acceleration over the gravity that scale and frame rate promise
     contrast : usual change in grey levels, of the colour that changes most
     shadow_share : share of its frames that look like a shadow
@@ -82,6 +83,7 @@ class Arc:
     curve: Array
     middle: float
     falls: bool
+    other: bool
     gravity_ratio: float
     contrast: float
     shadow_share: float
@@ -137,6 +139,10 @@ class Chain:
     def frames_seen(self) -> int:
         """Number of its candidates."""
         return sum(len(a.frames) for a in self.arcs)
+
+    def bounces(self) -> list[Array]:
+        """Places (2,) in px at which one arc passes into the next."""
+        return [b.at(meeting(b, a)) for b, a in zip(self.arcs, self.arcs[1:], strict=False)]
 
     def at(self, frame: int) -> Array | None:
         """(2,) place in px, bridged between two arcs by whichever is nearer in time; None before and after them."""
@@ -404,7 +410,7 @@ def _predicted(table: list[Array], run: list[tuple[int, int]], frame: int, fall_
 
 
 def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc | None:
-    """The arc of a run; None if it hardly moves or is curved otherwise than by gravity."""
+    """The arc of a run; None if it hardly moves."""
     frames = np.array([f for f, _ in run])
     rows = np.array([table[f][k] for f, k in run])
     middle = float(frames.mean())
@@ -421,10 +427,9 @@ def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc 
     ratio = bend / fall_px if fall_px else 1.0
     curved = abs(bend) > GRAVITY_SIGMAS * bend_error
     falls = bool(curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend * (fall_px or 1.0) > 0)
-    if curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error:
-        return None
+    other = bool(curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error)
     contrast = float(np.abs(np.median(rows[:, 3:6], axis=0)).max())
-    return Arc(frames, rows[:, :2], rows[:, 2], curve, middle, falls, float(ratio), contrast, float(rows[:, 6].mean()))
+    return Arc(frames, rows[:, :2], rows[:, 2], curve, middle, falls, other, float(ratio), contrast, float(rows[:, 6].mean()))
 
 
 # --- chains ---
@@ -441,7 +446,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     """Releases: arcs that follow one another where the one before ends, and of which at least one falls."""
     longest = max(LONGEST_LINK_FRAMES, round(LONGEST_LINK_S * fps))
     chains: list[Chain] = []
-    for arc in sorted(arcs, key=lambda a: (a.first, a.last)):
+    for arc in sorted((a for a in arcs if not a.other), key=lambda a: (a.first, a.last)):
         for chain in reversed(chains):
             before = chain.arcs[-1]
             if 0 < arc.first - before.last <= longest and _joined(before, arc):

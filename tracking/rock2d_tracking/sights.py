@@ -53,6 +53,7 @@ def lost_sight(frame: int, reason: str) -> Sight:
 
 
 ERROR_NEIGHBOURS = 3  # frames on each side of one whose scatter about their parabola is compared with its error
+LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
 FEWEST_ERROR_FRAMES = 8
 LARGEST_ERROR_FACTOR = 30.0
 
@@ -66,9 +67,13 @@ def state_honest_errors(release: FollowedRelease) -> None:
         return
     pose, error = np.array([s.pose for s in seen]), np.array([s.error for s in seen])
     ratios = []
-    for i in range(ERROR_NEIGHBOURS, len(seen) - ERROR_NEIGHBOURS):
-        near = slice(i - ERROR_NEIGHBOURS, i + ERROR_NEIGHBOURS + 1)
-        if t[near][-1] - t[near][0] > 3 * ERROR_NEIGHBOURS:
+    # a fit errs alike in two frames that show the block at nearly the same place within its pixels
+    pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
+    stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))
+    around = stride * np.arange(-ERROR_NEIGHBOURS, ERROR_NEIGHBOURS + 1)
+    for i in range(-around[0], len(seen) - around[-1]):
+        near = i + around
+        if t[near[-1]] - t[near[0]] > 1.5 * (around[-1] - around[0]):
             continue
         basis = np.linalg.qr(np.vander(t[near] - t[i], 3))[0]
         left = pose[near] - basis @ (basis.T @ pose[near])

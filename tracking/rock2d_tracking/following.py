@@ -14,7 +14,7 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.edges import EdgeFit, edge_points, fit_edges
-from rock2d_tracking.looks import LEAST_MATCH, Looks, View, best_view, learned_picture, matched, plain_looks
+from rock2d_tracking.looks import LEAST_MATCH, SLOW_ERROR_FACTOR, Looks, View, best_view, learned_picture, matched, plain_looks
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import Chain, Motion, motion_of
 from rock2d_tracking.outline import (
@@ -36,6 +36,7 @@ Array = np.ndarray
 
 FEWEST_SHOTS, MOST_SHOTS = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
+OUTLINE_BIAS_SHARE = 0.5  # of the distance between both, as standard error of a coordinate by outline
 LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
 FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # of places by edge about an arc, over that of places by outline
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
@@ -202,7 +203,8 @@ class _Follower:
         looks = seen
         by_edge = replace(looks, kind="edge")
         if self._works(looks, shots) >= LEAST_OUTLINES:
-            return by_edge if self._better(by_edge, looks, shots) else looks
+            better, apart = self._better(by_edge, looks, shots)
+            return by_edge if better else replace(looks, bias_px=OUTLINE_BIAS_SHARE * apart)
         if self._works(by_edge, shots) >= LEAST_EDGES:
             return by_edge
         still = self.background.grey
@@ -215,8 +217,8 @@ class _Follower:
         scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
         return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
 
-    def _better(self, by_edge: Looks, looks: Looks, shots: list[tuple[int, Array, Array]]) -> bool:
-        """Whether the edge finds a block better than its outline with one grey.
+    def _better(self, by_edge: Looks, looks: Looks, shots: list[tuple[int, Array, Array]]) -> tuple[bool, float]:
+        """Whether the edge finds a block better than its outline with one grey; usual distance of both in px.
 
         If the block is of one grey, both agree; if not, the edge is right, because it assumes less. Where they agree,
         the one whose places scatter less about the arcs is better."""
@@ -227,10 +229,11 @@ class _Follower:
             if not a.reason and not b.reason:
                 pairs.append((number, *a.pose[:2], *b.pose[:2]))
         if len(pairs) < max(FEWEST_SHOTS, LEAST_OUTLINES * len(shots)):
-            return False
+            return False, 0.0
         table = np.array(pairs)
-        if np.median(np.hypot(*(table[:, 1:3] - table[:, 3:]).T)) > LARGEST_BIAS_PX:
-            return True
+        apart = float(np.median(np.hypot(*(table[:, 1:3] - table[:, 3:]).T)))
+        if apart > LARGEST_BIAS_PX:
+            return True, apart
         squares, count = np.zeros(4), 0
         for arc in (a for c in self.motion.chains for a in c.arcs):
             own = table[(table[:, 0] >= arc.first) & (table[:, 0] <= arc.last)]
@@ -239,7 +242,7 @@ class _Follower:
             basis = np.linalg.qr(np.vander(own[:, 0] - own[:, 0].mean(), 3))[0]
             squares += ((own[:, 1:] - basis @ (basis.T @ own[:, 1:])) ** 2).sum(axis=0)
             count += len(own)
-        return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum())
+        return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
     def _works(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> float:
         """Share of the shots in which a fit finds the block."""
@@ -322,7 +325,11 @@ class _Follower:
                 self.chain = chain
                 return
         self.end_release()
-        self.release, self._marks, self.chain = FollowedRelease(self._next_block()), Marks(), chain
+        self.release, self._marks, self.chain = self._new_release(self._next_block()), Marks(), chain
+
+    def _new_release(self, name: str) -> FollowedRelease:
+        looks = self.looks[name]
+        return FollowedRelease(name, [], 1.0 if looks.kind == "outline" else SLOW_ERROR_FACTOR, looks.bias_px)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""
@@ -460,7 +467,7 @@ class _Follower:
             return False
         taken = self._sighted
         self.end_release()
-        self.release = FollowedRelease(name)
+        self.release = self._new_release(name)
         self._marks = Marks()
         for sight, own in taken:
             before = self.release.sights[-1].pose[2] if self.release.sights else sight.pose[2]

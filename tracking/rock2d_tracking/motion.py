@@ -23,8 +23,10 @@ FULL_SAMPLES = 25  # pictures of full size that are kept for the background of t
 CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
 LEAST_AREA_PX = 6  # of a candidate in the coarse picture
 LARGEST_AREA_SHARE = 0.2  # of the picture
-MOST_CANDIDATES = 60  # of a frame, the largest; more are flicker
-CORE_SHARE = 0.35  # of its strongest change: the weaker rim of a candidate is blur and shadow
+MOST_CANDIDATES = 30  # of a frame
+CORE_SHARE = 0.45  # of a strong change: the weaker rim of a candidate is blur and shadow
+STRONG_QUANTILES = (0.9, 0.6)  # of a candidate's changes: the first cuts shadows off, the second keeps round highlights
+SAME_PX, SAME_AREA = 1.5, 1.25  # of two cores that are one
 SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
 SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
@@ -271,17 +273,33 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
     off = cv2.absdiff(picture, still)
     off = off.max(axis=2) if off.ndim == 3 else off
     inside = np.flatnonzero(labels)
-    own = labels.ravel()[inside]
-    strongest = np.zeros(count)
-    np.maximum.at(strongest, own, off.ravel()[inside])
-    core = (off > CORE_SHARE * strongest[labels]) & (mask > 0)
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(core.astype(np.uint8), connectivity=4)
-    height, width = mask.shape
-    order = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:MOST_CANDIDATES]
+    own, change = labels.ravel()[inside], off.ravel()[inside]
+    order = np.lexsort((change, own))
+    ends = np.searchsorted(own[order], np.arange(1, count + 1))
+    found: list[Candidate] = []
+    for quantile in STRONG_QUANTILES:
+        strong = np.zeros(count)
+        strong[1:] = change[order][(ends[:-1] + quantile * (np.diff(ends) - 1)).astype(int)]
+        core = (off > CORE_SHARE * strong[labels]) & (mask > 0)
+        for c in _cores(core.astype(np.uint8), picture, still, frame, coarse):
+            same = (o for o in found if max(abs(o.u_px - c.u_px), abs(o.v_px - c.v_px)) < SAME_PX * coarse)
+            if not any(1 / SAME_AREA < o.area_px2 / c.area_px2 < SAME_AREA for o in same):
+                found.append(c)
+    # what stands out most, in area and colour; the rest is flicker
+    found.sort(key=lambda c: -c.area_px2 * max(map(abs, c.change)))
+    return found[:MOST_CANDIDATES]
+
+
+def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
+    import cv2
+
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
+    height, width = core.shape
+    order = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[: 2 * MOST_CANDIDATES]
     found = []
     for k in order.tolist():
         left, top, wide, high, area = stats[k].tolist()
-        if area < LEAST_AREA_PX or area > LARGEST_AREA_SHARE * mask.size:
+        if area < LEAST_AREA_PX or area > LARGEST_AREA_SHARE * core.size:
             continue
         box = np.s_[top : top + high, left : left + wide]
         within = labels[box] == k

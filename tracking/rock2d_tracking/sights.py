@@ -31,10 +31,20 @@ class Sight:
 
 @dataclass
 class FollowedRelease:
-    """One release as it was followed: name of the block and its frames in order."""
+    """One release as it was followed.
+
+    Attributes
+    ----------
+    block : its name
+    sights : its frames in order
+    error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
+    bias_px : usual distance of a coordinate between two ways to fit the block, added to the standard errors
+    """
 
     block: str
     sights: list[Sight] = field(default_factory=list)
+    error_factor: float = 1.0
+    bias_px: float = 0.0
 
     @property
     def seen(self) -> list[Sight]:
@@ -87,4 +97,5 @@ def state_honest_errors(release: FollowedRelease) -> None:
     turn = 1.4826 * float(np.nanmedian(table[:, 2])) if np.isfinite(table[:, 2]).any() else 1.0
     factor = np.clip([place, place, turn], 1.0, LARGEST_ERROR_FACTOR)
     for sight in seen:
-        sight.error = sight.error * factor
+        sight.error = sight.error * factor * release.error_factor
+        sight.error[:2] = np.hypot(sight.error[:2], release.bias_px)

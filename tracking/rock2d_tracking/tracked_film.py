@@ -17,6 +17,7 @@ from rock2d_tracking.sights import FollowedRelease, Sight, state_honest_errors
 
 Array = np.ndarray
 
+LARGEST_STATED_ERROR_PX = 0.8  # standard error of a coordinate with which a frame is still trusted
 COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
 JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
 SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
@@ -94,7 +95,10 @@ def without_jumps(releases: Sequence[FollowedRelease]) -> list[FollowedRelease]:
     for release in kept:
         _reject_jumps(release.sights)
         state_honest_errors(release)
-    return kept
+        for sight in release.seen:
+            if max(sight.error[:2]) > LARGEST_STATED_ERROR_PX:
+                sight.reason, sight.confidence = "unsure", 0.0
+    return [release for release in kept if _moved(release)]
 
 
 def _reject_jumps(sights: list[Sight]) -> None:

@@ -18,7 +18,7 @@ Array = np.ndarray
 
 WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
 OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
-SIZE_AGREES = 0.1  # largest share by which the size that is seen may differ from the one stated
+SIZE_AGREES = 0.15  # largest share by which the size that is seen may differ from the one stated
 GRAVITY_AGREES = 0.1
 FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
 
@@ -76,7 +76,8 @@ def keys_to_try(motion: Motion, followed: Followed | None, setup: Setup | None) 
             found.append(f"camera.scale: or {1 / ratio:.3g} times the metres per pixel, at this frame rate")
         elif ratio < 0:
             found.append("camera.up: what moves on parabolas falls toward the top of the picture")
-    sizes = [np.sqrt(a.area_px2 / np.pi) for a in motion.arcs if a.falls]
+    falls = motion.chains or [a for a in motion.arcs if a.falls]
+    sizes = [np.sqrt(a.area_px2 / np.pi) for a in falls]
     if setup is not None and sizes:
         seen = float(np.median(sizes))
         for name, block in setup.blocks.items():

@@ -8,7 +8,7 @@ shadow does, but it darkens what lies below it and keeps to the ground.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,11 +30,13 @@ SAME_PX, SAME_AREA = 1.5, 1.25  # of two cores that are one
 SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
 SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
+CASTER_PX, CASTER_SHARE = 3.0, 0.08  # change of the distance from a block to its shadow, and share of its way
 CHANGE_RATIO = 0.6  # largest difference between the changes of two candidates that are the same block, over the larger
 AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
 GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
+OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
 GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
 ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
 STEP_TOLERANCE = 0.04  # ... and share of the step to it
@@ -220,6 +222,8 @@ def motion_of(
         found.candidates += _candidates(chunk, len(found.candidates), coarse, radii_px)
     found.arcs = find_arcs(found.candidates, fall_px)
     found.chains = find_chains(found.arcs, fps, radii_px)
+    if not found.chains:
+        found.arcs += arcs_of_other_gravity(found.candidates, fall_px)
     return found
 
 
@@ -346,6 +350,16 @@ def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
                 for f, k in best:
                     used[f][k] = True
     return arcs
+
+
+def arcs_of_other_gravity(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
+    """The arcs that scale, frame rate or the direction `up` would have to be wrong for; the best such guess."""
+    best: list[Arc] = []
+    for factor in OTHER_GRAVITIES:
+        arcs = [a for a in find_arcs(candidates, factor * fall_px) if a.falls]
+        if sum(len(a.frames) for a in arcs) > sum(len(a.frames) for a in best):
+            best = [replace(a, falls=False, other=True, gravity_ratio=factor * a.gravity_ratio) for a in arcs]
+    return best
 
 
 def _best_run(
@@ -476,6 +490,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     if radii_px:
         low, high = np.pi * min(radii_px) ** 2 * 0.3, np.pi * max(radii_px) ** 2 * 2.5
         kept = [c for c in kept if low < c.area_px2 < high]
+    kept = [_caster(c, arcs) or c for c in kept]
     # of two things at one time, the block is the one that falls longer, stands out more, and has its size
     kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
@@ -483,6 +498,24 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
         if all(chain.last < c.first or chain.first > c.last for c in chosen):
             chosen.append(chain)
     return sorted(chosen, key=lambda c: c.first)
+
+
+def _caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
+    """What casts a chain that looks like a shadow: arcs that keep their distance from it and are no shadow."""
+    if np.average([a.shadow_share for a in chain.arcs], weights=[len(a.frames) for a in chain.arcs]) < 0.5:
+        return None
+    found: list[Arc] = []
+    for arc in sorted(arcs, key=lambda a: -len(a.frames)):
+        both = [f for f in arc.frames.tolist() if chain.first <= f <= chain.last]
+        if arc.shadow_share > 0.5 or len(both) < max(FEWEST_ARC_FRAMES, 0.5 * len(arc.frames)):
+            continue
+        shadow = np.array([chain.at(f) for f in both])
+        way = float(np.hypot(*np.ptp(shadow, axis=0)))
+        apart = np.std(arc.at(np.array(both)) - shadow, axis=0).max()
+        if apart < max(CASTER_PX, CASTER_SHARE * way) and all(arc.last < a.first or arc.first > a.last for a in found):
+            found.append(arc)
+    frames = sum(len(a.frames) for a in found)
+    return Chain(sorted(found, key=lambda a: a.first)) if frames > 0.4 * chain.frames_seen else None
 
 
 def _weight(chain: Chain, radii_px: list[float]) -> float:

@@ -209,7 +209,9 @@ def blind_train(cases, seed, work, out, workers, scheduler, quiet) -> None:
 @click.argument("video", type=click.Path(path_type=Path))
 @click.option("--config", type=click.Path(path_type=Path),
               help="setup.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
-@click.option("--metres-per-pixel", type=click.FloatRange(0, 10, min_open=True), help="Scale, without --config.")
+@click.option(
+    "--metres-per-pixel", type=click.FloatRange(0, 10, min_open=True), help="Scale, without --config."
+)
 @click.option("--fps", type=click.FloatRange(0, 1e7, min_open=True),
               help="Frames per second of the recording, without --config.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")

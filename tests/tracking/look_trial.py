@@ -89,7 +89,7 @@ def tracked(look: RealLook, film: list[RealFrame]) -> Outcome:
     followed = follow([f.image for f in film], setup, SIZE_PX, promised=len(film))
     looks = followed.looks["block"]
     misses, ratios, found = [], [], set()
-    for release in without_jumps(followed.releases):
+    for release in without_jumps(followed.releases, look.fall_px):
         for sight in release.seen:
             off = sight.pose[:2] - film[sight.frame].pose[:2]
             misses.append(off)
@@ -113,7 +113,10 @@ def main() -> None:
             look = drawn_look(index, severity, chosen.seed)
             found = tracked(look, list(real_film(look, SIZE_PX, FRAMES)))
             outcomes.append(found)
-            print(_line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]), flush=True)
+            print(
+                _line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]),
+                flush=True,
+            )
         print(_line(f"{severity}: all", outcomes), flush=True)
 
 
@@ -125,7 +128,11 @@ def _line(name: str, outcomes: list[Outcome]) -> str:
     rms = np.sqrt((off**2).mean()) if len(off) else np.nan
     honest = np.sqrt(np.median(ratios**2) / 0.4549) if len(off) else np.nan
     spread = np.sqrt((ratios**2).mean()) if len(off) else np.nan
-    sizes = ", ".join(f"{o.kind} {o.size * o.look.stated_size:.3f}" for o in outcomes) if len(outcomes) == 1 else ""
+    sizes = (
+        ", ".join(f"{o.kind} {o.size * o.look.stated_size:.3f}" for o in outcomes)
+        if len(outcomes) == 1
+        else ""
+    )
     return (
         f"{name:42s} trusted {found:5d}/{free:5d} = {found / max(free, 1):.3f}  rms {rms:.3f} px  "
         f"wrong {wrong} of {len(off)}  error/se {honest:.2f} (median) {spread:.2f} (rms)  {sizes}"

@@ -28,9 +28,13 @@ def picture(name: str, pose: tuple[float, float, float], size: float) -> tuple[n
     wall[:, 70:] = 90.0
     v, u = np.mgrid[0:120, 0:120]
     own = 190.0 - 1.2 * (u - pose[0])
-    own += 60.0 * (np.hypot(u - pose[0] + 5, v - pose[1] + 4) < 4) - 80.0 * (np.hypot(u - pose[0] - 3, v - pose[1] - 6) < 3)
+    own += 60.0 * (np.hypot(u - pose[0] + 5, v - pose[1] + 4) < 4) - 80.0 * (
+        np.hypot(u - pose[0] - 3, v - pose[1] - 6) < 3
+    )
     image = wall + cover * (own - wall)
-    return cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32), cv2.GaussianBlur(wall, (0, 0), 0.8).astype(np.float32)
+    return cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32), cv2.GaussianBlur(
+        wall, (0, 0), 0.8
+    ).astype(np.float32)
 
 
 @pytest.mark.parametrize("name", SHAPES)

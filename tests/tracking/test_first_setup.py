@@ -62,7 +62,9 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
 def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):
-        track(thrown[0], FirstScale(SCALE, 4 * FPS), out, last=None, explain=False, progress=False, report=print)
+        track(
+            thrown[0], FirstScale(SCALE, 4 * FPS), out, last=None, explain=False, progress=False, report=print
+        )
     assert not out.exists()
     text = (tmp_path / "out_explained" / "explanation.txt").read_text()
     assert "0.25 times the frame rate" in text

@@ -13,9 +13,13 @@ def candidate(frame: int, u: float, v: float, area: float = 150.0) -> Candidate:
     return Candidate(frame, u, v, area, True, (80.0, 80.0, 80.0), False)
 
 
-def fallen(frames: range, u0: float, v0: float, pace: tuple[float, float], fall: float) -> dict[int, tuple[float, float]]:
+def fallen(
+    frames: range, u0: float, v0: float, pace: tuple[float, float], fall: float
+) -> dict[int, tuple[float, float]]:
     t = np.array(frames) - frames[0]
-    return {f: (u0 + pace[0] * k, v0 + pace[1] * k + 0.5 * fall * k**2) for f, k in zip(frames, t, strict=True)}
+    return {
+        f: (u0 + pace[0] * k, v0 + pace[1] * k + 0.5 * fall * k**2) for f, k in zip(frames, t, strict=True)
+    }
 
 
 def with_clutter(path: dict[int, tuple[float, float]], frames: int, seed: int) -> list[list[Candidate]]:

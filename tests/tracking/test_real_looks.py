@@ -18,7 +18,12 @@ def test_a_look_is_the_same_film_every_time():
 
 def test_severity_changes_what_spoils_the_film_and_not_what_it_shows():
     mild, severe = drawn_look(4, "mild"), drawn_look(4, "severe")
-    assert (mild.kind, mild.shape, mild.radius_px, mild.fall_px) == (severe.kind, severe.shape, severe.radius_px, severe.fall_px)
+    assert (mild.kind, mild.shape, mild.radius_px, mild.fall_px) == (
+        severe.kind,
+        severe.shape,
+        severe.radius_px,
+        severe.fall_px,
+    )
     assert mild.noise < severe.noise and mild.quality > severe.quality and mild.untidy < severe.untidy
     assert abs(mild.stated_size - 1) < abs(severe.stated_size - 1) <= 0.03
 

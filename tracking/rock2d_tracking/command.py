@@ -86,7 +86,14 @@ def track(
 
 
 def _track(
-    film: FilmFile, setup: Setup, out: Path, *, last: int | None, explain: bool, progress: bool, report: Report
+    film: FilmFile,
+    setup: Setup,
+    out: Path,
+    *,
+    last: int | None,
+    explain: bool,
+    progress: bool,
+    report: Report,
 ) -> None:
     from tqdm import tqdm
 
@@ -150,7 +157,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
             )
         if looks.kind == "picture":
             remarks.append(
-                f"the outline of block {name} cannot be fitted; it was tracked by correlation with its learned picture, "
+                f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
                 f"to about {looks.scatter_px:.2f} px, without its turn"
             )
     return remarks

@@ -20,7 +20,10 @@ POINT_SPACING_PX = 1.5  # of the points on the outline
 FEWEST_POINTS, MOST_POINTS = 24, 120
 CORNER_SHARE = 0.12  # of a side next to a corner, where there is no single normal
 SAMPLES_PER_PX = 2.0  # along a normal
-WIDE_SHARE, NARROW_SHARE = 0.75, 0.45  # of the inner radius on which the edge is looked for, at first and at last
+WIDE_SHARE, NARROW_SHARE = (
+    0.75,
+    0.45,
+)  # of the inner radius on which the edge is looked for, at first and at last
 NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
 INNER_SHARE = 0.45  # of the inner half of a normal, from which the block's colour is taken
 LEAST_SHADING_PX = 4.0  # half a normal; on a shorter one, blur looks like shading
@@ -28,7 +31,10 @@ SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
 SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
 WIDE_ROUNDS, NARROW_ROUNDS = 3, 5
 FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it is not seen
-STRONG, ENOUGH_STRONG = 0.25, 0.6  # strength of an edge point that counts, and share of such points that is enough
+STRONG, ENOUGH_STRONG = (
+    0.25,
+    0.6,
+)  # strength of an edge point that counts, and share of such points that is enough
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
 TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
@@ -79,14 +85,18 @@ def edge_points(outline: Outline) -> EdgePoints:
     ends = np.roll(corners, -1, axis=0)
     lengths = np.hypot(*(ends - corners).T)
     count = np.clip(lengths.sum() / POINT_SPACING_PX, FEWEST_POINTS, MOST_POINTS)
-    points, normals = [], []
-    for start, end, normal, length in zip(corners, ends, np.roll(outline.edges[:, :2], 0, axis=0), lengths, strict=True):
+    places: list[Array] = []
+    outward: list[Array] = []
+    for start, end, normal, length in zip(corners, ends, outline.edges[:, :2], lengths, strict=True):
         n = max(3, round(count * length / lengths.sum()))
         share = np.linspace(CORNER_SHARE, 1 - CORNER_SHARE, n)[:, None]
-        points.append(start + share * (end - start))
-        normals.append(np.tile(normal, (n, 1)))
+        places.append(start + share * (end - start))
+        outward.append(np.tile(normal, (n, 1)))
     return EdgePoints(
-        np.concatenate(points), np.concatenate(normals), float(outline.edges[:, 2].min()), float(lengths.sum())
+        np.concatenate(places),
+        np.concatenate(outward),
+        float(outline.edges[:, 2].min()),
+        float(lengths.sum()),
     )
 
 
@@ -187,7 +197,9 @@ def _offsets(
     inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
     n = len(turned)
     seen = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(n, count, -1)
-    behind = cv2.remap(background, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(n, count, -1)
+    behind = cv2.remap(background, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(
+        n, count, -1
+    )
     shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inner = t < -half * (1 - INNER_SHARE)
     own = np.median(seen[:, inner], axis=1)[:, None]
@@ -213,7 +225,9 @@ def _shading(inside: Array, t: Array, own: Array) -> Array:
 
     line = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
     slope = np.einsum("t,ntc->nc", line, inside)
-    slope = uniform_filter1d(median_filter(slope, (SHADING_POINTS, 1), mode="wrap"), SHADING_POINTS, axis=0, mode="wrap")
+    slope = uniform_filter1d(
+        median_filter(slope, (SHADING_POINTS, 1), mode="wrap"), SHADING_POINTS, axis=0, mode="wrap"
+    )
     most = SHADING_SHARE * np.abs(own[:, 0]) / np.abs(t.mean())
     return np.asarray(np.clip(slope, -most, most))
 

@@ -1,4 +1,4 @@
-"""Why a film was tracked as it was: the candidates of every frame drawn into it, counts of reasons, keys to try next."""
+"""Why a film was tracked as it was: candidates drawn into every frame, counts of reasons, keys to try next."""
 
 from __future__ import annotations
 
@@ -24,7 +24,12 @@ FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
 
 
 def write_explanation(
-    folder: Path, film: Iterable[Array], motion: Motion, followed: Followed | None, setup: Setup | None, said: str
+    folder: Path,
+    film: Iterable[Array],
+    motion: Motion,
+    followed: Followed | None,
+    setup: Setup | None,
+    said: str,
 ) -> None:
     """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: how tracking ended."""
     _draw(folder, film, motion)
@@ -76,15 +81,15 @@ def keys_to_try(motion: Motion, followed: Followed | None, setup: Setup | None) 
             found.append(f"camera.scale: or {1 / ratio:.3g} times the metres per pixel, at this frame rate")
         elif ratio < 0:
             found.append("camera.up: what moves on parabolas falls toward the top of the picture")
-    falls = motion.chains or [a for a in motion.arcs if a.falls]
-    sizes = [np.sqrt(a.area_px2 / np.pi) for a in falls]
+    areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.falls]
+    sizes = [float(np.sqrt(a / np.pi)) for a in areas]
     if setup is not None and sizes:
         seen = float(np.median(sizes))
         for name, block in setup.blocks.items():
             stated = block.size_m / 2 / setup.metres_per_pixel
             if abs(seen / stated - 1.0) > SIZE_AGREES:
                 found.append(
-                    f"blocks.{name}: what falls has a radius of about {seen:.1f} px ({seen * setup.metres_per_pixel:.4g} m); "
+                    f"blocks.{name}: what falls has a radius of {seen:.1f} px ({seen * setup.metres_per_pixel:.4g} m); "
                     f"the set-up file states {stated:.1f} px ({stated * setup.metres_per_pixel:.4g} m)"
                 )
     usual = [
@@ -119,8 +124,12 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
         chain = motion.chain_at(number)
         place = chain.at(number) if chain is not None else None
         if place is not None:
-            cv2.drawMarker(picture, (int(place[0] * scale), int(place[1] * scale)), BLOCK_BGR, cv2.MARKER_CROSS, 14, 1)
-        cv2.putText(picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA)
+            cv2.drawMarker(
+                picture, (int(place[0] * scale), int(place[1] * scale)), BLOCK_BGR, cv2.MARKER_CROSS, 14, 1
+            )
+        cv2.putText(
+            picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA
+        )
         writer.write(picture)
     if writer is not None and still is not None:
         writer.release()

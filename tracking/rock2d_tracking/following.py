@@ -14,7 +14,16 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.edges import EdgeFit, edge_points, fit_edges
-from rock2d_tracking.looks import LEAST_MATCH, SLOW_ERROR_FACTOR, Looks, View, best_view, learned_picture, matched, plain_looks
+from rock2d_tracking.looks import (
+    LEAST_MATCH,
+    SLOW_ERROR_FACTOR,
+    Looks,
+    View,
+    best_view,
+    learned_picture,
+    matched,
+    plain_looks,
+)
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import Chain, Motion, motion_of
 from rock2d_tracking.outline import (
@@ -95,11 +104,12 @@ def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], pro
     camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
     outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    fall = -camera.up * setup.keys.gravity_m_s2 / setup.metres_per_pixel / fps**2
-    return motion_of(film, promised, radii, fall, fps)
+    return motion_of(film, promised, radii, setup.fall_px(size_px), fps)
 
 
-def looks_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion) -> dict[str, Looks]:
+def looks_in(
+    film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion
+) -> dict[str, Looks]:
     """How the blocks look where their arcs say that they are."""
     return _prepared(film, setup, size_px, motion)[0].looks
 
@@ -122,9 +132,7 @@ def _prepared(
 
 def shots_of(film: Iterable[Array], motion: Motion) -> list[tuple[int, Array, Array]]:
     """Frames in which a block is on its arc: number, picture, and place (2,) in px."""
-    arcs = [(c, a) for c in motion.chains for a in c.arcs]
-    every = np.concatenate([a.frames for _, a in arcs]) if arcs else np.empty(0, int)
-    if not len(every):
+    if not motion.chains:
         return []
     # some of each release
     wanted: set[int] = set()
@@ -134,11 +142,10 @@ def shots_of(film: Iterable[Array], motion: Motion) -> list[tuple[int, Array, Ar
         wanted |= set(own[np.linspace(0, len(own) - 1, count).round().astype(int)].tolist())
     found = []
     for number, frame in enumerate(islice(film, max(wanted) + 1)):
-        if number in wanted:
-            chain = motion.chain_at(number)
-            place = chain.at(number) if chain is not None else None
-            if place is not None:
-                found.append((number, frame, place))
+        spanning = motion.chain_at(number) if number in wanted else None
+        place = spanning.at(number) if spanning is not None else None
+        if place is not None:
+            found.append((number, frame, place))
     return found
 
 
@@ -165,6 +172,7 @@ class _Follower:
     ) -> None:
         self.setup, self.background, self.motion = setup, background, motion
         self.map: PixelMap = setup.pixel_map(size_px)
+        self.fall_px = setup.fall_px(size_px)
         self.visible = _above_ground(setup.cross_section, self.map, size_px)
         self.looks = {
             name: plain_looks(outline_of(block, setup.metres_per_pixel, self.map.up))
@@ -213,11 +221,17 @@ class _Follower:
         if picture is None:
             return replace(looks, kind="edge")
         places = [matched(i.astype(np.float32), still, picture, p, looks.outline.reach_px) for i, p in pairs]
-        off = [m[0] - p for m, (_, p) in zip(places, pairs, strict=True) if m is not None and m[1] > LEAST_MATCH]
+        off = [
+            m[0] - p for m, (_, p) in zip(places, pairs, strict=True) if m is not None and m[1] > LEAST_MATCH
+        ]
         scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
-        return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
+        return replace(
+            looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX)
+        )
 
-    def _better(self, by_edge: Looks, looks: Looks, shots: list[tuple[int, Array, Array]]) -> tuple[bool, float]:
+    def _better(
+        self, by_edge: Looks, looks: Looks, shots: list[tuple[int, Array, Array]]
+    ) -> tuple[bool, float]:
         """Whether the edge finds a block better than its outline with one grey; usual distance of both in px.
 
         If the block is of one grey, both agree; if not, the edge is right, because it assumes less. Where they agree,
@@ -246,7 +260,9 @@ class _Follower:
 
     def _works(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> float:
         """Share of the shots in which a fit finds the block."""
-        return float(np.mean([not self._fit_start(n, image, looks, place).reason for n, image, place in shots]))
+        return float(
+            np.mean([not self._fit_start(n, image, looks, place).reason for n, image, place in shots])
+        )
 
     def _sized(self, looks: Looks, shots: list[tuple[int, Array, Array]]) -> Looks:
         """The looks in the size that the edge shows; as they are if the edge is not seen well enough."""
@@ -254,7 +270,7 @@ class _Follower:
         for _ in range(SIZE_ROUNDS):
             trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
             sizes = []
-            for number, image, place in shots:
+            for _, image, place in shots:
                 fits = [self._edge_fit(image, trial, np.array([*place, turn]), free_size=True)
                         for turn in _start_angles(outline)]  # fmt: skip
                 best = max((f for f in fits if f is not None), key=lambda f: f.seen, default=None)
@@ -273,7 +289,9 @@ class _Follower:
         outline = outline.scaled(size)
         return replace(looks, outline=outline, edge=edge_points(outline), size=size, size_error=error)
 
-    def _edge_fit(self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False) -> EdgeFit | None:
+    def _edge_fit(
+        self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False
+    ) -> EdgeFit | None:
         u0, u1, v0, v1 = self._window(start, 1.9, looks.outline)
         if min(u1 - u0, v1 - v0) < looks.outline.reach_px:
             return None
@@ -282,9 +300,11 @@ class _Follower:
             self.background.noise, looks.edge, start - [u0, v0, 0.0],
             symmetric=looks.outline.symmetry_rad == 0.0, free_size=free_size,
         )  # fmt: skip
-        return None if found is None else found._replace(pose=found.pose + [u0, v0, 0.0])
+        return None if found is None else found._replace(pose=found.pose + np.array([u0, v0, 0.0]))
 
-    def _fit_start(self, number: int, frame: Array, looks: Looks, place: Array, least: float | None = None) -> Sight:
+    def _fit_start(
+        self, number: int, frame: Array, looks: Looks, place: Array, least: float | None = None
+    ) -> Sight:
         """The best fit from any angle at a place."""
         best: Sight | None = None
         for turn in _start_angles(looks.outline):
@@ -362,9 +382,9 @@ class _Follower:
         outline = looks.outline
         seen = self.release.last_seen(4)
         on_arc = self._place_on_arc(number, outline)
-        if not seen and on_arc is None:
-            return lost_sight(number, "no fit")
         if not seen:
+            if on_arc is None:
+                return lost_sight(number, "no fit")
             best, expected = self._fit_start(number, frame, looks, on_arc), np.array([*on_arc, 0.0])
         else:
             expected = self._expected(number)
@@ -381,8 +401,11 @@ class _Follower:
                     other = self._fit(number, frame, looks, np.array([*blob, expected[2]]), self._grey)
                     best = other if not other.reason else best
         if not best.reason:
-            far = np.hypot(*(best.pose[:2] - on_arc)) > FAR_FROM_ARC_REACHES * outline.reach_px if on_arc is not None \
+            far = (
+                np.hypot(*(best.pose[:2] - on_arc)) > FAR_FROM_ARC_REACHES * outline.reach_px
+                if on_arc is not None
                 else self._jumped(best.pose, expected, outline)
+            )
             if far:
                 best = lost_sight(number, "too far from the expected place")
         if not best.reason and outline.symmetry_rad == 0.0 and self.setup.keys.detection.marks:
@@ -407,7 +430,7 @@ class _Follower:
         pace = (last.pose - first.pose) / (last.frame - first.frame)
         ahead = number - last.frame
         expected = last.pose + pace * ahead
-        g = -self.map.up * self.setup.keys.gravity_m_s2 / self.setup.metres_per_pixel / self.setup.keys.camera.fps**2
+        g = self.fall_px
         if abs(g) > FAST_FALL_PX:
             # the pace is that of the middle of the frames it was read from
             expected[1] += 0.5 * g * ahead * (ahead + last.frame - first.frame)
@@ -501,7 +524,9 @@ class _Follower:
 
     # --- one fit ---
 
-    def _blob(self, number: int, frame: Array, expected: Array, outline: Outline) -> tuple[float, float] | None:
+    def _blob(
+        self, number: int, frame: Array, expected: Array, outline: Outline
+    ) -> tuple[float, float] | None:
         """Centre of what differs from the background near the expected place."""
         moving = self.motion.near(number, expected[:2], 2.0 * outline.reach_px)
         if moving is not None and moving.whole and moving.area_px2 < CANDIDATE_AREAS[1] * outline.area_px2:
@@ -518,10 +543,14 @@ class _Follower:
         v, u = np.nonzero(mask)
         return float(np.median(u)) + u0, float(np.median(v)) + v0
 
-    def _window(self, pose: Array, reaches: float, outline: Outline | None = None) -> tuple[int, int, int, int]:
+    def _window(
+        self, pose: Array, reaches: float, outline: Outline | None = None
+    ) -> tuple[int, int, int, int]:
         """First and last u, first and last v around a pose, within the picture."""
         if outline is None:
-            outline = self.looks[self.release.block if self.release is not None else self._next_block()].outline
+            outline = self.looks[
+                self.release.block if self.release is not None else self._next_block()
+            ].outline
         half = reaches * outline.reach_px + 6.0
         height, width = self.background.grey.shape
         u, v = np.clip(pose[:2], -1e6, 1e6)
@@ -531,7 +560,13 @@ class _Follower:
         )  # fmt: skip
 
     def _fit(
-        self, number: int, frame: Array, looks: Looks, start: Array, grey: float | None, least: float | None = None
+        self,
+        number: int,
+        frame: Array,
+        looks: Looks,
+        start: Array,
+        grey: float | None,
+        least: float | None = None,
     ) -> Sight:
         if looks.kind == "edge":
             return self._fit_edge(number, frame, looks, start, least)
@@ -553,14 +588,26 @@ class _Follower:
         assert looks.picture is not None
         u0, u1, v0, v1 = self._window(start, 3.0, looks.outline)
         image = frame[v0:v1, u0:u1].astype(np.float32)
-        found = matched(image, self.background.grey[v0:v1, u0:u1], looks.picture, start[:2] - [u0, v0], looks.outline.reach_px)
+        found = matched(
+            image,
+            self.background.grey[v0:v1, u0:u1],
+            looks.picture,
+            start[:2] - [u0, v0],
+            looks.outline.reach_px,
+        )
         if found is None or found[1] < LEAST_MATCH:
             return lost_sight(number, "another picture")
         pose = np.array([*(found[0] + [u0, v0]), start[2]])
         return Sight(number, pose, np.array([looks.scatter_px, looks.scatter_px, np.nan]), found[1])
 
     def _fit_outline(
-        self, number: int, frame: Array, outline: Outline, start: Array, grey: float | None, least: float | None
+        self,
+        number: int,
+        frame: Array,
+        outline: Outline,
+        start: Array,
+        grey: float | None,
+        least: float | None,
     ) -> Sight:
         u0, u1, v0, v1 = self._window(start, 1.2, outline)
         if min(u1 - u0, v1 - v0) < outline.reach_px:

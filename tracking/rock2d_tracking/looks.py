@@ -108,7 +108,7 @@ def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float
 
 
 def learned_picture(shots: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
-    """Usual difference from the background around a block (2 h + 1 pixels wide); None without a shot inside the film."""
+    """Usual difference from the background around a block (2 h + 1 pixels wide); None without a shot inside it."""
     import cv2
 
     half = int(np.ceil(TEMPLATE_RADII * radius_px)) + 1
@@ -123,7 +123,9 @@ def learned_picture(shots: list[tuple[Array, Array]], still: Array, radius_px: f
     return np.median(found, axis=0).astype(np.float32) if found else None
 
 
-def matched(image: Array, background: Array, picture: Array, start: Array, reach_px: float) -> tuple[Array, float] | None:
+def matched(
+    image: Array, background: Array, picture: Array, start: Array, reach_px: float
+) -> tuple[Array, float] | None:
     """Place (2,) in the patch at which the difference from the background matches `picture` best, and the correlation;
     None if it leaves the patch."""
     import cv2
@@ -131,7 +133,7 @@ def matched(image: Array, background: Array, picture: Array, start: Array, reach
     half, off = picture.shape[0] // 2, image - background
     search = max(3, int(SEARCH_RADII * reach_px))
     off = cv2.copyMakeBorder(off, half, half, half, half, cv2.BORDER_CONSTANT, value=0)
-    u, v = int(round(start[0])) + half, int(round(start[1])) + half
+    u, v = round(float(start[0])) + half, round(float(start[1])) + half
     top, left = max(v - half - search, 0), max(u - half - search, 0)
     part = off[top : v + half + search + 1, left : u + half + search + 1]
     if min(part.shape) < picture.shape[0] + 2:

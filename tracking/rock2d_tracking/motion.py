@@ -25,13 +25,18 @@ LEAST_AREA_PX = 6  # of a candidate in the coarse picture
 LARGEST_AREA_SHARE = 0.2  # of the picture
 MOST_CANDIDATES = 30  # of a frame
 CORE_SHARE = 0.45  # of a strong change: the weaker rim of a candidate is blur and shadow
-STRONG_QUANTILES = (0.9, 0.6)  # of a candidate's changes: the first cuts shadows off, the second keeps round highlights
+STRONG_QUANTILES = (
+    0.9,
+    0.6,
+)  # of a candidate's changes: the first cuts shadows off, the second keeps round highlights
 SAME_PX, SAME_AREA = 1.5, 1.25  # of two cores that are one
 SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
 SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
 CASTER_PX, CASTER_SHARE = 3.0, 0.08  # change of the distance from a block to its shadow, and share of its way
-CHANGE_RATIO = 0.6  # largest difference between the changes of two candidates that are the same block, over the larger
+CHANGE_RATIO = (
+    0.6  # largest difference between the changes of two candidates that are the same block, over the larger
+)
 AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
@@ -242,19 +247,21 @@ def _candidates(
 ) -> list[list[Candidate]]:
     import cv2
 
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int)
+    )
     stack = np.stack([pictures[i] for i in chosen])
     still = np.median(stack, axis=0).astype(np.uint8)
     limit = _limit(stack, still)
     found = []
     for i, picture in enumerate(pictures):
         off = cv2.absdiff(picture, still)
-        mask = (cv2.subtract(off, limit) > 0).astype(np.uint8)
+        mask: Array = (cv2.subtract(off, limit) > 0).astype(np.uint8)
         if mask.ndim == 3:
             mask = mask.max(axis=2)
         # single pixels are noise; holes come from parts with the grey of the background
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
+        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)))
         found.append(_components(mask, picture, still, first + i, coarse))
     return found
 
@@ -268,14 +275,14 @@ def _limit(stack: Array, still: Array) -> Array:
 
 
 def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
-    """The cores of what changed: a block and its shadow, or the hand that just let go of it, touch only by their rims."""
+    """The cores of what changed: a block and its shadow, or a hand, touch only by their rims."""
     import cv2
 
     count, labels = cv2.connectedComponents(mask)
     if count == 1:
         return []
-    off = cv2.absdiff(picture, still)
-    off = off.max(axis=2) if off.ndim == 3 else off
+    apart = np.asarray(cv2.absdiff(picture, still))
+    off: Array = apart.max(axis=2) if apart.ndim == 3 else apart
     inside = np.flatnonzero(labels)
     own, change = labels.ravel()[inside], off.ravel()[inside]
     order = np.lexsort((change, own))
@@ -297,7 +304,7 @@ def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: i
 def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
     import cv2
 
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
+    _, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
     height, width = core.shape
     order = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[: 2 * MOST_CANDIDATES]
     found = []
@@ -400,7 +407,9 @@ def _extended(
             last = table[run[-1][0]][run[-1][1]]
             slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
             if len(run) == 2:  # two centroids say little about the pace
-                slack += 0.15 * float(np.hypot(*(table[run[1][0]][run[1][1]] - table[run[0][0]][run[0][1]])[:2]))
+                slack += 0.15 * float(
+                    np.hypot(*(table[run[1][0]][run[1][1]] - table[run[0][0]][run[0][1]])[:2])
+                )
                 slack += GRAVITY_RATIO[1] * abs(fall_px)
             # lens, perspective and air bend a long step
             slack += STEP_TOLERANCE * float(np.hypot(*(at - last[:2])))
@@ -461,7 +470,18 @@ def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc 
     falls = bool(curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend * (fall_px or 1.0) > 0)
     other = bool(curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error)
     contrast = float(np.abs(np.median(rows[:, 3:6], axis=0)).max())
-    return Arc(frames, rows[:, :2], rows[:, 2], curve, middle, falls, other, float(ratio), contrast, float(rows[:, 6].mean()))
+    return Arc(
+        frames,
+        rows[:, :2],
+        rows[:, 2],
+        curve,
+        middle,
+        falls,
+        other,
+        float(ratio),
+        contrast,
+        float(rows[:, 6].mean()),
+    )
 
 
 # --- chains ---
@@ -512,14 +532,18 @@ def _caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
         shadow = np.array([chain.at(f) for f in both])
         way = float(np.hypot(*np.ptp(shadow, axis=0)))
         apart = np.std(arc.at(np.array(both)) - shadow, axis=0).max()
-        if apart < max(CASTER_PX, CASTER_SHARE * way) and all(arc.last < a.first or arc.first > a.last for a in found):
+        if apart < max(CASTER_PX, CASTER_SHARE * way) and all(
+            arc.last < a.first or arc.first > a.last for a in found
+        ):
             found.append(arc)
     frames = sum(len(a.frames) for a in found)
     return Chain(sorted(found, key=lambda a: a.first)) if frames > 0.4 * chain.frames_seen else None
 
 
 def _weight(chain: Chain, radii_px: list[float]) -> float:
-    frames = sum(len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > 0.5 else 1.0) * a.contrast for a in chain.arcs)
+    frames = sum(
+        len(a.frames) * (SHADOW_WEIGHT if a.shadow_share > 0.5 else 1.0) * a.contrast for a in chain.arcs
+    )
     misfit = min((abs(np.log(chain.area_px2 / (np.pi * r**2))) for r in radii_px), default=0.0)
     return float(frames * np.exp(-misfit))
 

@@ -62,7 +62,9 @@ def lost_sight(frame: int, reason: str) -> Sight:
     return Sight(frame, np.full(3, np.nan), np.full(3, np.nan), 0.0, reason)
 
 
-ERROR_NEIGHBOURS = 3  # frames on each side of one whose scatter about their parabola is compared with its error
+ERROR_NEIGHBOURS = (
+    3  # frames on each side of one whose scatter about their parabola is compared with its error
+)
 LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
 FEWEST_ERROR_FRAMES = 8
 LARGEST_ERROR_FACTOR = 30.0

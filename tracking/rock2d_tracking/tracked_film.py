@@ -49,7 +49,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     """The experiment that a film shows; raises ValueError if it shows no release."""
     camera = setup.pixel_map(size_px)
     remarks: list[str] = []
-    kept = without_jumps(releases)
+    kept = without_jumps(releases, setup.fall_px(size_px))
     if len(kept) < len(releases):
         remarks.append(
             f"{len(releases) - len(kept)} of {len(releases)} objects that were followed never moved and are left out"
@@ -89,11 +89,14 @@ def _moved(release: FollowedRelease) -> bool:
     return bool(np.ptp(poses, axis=0).max() > SHORTEST_MOTION_PX)
 
 
-def without_jumps(releases: Sequence[FollowedRelease]) -> list[FollowedRelease]:
-    """The releases that moved; frames that jump out of their motion are rejected, errors are those that flights show."""
+def without_jumps(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
+    """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
+
+    `fall_px`: acceleration of gravity along v in px per frame squared.
+    """
     kept = [release for release in releases if _moved(release)]
     for release in kept:
-        _reject_jumps(release.sights)
+        _reject_jumps(release.sights, fall_px)
         state_honest_errors(release)
         for sight in release.seen:
             if max(sight.error[:2]) > LARGEST_STATED_ERROR_PX:
@@ -101,13 +104,16 @@ def without_jumps(releases: Sequence[FollowedRelease]) -> list[FollowedRelease]:
     return [release for release in kept if _moved(release)]
 
 
-def _reject_jumps(sights: list[Sight]) -> None:
+def _reject_jumps(sights: list[Sight], fall_px: float) -> None:
     """Frames that jump out of the parabola through their neighbours are rejected: no block moves like that."""
     seen = [s for s in sights if not s.reason]
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
     t = np.array([s.frame for s in seen], float)
     pose = np.array([s.pose for s in seen])
+    pose[:, 1] -= (
+        0.5 * fall_px * (t - t[0]) ** 2
+    )  # so that a line can be compared with few frames of a fast fall
     odd = []
     for i in range(len(seen)):
         near = [

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-
 Array = np.ndarray
 
 LOOK_KINDS = ("matte", "shaded", "shiny black", "textured", "coloured", "half transparent", "white")
@@ -169,11 +168,13 @@ def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int
         light = cv2.GaussianBlur(light, (0, 0), look.blur_px)
         image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
         image += look.noise * rng.standard_normal(image.shape, np.float32)
-        jpeg = cv2.imencode(".jpg", np.clip(np.rint(image), 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, look.quality])[1]
+        jpeg = cv2.imencode(
+            ".jpg", np.clip(np.rint(image), 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, look.quality]
+        )[1]
         reach = 1.5 * look.radius_px
         u, v = poses[i, :2]
         free = not touched and reach < u < width - reach and reach < v < height - reach and i >= REST_FRAMES
-        yield RealFrame(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), poses[i], bool(free))
+        yield RealFrame(np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), poses[i], bool(free))
 
 
 def _times(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
@@ -227,10 +228,17 @@ def _draw_hand(light: Array, look: RealLook, frame: int, poses: Array) -> bool:
     back = max(frame - REST_FRAMES - 2, 0) * 0.5 * look.step_px
     tip = poses[follow, :2] + [-0.4 * look.radius_px - back, 0.7 * look.radius_px + 0.7 * back]
     size = 2.0 * look.radius_px + 12
-    palm = [(tip + [-size * 0.6, 0.25 * size], 0.5 * size), (tip, 0.28 * size)]
+    palm = [(tip + np.array([-size * 0.6, 0.25 * size]), 0.5 * size), (tip, 0.28 * size)]
     for (u, v), r in palm:
         cv2.circle(light, (int(u), int(v)), int(r), (SKIN * 0.6).tolist(), -1, cv2.LINE_AA)
-    cv2.line(light, (int(palm[0][0][0]), int(palm[0][0][1])), (-20, int(palm[0][0][1] + 60)), (SKIN * 0.5).tolist(), max(2, int(0.5 * size)), cv2.LINE_AA)
+    cv2.line(
+        light,
+        (int(palm[0][0][0]), int(palm[0][0][1])),
+        (-20, int(palm[0][0][1] + 60)),
+        (SKIN * 0.5).tolist(),
+        max(2, int(0.5 * size)),
+        cv2.LINE_AA,
+    )
     gap = min(float(np.hypot(*(poses[frame, :2] - centre))) - r for centre, r in palm)
     return gap < 1.6 * look.radius_px
 
@@ -265,7 +273,7 @@ def _drawn(look: RealLook, pose: Array, size_px: tuple[int, int]) -> tuple[Array
         inside = (np.abs(qx) <= a) & (np.abs(qy) <= b)
         nx, ny, nz = 0.3 * qx / a, 0.3 * qy / b, np.full(qx.shape, 0.95)  # faces are a little uneven
     lit = np.clip(nx * look.light[0] + ny * look.light[1] + nz * look.light[2], 0, 1)
-    half = look.light + [0.0, 0.0, 1.0]
+    half = look.light + np.array([0.0, 0.0, 1.0])
     half /= np.linalg.norm(half)
     gloss = np.clip(nx * half[0] + ny * half[1] + nz * half[2], 0, 1) ** look.shine
     spots = 0.5 + 0.5 * np.sin(4.0 * qx / a + 1.0) * np.sin(5.0 * qy / b)
@@ -276,5 +284,3 @@ def _drawn(look: RealLook, pose: Array, size_px: tuple[int, int]) -> tuple[Array
     seen /= np.maximum(cover, 1e-6)[..., None]
     box = np.s_[top - v0 : bottom - v0, left - u0 : right - u0]
     return cover[box], seen[box], np.s_[top:bottom, left:right]
-
-

@@ -207,19 +207,31 @@ def blind_train(cases, seed, work, out, workers, scheduler, quiet) -> None:
 
 @cli.command()
 @click.argument("video", type=click.Path(path_type=Path))
-@click.option("--config", type=click.Path(path_type=Path), required=True,
+@click.option("--config", type=click.Path(path_type=Path),
               help="setup.yaml: cross-section, blocks, camera with its true frame rate.")  # fmt: skip
+@click.option(
+    "--metres-per-pixel", type=click.FloatRange(0, 10, min_open=True), help="Scale, without --config."
+)
+@click.option("--fps", type=click.FloatRange(0, 1e7, min_open=True),
+              help="Frames per second of the recording, without --config.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Experiment folder to write.")
 @click.option("--frames", type=click.IntRange(1), help="Frames after which to stop. Default: all.")
+@click.option("--explain", is_flag=True, help="Also write what moves in the film, and the keys to try next.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def track(video, config, out, frames, quiet) -> None:
-    """Track the blocks in a high-speed VIDEO: experiment folder, overlay video, page of diagnostics.
+def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> None:
+    """Track the blocks in a VIDEO: experiment folder, overlay video, page of diagnostics.
+
+    Without --config, scale and frame rate are enough for a first track; a set-up file to refine is written with it.
 
     Example: rock2d track film.avi --config setup.yaml --out my_tests
     """
-    from rock2d_tracking.command import track
+    from rock2d_tracking.command import FirstScale, track
 
-    track(video, config, out, last=frames, progress=not quiet, report=click.echo)
+    first = (metres_per_pixel, fps)
+    if (config is None) == (None in first) and (config is None or first != (None, None)):
+        raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
+    known = config if config is not None else FirstScale(metres_per_pixel, fps)
+    track(video, known, out, last=frames, explain=explain, progress=not quiet, report=click.echo)
 
 
 @cli.command()

@@ -74,7 +74,7 @@ def tracked(tmp_path_factory):
             shots = list(
                 film_frames(experiment, CAMERA, SIZE_PX, FilmOptions(seed=3, faults=faults, rest_frames=40))
             )
-            releases = follow([s.image for s in shots], setup, SIZE_PX)
+            releases = follow([s.image for s in shots], setup, SIZE_PX).releases
             pictures = [[s.frame for s in r.sights] for r in releases]
             known[faults] = Tracked(
                 experiment, shots, pictures, releases, tracked_film(releases, setup, SIZE_PX), setup

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -15,19 +16,30 @@ from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.film_reading import FilmFile
-from rock2d_tracking.following import follow
+from rock2d_tracking.following import Followed, follow, looks_in
+from rock2d_tracking.looks import View
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
 if TYPE_CHECKING:
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
+    from rock2d_tracking.motion import Motion
 
 Array = np.ndarray
 Report = Callable[[str], None]
 
+GREY_VIEW = View()
+SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
 VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
+
+
+class FirstScale(NamedTuple):
+    """What must be known of a film without a set-up file: metres per pixel, and frames per second of the recording."""
+
+    metres_per_pixel: float
+    fps: float
 
 
 class FilmFormat(NamedTuple):
@@ -37,22 +49,63 @@ class FilmFormat(NamedTuple):
     releases: int | None
 
 
-def track(video: Path, config: Path, out: Path, *, last: int | None, progress: bool, report: Report) -> None:
+def track(
+    video: Path,
+    config: Path | FirstScale,
+    out: Path,
+    *,
+    last: int | None,
+    explain: bool,
+    progress: bool,
+    report: Report,
+) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
-    `last`: number of frames after which to stop. Raises `InputError` for input that cannot be used.
+    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. `last`: number of frames
+    after which to stop. `explain`: also write what was seen of the film. Where nothing can be tracked, that goes to
+    `OUT_explained`. Raises `InputError` for input that cannot be used.
     """
+    from rock2d_tracking.first_setup import first_motion, write_first_setup
+
+    film = FilmFile(video)
+    check_folder(out)
+    if isinstance(config, Path):
+        _track(film, Setup(config), out, last=last, explain=explain, progress=progress, report=report)
+        return
+    motion = first_motion(film, last, *config)
+    with tempfile.TemporaryDirectory() as folder:
+        first = Path(folder) / "setup.yaml"
+        try:
+            write_first_setup(first, film, motion, *config)
+        except InputError as error:
+            raise _explained(error, out, film, last, motion, None, None) from None
+        looks = looks_in(film.frames(last), Setup(first), film.size_px, motion)
+        write_first_setup(first, film, motion, *config, looks["block"].size)
+        setup = Setup(first)
+        _track(film, setup, out, last=last, explain=explain, progress=progress, report=report)
+        report(f"set-up file to refine: {out / 'setup.yaml'}")
+
+
+def _track(
+    film: FilmFile,
+    setup: Setup,
+    out: Path,
+    *,
+    last: int | None,
+    explain: bool,
+    progress: bool,
+    report: Report,
+) -> None:
     from tqdm import tqdm
 
     from rock2d.kinematics.film_statement import film_statement, write_statement
     from rock2d.kinematics.setup_world import setup_world
+    from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.overlay import Overlay
     from rock2d_tracking.page import write_page
     from rock2d_tracking.tracked_film import film_of, tracked_film
     from rock2d_tracking.velocities import flights_and_impacts
 
-    setup = Setup(config)
-    film = FilmFile(video)
     with atomic_folder(out) as folder:
         still: list[Array] = []
         with (
@@ -62,16 +115,20 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
-                    still.append(frame)
+                    still.append(GREY_VIEW(frame))
                 overlay.draw(number, frame, release)
                 bar.update()
 
-            releases = follow(film.frames(last), setup, film.size_px, on_progress)
+            followed = follow(film.frames(last), setup, film.size_px, on_progress, film.promised)
         try:
-            found = tracked_film(releases, setup, film.size_px)
-        except ValueError as error:
-            raise InputError(str(error), video) from None
-        found.remarks.extend(_check_sanity(found.experiment, setup))
+            try:
+                found = tracked_film(followed.releases, setup, film.size_px)
+            except ValueError as error:
+                raise InputError(str(error), film.path) from None
+            found.remarks.extend(_remarks_on_looks(followed))
+            found.remarks.extend(_check_sanity(found.experiment, setup))
+        except InputError as error:
+            raise _explained(error, out, film, last, followed.motion, followed, setup) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
         said = film_statement(data, setup_world(found.experiment), found.experiment.fps)
@@ -79,16 +136,52 @@ def track(video: Path, config: Path, out: Path, *, last: int | None, progress: b
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
-    trusted = (found.frames["reason"] == "").sum()
-    report(
-        f"{found.frames['release'].nunique()} releases, {trusted} of {len(found.frames)} frames trusted, "
-        f"{len(flights)} flights, {len(impacts)} impacts"
-    )
+        trusted = (found.frames["reason"] == "").sum()
+        counts = (
+            f"{found.frames['release'].nunique()} releases, {trusted} of {len(found.frames)} frames trusted, "
+            f"{len(flights)} flights, {len(impacts)} impacts"
+        )
+        if explain:
+            write_explanation(folder, film.frames(last), followed.motion, followed, setup, counts)
+        if setup.path.parent != out:
+            (folder / "setup.yaml").write_bytes(setup.path.read_bytes())
+    report(counts)
     for line in said.sentences():
         report(f"film: {line}")
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
+
+
+def _remarks_on_looks(followed: Followed) -> list[str]:
+    """What a user should know of how blocks look."""
+    remarks = []
+    for name, looks in followed.looks.items():
+        if abs(looks.size - 1.0) > max(SIZE_WORTH_A_REMARK, 3 * looks.size_error):
+            remarks.append(
+                f"block {name} is seen {looks.size:.3f} (± {looks.size_error:.3f}) times as large as its size and the "
+                "scale say; it was tracked in the size that is seen"
+            )
+        if looks.kind == "picture":
+            remarks.append(
+                f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
+                f"to about {looks.scatter_px:.2f} px, without its turn"
+            )
+    return remarks
+
+
+def _explained(
+    error: InputError, out: Path, film: FilmFile, last: int | None, motion: Motion,
+    followed: Followed | None, setup: Setup | None,
+) -> InputError:  # fmt: skip
+    """The error, with a word on the folder in which what was seen of the film is now explained."""
+    from rock2d_tracking.explanation import keys_to_try, write_explanation
+
+    folder = out.with_name(f"{out.name}_explained")
+    with atomic_folder(folder) as inside:
+        write_explanation(inside, film.frames(last), motion, followed, setup, str(error))
+    keys = ", ".join(text.split(":")[0] for text in keys_to_try(motion, followed, setup))
+    return InputError(f"{error.message}. What was seen: {folder}; keys to try next: {keys}", error.file)
 
 
 def film(

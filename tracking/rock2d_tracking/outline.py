@@ -74,17 +74,26 @@ class Outline:
         return float(0.5 * (sides * h).sum())
 
     @property
-    def reach_px(self) -> float:
-        """Radius of the circle about the centroid that holds it."""
-        if len(self.edges) == 0:
-            return float(self.semi_axes_px.max())
+    def corners_px(self) -> Array:
+        """(n, 2) corners of a polygon about its centroid, the one where edge k begins at k."""
         normals, h = self.edges[:, :2], self.edges[:, 2]
         before, hb = np.roll(normals, 1, axis=0), np.roll(h, 1)
         cross = before[:, 0] * normals[:, 1] - before[:, 1] * normals[:, 0]
         corner = np.column_stack([
             (hb * normals[:, 1] - h * before[:, 1]) / cross, (h * before[:, 0] - hb * normals[:, 0]) / cross
         ])  # fmt: skip
-        return float(np.hypot(*corner.T).max())
+        return corner
+
+    def scaled(self, factor: float) -> Outline:
+        """The outline, `factor` times as large."""
+        return Outline(self.edges * [1.0, 1.0, factor], self.semi_axes_px * factor, self.symmetry_rad)
+
+    @property
+    def reach_px(self) -> float:
+        """Radius of the circle about the centroid that holds it."""
+        if len(self.edges) == 0:
+            return float(self.semi_axes_px.max())
+        return float(np.hypot(*self.corners_px.T).max())
 
 
 def outline_of(block: Block, metres_per_pixel: float, up: int) -> Outline:

@@ -42,10 +42,9 @@ class Overlay:
 
         if number % self._stride:
             return
-        picture = cv2.cvtColor(
-            cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR
-        )
-        if release is not None:
+        picture = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
+        picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        if release is not None and release.last_seen(1):
             seen = release.last_seen(TRAIL_FRAMES)
             trail = np.array([s.pose[:2] for s in seen])
             self._line(picture, trail, TRAIL_BGR, False)

@@ -146,6 +146,11 @@ class Setup:
             bent.k if bent is not None else 0.0, (float(centre[0]), float(centre[1])), float(np.hypot(*middle)),
         )  # fmt: skip
 
+    def fall_px(self, size_px: tuple[int, int]) -> float:
+        """Acceleration of gravity along v in px per frame squared."""
+        fall = self.keys.gravity_m_s2 / self.metres_per_pixel / self.keys.camera.fps**2
+        return -self.pixel_map(size_px).up * fall
+
     def block_of(self, release: int) -> str:
         """Name of the block of a release, counted from 0."""
         names = self.keys.releases

@@ -31,10 +31,20 @@ class Sight:
 
 @dataclass
 class FollowedRelease:
-    """One release as it was followed: name of the block and its frames in order."""
+    """One release as it was followed.
+
+    Attributes
+    ----------
+    block : its name
+    sights : its frames in order
+    error_factor : by which its errors are larger than their scatter from frame to frame, because they change slowly
+    bias_px : usual distance of a coordinate between two ways to fit the block, added to the standard errors
+    """
 
     block: str
     sights: list[Sight] = field(default_factory=list)
+    error_factor: float = 1.0
+    bias_px: float = 0.0
 
     @property
     def seen(self) -> list[Sight]:
@@ -50,3 +60,44 @@ class FollowedRelease:
 def lost_sight(frame: int, reason: str) -> Sight:
     """A frame in which the block was not found."""
     return Sight(frame, np.full(3, np.nan), np.full(3, np.nan), 0.0, reason)
+
+
+ERROR_NEIGHBOURS = (
+    3  # frames on each side of one whose scatter about their parabola is compared with its error
+)
+LEAST_NEIGHBOUR_STEP_PX, LARGEST_STRIDE = 0.7, 4  # way from one of these frames to the next
+FEWEST_ERROR_FRAMES = 8
+LARGEST_ERROR_FACTOR = 30.0
+
+
+def state_honest_errors(release: FollowedRelease) -> None:
+    """Enlarge the standard errors of a release to the scatter of its frames about the parabolas through their
+    neighbours: a fit knows the noise of pixels, not compression, blur and light."""
+    seen = release.seen
+    t = np.array([s.frame for s in seen], float)
+    if len(seen) < FEWEST_ERROR_FRAMES:
+        return
+    pose, error = np.array([s.pose for s in seen]), np.array([s.error for s in seen])
+    ratios = []
+    # a fit errs alike in two frames that show the block at nearly the same place within its pixels
+    pace = np.median(np.hypot(*np.diff(pose[:, :2], axis=0).T))
+    stride = int(np.clip(np.ceil(LEAST_NEIGHBOUR_STEP_PX / max(pace, 1e-9)), 1, LARGEST_STRIDE))
+    around = stride * np.arange(-ERROR_NEIGHBOURS, ERROR_NEIGHBOURS + 1)
+    for i in range(-around[0], len(seen) - around[-1]):
+        near = i + around
+        if t[near[-1]] - t[near[0]] > 1.5 * (around[-1] - around[0]):
+            continue
+        basis = np.linalg.qr(np.vander(t[near] - t[i], 3))[0]
+        left = pose[near] - basis @ (basis.T @ pose[near])
+        own = 1.0 - float((basis[ERROR_NEIGHBOURS] ** 2).sum())
+        ratios.append(left[ERROR_NEIGHBOURS] / (error[i] * np.sqrt(own)))
+    if len(ratios) < 2:
+        return
+    table = np.abs(np.array(ratios))
+    # impacts are outliers of the median
+    place = 1.4826 * float(np.median(table[:, :2]))
+    turn = 1.4826 * float(np.nanmedian(table[:, 2])) if np.isfinite(table[:, 2]).any() else 1.0
+    factor = np.clip([place, place, turn], 1.0, LARGEST_ERROR_FACTOR)
+    for sight in seen:
+        sight.error = sight.error * factor * release.error_factor
+        sight.error[:2] = np.hypot(sight.error[:2], release.bias_px)

@@ -13,10 +13,11 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, seg
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight
+from rock2d_tracking.sights import FollowedRelease, Sight, state_honest_errors
 
 Array = np.ndarray
 
+LARGEST_STATED_ERROR_PX = 0.8  # standard error of a coordinate with which a frame is still trusted
 COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
 JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
 SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
@@ -48,7 +49,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     """The experiment that a film shows; raises ValueError if it shows no release."""
     camera = setup.pixel_map(size_px)
     remarks: list[str] = []
-    kept = [release for release in releases if _moved(release)]
+    kept = without_jumps(releases, setup.fall_px(size_px))
     if len(kept) < len(releases):
         remarks.append(
             f"{len(releases) - len(kept)} of {len(releases)} objects that were followed never moved and are left out"
@@ -65,7 +66,6 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
         )
     missing = 0
     for release in kept:
-        _reject_jumps(release.sights)
         missing += _renumber_dropped(
             release.sights, setup.blocks[release.block].radius_m / setup.metres_per_pixel
         )
@@ -89,13 +89,31 @@ def _moved(release: FollowedRelease) -> bool:
     return bool(np.ptp(poses, axis=0).max() > SHORTEST_MOTION_PX)
 
 
-def _reject_jumps(sights: list[Sight]) -> None:
+def without_jumps(releases: Sequence[FollowedRelease], fall_px: float) -> list[FollowedRelease]:
+    """The releases that moved, without frames that jump out of their motion, with the errors that flights show.
+
+    `fall_px`: acceleration of gravity along v in px per frame squared.
+    """
+    kept = [release for release in releases if _moved(release)]
+    for release in kept:
+        _reject_jumps(release.sights, fall_px)
+        state_honest_errors(release)
+        for sight in release.seen:
+            if max(sight.error[:2]) > LARGEST_STATED_ERROR_PX:
+                sight.reason, sight.confidence = "unsure", 0.0
+    return [release for release in kept if _moved(release)]
+
+
+def _reject_jumps(sights: list[Sight], fall_px: float) -> None:
     """Frames that jump out of the parabola through their neighbours are rejected: no block moves like that."""
     seen = [s for s in sights if not s.reason]
     if len(seen) < 2 * COMPARED_FRAMES + 1:
         return
     t = np.array([s.frame for s in seen], float)
     pose = np.array([s.pose for s in seen])
+    pose[:, 1] -= (
+        0.5 * fall_px * (t - t[0]) ** 2
+    )  # so that a line can be compared with few frames of a fast fall
     odd = []
     for i in range(len(seen)):
         near = [

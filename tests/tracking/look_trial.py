@@ -1,0 +1,143 @@
+"""Trial of the tracker on films as hard as reality: `python -m tests.tracking.look_trial --looks 20 --seed 0`.
+
+For each look and severity: share of the free frames that are trusted, root mean square error of a coordinate, frames
+that are off by more than 2 px among the trusted, and errors over their standard errors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.following import follow
+from rock2d_tracking.setup_file import Setup
+from rock2d_tracking.setup_writing import write_setup
+from rock2d_tracking.synthetic.real_looks import (
+    LOOK_SEVERITIES,
+    RealFrame,
+    RealLook,
+    drawn_look,
+    half_axes_px,
+    real_film,
+)  # fmt: skip
+from rock2d_tracking.tracked_film import without_jumps
+
+from rock2d.files.experiment import Experiment
+from rock2d.scene.blocks import Block, make_block
+from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+SIZE_PX, FRAMES = (480, 320), 70
+METRES_PER_PIXEL = 1e-3
+WRONG_PX = 2.0
+
+
+@dataclass
+class Outcome:
+    """What was made of one film: free frames, trusted free frames, errors in px and over their standard errors."""
+
+    look: RealLook
+    kind: str
+    size: float
+    free: int
+    found: int
+    misses: Array
+    ratios: Array
+
+    @property
+    def wrong(self) -> int:
+        """Trusted frames that are off by more than `WRONG_PX`."""
+        return int((np.hypot(*self.misses.T) > WRONG_PX).sum()) if len(self.misses) else 0
+
+
+def stated_block(look: RealLook) -> Block:
+    """The block as a set-up file states it, in a size that is a little wrong."""
+    a, b = np.array(half_axes_px(look)) * METRES_PER_PIXEL * look.stated_size
+    if look.shape == "circle":
+        return make_block("block", "circle", 0.1, "solid_sphere", diameter_m=2 * a)
+    if look.shape == "square":
+        return make_block("block", "square", 0.1, side_m=2 * a)
+    return make_block("block", "rectangle", 0.1, length_m=2 * a, height_m=2 * b)
+
+
+def setup_of(look: RealLook, folder: Path) -> Setup:
+    """The set-up file of a film of this look."""
+    fps = float(np.sqrt(9.81 / METRES_PER_PIXEL / look.fall_px))
+    block = stated_block(look)
+    ground = CrossSection([[-1.0, -1.0], [2.0, -1.0]], ["floor"])
+    rest = pd.DataFrame({
+        "release": [0, 0], "block": "block", "t_s": [0.0, 1.0], "x_m": 0.0, "y_m": 0.0, "theta_rad": 0.0
+    })  # fmt: skip
+    experiment = Experiment("look", 9.81, fps, 1e-3, 1e-2, ground, {"block": block}, trajectories=rest)
+    path = folder / "setup.yaml"
+    write_setup(path, experiment, PixelMap(METRES_PER_PIXEL, (0.0, float(SIZE_PX[1]))), ["block"])
+    text = path.read_text()
+    path.write_text(text if "detection" in text else text + "detection: {marks: false}\n")
+    return Setup(path)
+
+
+def tracked(look: RealLook, film: list[RealFrame]) -> Outcome:
+    """Track a film and compare it with the truth."""
+    with tempfile.TemporaryDirectory() as folder:
+        setup = setup_of(look, Path(folder))
+    followed = follow([f.image for f in film], setup, SIZE_PX, promised=len(film))
+    looks = followed.looks["block"]
+    misses, ratios, found = [], [], set()
+    for release in without_jumps(followed.releases, look.fall_px):
+        for sight in release.seen:
+            off = sight.pose[:2] - film[sight.frame].pose[:2]
+            misses.append(off)
+            ratios.append(off / sight.error[:2])
+            found.add(sight.frame)
+    free = {i for i, f in enumerate(film) if f.free}
+    return Outcome(look, looks.kind, looks.size, len(free), len(found & free),
+                   np.array(misses).reshape(-1, 2), np.array(ratios).reshape(-1, 2))  # fmt: skip
+
+
+def main() -> None:
+    """Run the trial and print its tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--looks", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--severities", nargs="+", default=list(LOOK_SEVERITIES))
+    chosen = parser.parse_args()
+    for severity in chosen.severities:
+        outcomes = []
+        for index in range(chosen.looks):
+            look = drawn_look(index, severity, chosen.seed)
+            found = tracked(look, list(real_film(look, SIZE_PX, FRAMES)))
+            outcomes.append(found)
+            print(
+                _line(f"{severity} {index} {look.kind} {look.shape} r {look.radius_px:.1f}", [found]),
+                flush=True,
+            )
+        print(_line(f"{severity}: all", outcomes), flush=True)
+
+
+def _line(name: str, outcomes: list[Outcome]) -> str:
+    off = np.concatenate([o.misses for o in outcomes])
+    ratios = np.concatenate([o.ratios for o in outcomes])
+    free, found = sum(o.free for o in outcomes), sum(o.found for o in outcomes)
+    wrong = sum(o.wrong for o in outcomes)
+    rms = np.sqrt((off**2).mean()) if len(off) else np.nan
+    honest = np.sqrt(np.median(ratios**2) / 0.4549) if len(off) else np.nan
+    spread = np.sqrt((ratios**2).mean()) if len(off) else np.nan
+    sizes = (
+        ", ".join(f"{o.kind} {o.size * o.look.stated_size:.3f}" for o in outcomes)
+        if len(outcomes) == 1
+        else ""
+    )
+    return (
+        f"{name:42s} trusted {found:5d}/{free:5d} = {found / max(free, 1):.3f}  rms {rms:.3f} px  "
+        f"wrong {wrong} of {len(off)}  error/se {honest:.2f} (median) {spread:.2f} (rms)  {sizes}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,238 @@
+"""The outline of a block fitted to the edge it makes in the picture, whatever the block itself looks like.
+
+Along the normal of each point of the outline the picture goes from what the block shows there to the known background.
+How far the block reaches on this line is the integral of its share: of (I - B)·(F - B) / |F - B|², with the picture I,
+the background B and the block's own colour F just inside the edge. So shading, texture, highlights and colours of the
+block do not matter; only where it has the colour of what lies behind it is its edge unknown.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d_tracking.outline import Outline
+
+Array = np.ndarray
+
+POINT_SPACING_PX = 1.5  # of the points on the outline
+FEWEST_POINTS, MOST_POINTS = 24, 120
+CORNER_SHARE = 0.12  # of a side next to a corner, where there is no single normal
+SAMPLES_PER_PX = 2.0  # along a normal
+WIDE_SHARE, NARROW_SHARE = (
+    0.75,
+    0.45,
+)  # of the inner radius on which the edge is looked for, at first and at last
+NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
+INNER_SHARE = 0.45  # of the inner half of a normal, from which the block's colour is taken
+LEAST_SHADING_PX = 4.0  # half a normal; on a shorter one, blur looks like shading
+SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
+SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
+WIDE_ROUNDS, NARROW_ROUNDS = 3, 5
+FAINTEST_EDGE_SIGMAS = 4.0  # contrast of an edge point in noise below which it is not seen
+STRONG, ENOUGH_STRONG = (
+    0.25,
+    0.6,
+)  # strength of an edge point that counts, and share of such points that is enough
+FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
+TUKEY_SIGMAS = 4.685
+SMALLEST_SCATTER_PX = 0.03
+EDGE_CORRELATION_PX = 3.0  # along the outline, over which the errors of its edge points are alike
+
+
+class EdgePoints(NamedTuple):
+    """Points on an outline about its centroid, their outward normals, and the inner radius: (n, 2), (n, 2), px."""
+
+    points: Array
+    normals: Array
+    inner_px: float
+    perimeter_px: float
+
+
+class EdgeFit(NamedTuple):
+    """What `fit_edges` found.
+
+    Attributes
+    ----------
+    pose : (3,) u, v in px and angle in rad
+    error : (3,) standard errors
+    size, size_error : factor on the outline, and its standard error (infinite if it was not fitted)
+    seen : share of the outline, where it has contrast, whose edge was found where the outline is
+    contrast : usual contrast of its edge, in grey levels
+    """
+
+    pose: Array
+    error: Array
+    size: float
+    size_error: float
+    seen: float
+    contrast: float
+
+
+def edge_points(outline: Outline) -> EdgePoints:
+    """Points spread over an outline, none near a corner."""
+    if len(outline.edges) == 0:
+        a, b = outline.semi_axes_px
+        perimeter = np.pi * (3 * (a + b) - np.sqrt((3 * a + b) * (a + 3 * b)))
+        n = int(np.clip(perimeter / POINT_SPACING_PX, FEWEST_POINTS, MOST_POINTS))
+        turn = 2 * np.pi * np.arange(n) / n
+        points = np.column_stack([a * np.cos(turn), b * np.sin(turn)])
+        normals = np.column_stack([np.cos(turn) / a, np.sin(turn) / b])
+        normals /= np.hypot(*normals.T)[:, None]
+        return EdgePoints(points, normals, float(min(a, b)), float(perimeter))
+    corners = outline.corners_px
+    ends = np.roll(corners, -1, axis=0)
+    lengths = np.hypot(*(ends - corners).T)
+    count = np.clip(lengths.sum() / POINT_SPACING_PX, FEWEST_POINTS, MOST_POINTS)
+    places: list[Array] = []
+    outward: list[Array] = []
+    for start, end, normal, length in zip(corners, ends, outline.edges[:, :2], lengths, strict=True):
+        n = max(3, round(count * length / lengths.sum()))
+        share = np.linspace(CORNER_SHARE, 1 - CORNER_SHARE, n)[:, None]
+        places.append(start + share * (end - start))
+        outward.append(np.tile(normal, (n, 1)))
+    return EdgePoints(
+        np.concatenate(places),
+        np.concatenate(outward),
+        float(outline.edges[:, 2].min()),
+        float(lengths.sum()),
+    )
+
+
+def fit_edges(
+    image: Array,
+    background: Array,
+    visible: Array,
+    noise: float,
+    edge: EdgePoints,
+    start: Array,
+    *,
+    symmetric: bool,
+    free_size: bool = False,
+) -> EdgeFit | None:
+    """Fit position, angle and, if `free_size`, size of an outline to its edge in a patch of a frame; None if it fails.
+
+    image, background : (h, w) or (h, w, 3) float32
+    visible : (h, w) uint8, 0 where soil may hide the block
+    noise : 1 sigma of a pixel in grey levels
+    start : (3,) u, v in px and angle in rad in the patch
+    symmetric : whether the outline is a circle, which has no angle
+    """
+    p = np.array([start[0], start[1], start[2], 1.0])
+    free = np.array([True, True, not symmetric, free_size])
+    scatter, curve, seen, contrast = 1.0, np.eye(4), 0.0, 0.0
+    reach = float(np.hypot(*edge.points.T).max())
+    for round_ in range(WIDE_ROUNDS + NARROW_ROUNDS):
+        wide = round_ < WIDE_ROUNDS
+        if wide:
+            half = max(WIDE_SHARE * edge.inner_px, NARROWEST_PX)
+        else:
+            half = min(max(NARROW_SHARE * edge.inner_px, NARROWEST_PX), WIDEST_PX)
+        offset, strength = _offsets(image, background, visible, noise, edge, p, half)
+        if (strength > 0).sum() < FEWEST_POINTS // 3:
+            return None
+        turned, normals = _placed(edge, p)
+        columns = np.column_stack([
+            normals, turned[:, 0] * normals[:, 1] - turned[:, 1] * normals[:, 0], (turned * normals).sum(axis=1) / p[3]
+        ])[:, free if not wide else free & [True, True, True, False]]  # fmt: skip
+        weight = strength.copy()
+        for _ in range(3):
+            root = np.sqrt(weight)[:, None]
+            step, *_ = np.linalg.lstsq(columns * root, offset * root[:, 0], rcond=None)
+            left = offset - columns @ step
+            spread = 1.4826 * _weighted_median(np.abs(left), strength)
+            scatter = max(spread, SMALLEST_SCATTER_PX)
+            limit = TUKEY_SIGMAS * max(scatter, 0.1) * (2.0 if wide else 1.0)
+            weight = strength * np.clip(1 - (left / limit) ** 2, 0, None) ** 2
+        full = np.zeros(4)
+        full[free if not wide else free & [True, True, True, False]] = step
+        length = float(np.hypot(*full[:2]))
+        full[:2] *= min(1.0, 0.6 * half / max(length, 1e-9))
+        full[2] = np.clip(full[2], -0.3, 0.3)
+        full[3] = np.clip(full[3], -0.1, 0.1)
+        p += full
+        if not np.isfinite(p).all() or not 0.5 < p[3] < 2.0:
+            return None
+        curve = (columns * weight[:, None]).T @ columns
+        near = np.abs(left) < max(FOUND_PX, FOUND_RADII * reach)
+        strong = strength > STRONG
+        # where the block has the colour of what is behind it, its edge says nothing for or against
+        seen = float((strong & near).sum() / max(strong.sum(), ENOUGH_STRONG * len(strong)))
+        contrast = float(np.median(strength))
+        if not wide and length < 0.01 and abs(full[3]) * reach < 0.01 and round_ > WIDE_ROUNDS:
+            break
+    # neighbouring points share their errors
+    alike = max(1.0, EDGE_CORRELATION_PX / (edge.perimeter_px / len(edge.points)))
+    try:
+        inverse = np.linalg.inv(curve) * scatter**2 * alike
+    except np.linalg.LinAlgError:
+        return None
+    errors = np.full(4, np.inf)
+    errors[free] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    if symmetric:
+        errors[2] = np.nan
+    return EdgeFit(p[:3], errors[:3], float(p[3]), float(errors[3]), seen, contrast)
+
+
+def _placed(edge: EdgePoints, p: Array) -> tuple[Array, Array]:
+    """Points relative to the centre and normals, turned and sized."""
+    c, s = np.cos(p[2]), np.sin(p[2])
+    turn = np.array([[c, s], [-s, c]])
+    return p[3] * edge.points @ turn, edge.normals @ turn
+
+
+def _offsets(
+    image: Array, background: Array, visible: Array, noise: float, edge: EdgePoints, p: Array, half: float
+) -> tuple[Array, Array]:
+    """(n,) distance in px by which the block reaches beyond each edge point, and (n,) how well that is seen, 0 to 1."""
+    import cv2
+
+    turned, normals = _placed(edge, p)
+    count = 2 * int(np.ceil(half * SAMPLES_PER_PX)) + 1
+    t = np.linspace(-half, half, count)
+    u = (p[0] + turned[:, :1] + normals[:, :1] * t).astype(np.float32)
+    v = (p[1] + turned[:, 1:] + normals[:, 1:] * t).astype(np.float32)
+    height, width = image.shape[:2]
+    inside = (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
+    n = len(turned)
+    seen = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(n, count, -1)
+    behind = cv2.remap(background, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(
+        n, count, -1
+    )
+    shown = cv2.remap(visible.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    inner = t < -half * (1 - INNER_SHARE)
+    own = np.median(seen[:, inner], axis=1)[:, None]
+    if LEAST_SHADING_PX <= half <= WIDEST_PX:
+        own = own + _shading(seen[:, inner], t[inner], own)[:, None] * (t - t[inner].mean())[None, :, None]
+    contrast = own - behind
+    power = (contrast**2).sum(axis=2)
+    share = ((seen - behind) * contrast).sum(axis=2) / np.maximum(power, 1e-6)
+    step = t[1] - t[0]
+    offset = -half + step * (np.clip(share, -0.3, 1.3).sum(axis=1) - 0.5)
+    middle = np.abs(t) <= 0.6 * half
+    level = np.sqrt(power[:, middle].min(axis=1))
+    faint = FAINTEST_EDGE_SIGMAS * noise
+    strength = np.where(level > faint, level**2 / (level**2 + (3 * faint) ** 2), 0.0)
+    strength *= inside.all(axis=1) & (shown[:, middle].min(axis=1) > 0.5)
+    return offset, strength
+
+
+def _shading(inside: Array, t: Array, own: Array) -> Array:
+    """(n, colours) slope of the block's colour along the normals, alike at neighbouring points: it gets darker toward
+    the edge of its lit side."""
+    from scipy.ndimage import median_filter, uniform_filter1d
+
+    line = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
+    slope = np.einsum("t,ntc->nc", line, inside)
+    slope = uniform_filter1d(
+        median_filter(slope, (SHADING_POINTS, 1), mode="wrap"), SHADING_POINTS, axis=0, mode="wrap"
+    )
+    most = SHADING_SHARE * np.abs(own[:, 0]) / np.abs(t.mean())
+    return np.asarray(np.clip(slope, -most, most))
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])]) if total[-1] > 0 else np.inf

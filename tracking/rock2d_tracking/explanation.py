@@ -1,0 +1,149 @@
+"""Why a film was tracked as it was: candidates drawn into every frame, counts of reasons, keys to try next."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.files.folders import write_whole
+from rock2d.graphics.video_file import opened
+from rock2d_tracking.following import Followed
+from rock2d_tracking.motion import Motion
+from rock2d_tracking.setup_file import Setup
+
+Array = np.ndarray
+
+WIDTH_PX, PICTURES, PLAYED_FPS = 640, 400, 15.0
+OTHER_BGR, SHADOW_BGR, FALL_BGR, BLOCK_BGR = (255, 255, 255), (200, 120, 60), (0, 200, 255), (60, 200, 60)
+SIZE_AGREES = 0.15  # largest share by which the size that is seen may differ from the one stated
+GRAVITY_AGREES = 0.1
+FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
+
+
+def write_explanation(
+    folder: Path,
+    film: Iterable[Array],
+    motion: Motion,
+    followed: Followed | None,
+    setup: Setup | None,
+    said: str,
+) -> None:
+    """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: how tracking ended."""
+    _draw(folder, film, motion)
+    lines = [said, "", *_counts(motion, followed, setup), "", "Keys to try next:"]
+    lines += [f"{k}. {text}" for k, text in enumerate(keys_to_try(motion, followed, setup), 1)]
+    write_whole(folder / "explanation.txt", "\n".join(lines) + "\n")
+
+
+def _counts(motion: Motion, followed: Followed | None, setup: Setup | None) -> list[str]:
+    number = [len(c) for c in motion.candidates]
+    falls, other = sum(a.falls for a in motion.arcs), sum(a.other for a in motion.arcs)
+    lines = [
+        f"frames: {len(number)}; candidates in a frame: {np.median(number) if number else 0:g} (median), "
+        f"{sum(c.shadow for own in motion.candidates for c in own)} look like shadows",
+        f"arcs: {len(motion.arcs)}; {falls} fall as gravity does, {other} are bent otherwise, the others are straight",
+        f"releases that arcs show: {len(motion.chains)}",
+    ]
+    for k, chain in enumerate(motion.chains):
+        ratios = [f"{a.gravity_ratio:.3f}" for a in chain.arcs if a.falls]
+        lines.append(
+            f"  {k}: frames {chain.first} to {chain.last}, {chain.frames_seen} of them with a candidate, radius "
+            f"{np.sqrt(chain.area_px2 / np.pi):.1f} px, acceleration over gravity {', '.join(ratios)}"
+        )
+    if followed is None or setup is None:
+        return lines
+    for name, looks in followed.looks.items():
+        lines.append(
+            f"block {name}: fitted by its {looks.kind}; seen {looks.size:.3f} times as large as stated"
+            + (f" (± {looks.size_error:.3f})" if np.isfinite(looks.size_error) else " (not measured)")
+        )
+    reasons = Counter(s.reason or "trusted" for r in followed.releases for s in r.sights)
+    reasons.update(followed.rejected)
+    lines += [f"frames {reason}: {count}" for reason, count in reasons.most_common()]
+    return lines
+
+
+def keys_to_try(motion: Motion, followed: Followed | None, setup: Setup | None) -> list[str]:
+    """Three keys of the set-up file, the likeliest to help first, each with what the film says of it."""
+    found: list[str] = []
+    curved = [a for a in motion.arcs if (a.other or a.falls) and len(a.frames) >= FEWEST_CURVED]
+    if curved:
+        best = max(curved, key=lambda a: len(a.frames) * a.contrast)
+        ratio = best.gravity_ratio
+        if abs(ratio - 1.0) > GRAVITY_AGREES and ratio > 0:
+            found.append(
+                f"camera.fps: what falls accelerates {ratio:.3g} times as fast as gravity; at this scale, "
+                f"{1 / np.sqrt(ratio):.3g} times the frame rate would agree"
+            )
+            found.append(f"camera.scale: or {1 / ratio:.3g} times the metres per pixel, at this frame rate")
+        elif ratio < 0:
+            found.append("camera.up: what moves on parabolas falls toward the top of the picture")
+    areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.falls]
+    sizes = [float(np.sqrt(a / np.pi)) for a in areas]
+    if setup is not None and sizes:
+        seen = float(np.median(sizes))
+        for name, block in setup.blocks.items():
+            stated = block.size_m / 2 / setup.metres_per_pixel
+            if abs(seen / stated - 1.0) > SIZE_AGREES:
+                found.append(
+                    f"blocks.{name}: what falls has a radius of {seen:.1f} px ({seen * setup.metres_per_pixel:.4g} m); "
+                    f"the set-up file states {stated:.1f} px ({stated * setup.metres_per_pixel:.4g} m)"
+                )
+    usual = [
+        "detection.background_frames: name frames without a block, if it rests in the picture for long",
+        "detection.least_seen: lower it (now {least:g}) if blocks are partly hidden and the overlay looks right",
+        "camera.origin_px: with cross_section it says where the ground is; a block below the ground is not seen",
+        "camera.fps: frames per second of the recording, not of the playback",
+    ]
+    least = setup.keys.detection.least_seen if setup is not None else 0.55
+    return [*found, *(u.format(least=least) for u in usual)][:3]
+
+
+def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
+    import cv2
+
+    writer, still = None, None
+    stride = max(1, len(motion.candidates) // PICTURES)
+    for number, frame in enumerate(film):
+        if number % stride or number >= len(motion.candidates):
+            continue
+        scale = min(1.0, WIDTH_PX / frame.shape[1])
+        size = (int(frame.shape[1] * scale) // 2 * 2, int(frame.shape[0] * scale) // 2 * 2)
+        picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+        picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        if writer is None:
+            writer, still = opened(folder / "candidates.webm", "VP80", PLAYED_FPS, size), picture.copy()
+            _draw_arcs(still, motion, scale)
+        for c in motion.candidates[number]:
+            radius = max(2, int(np.sqrt(c.area_px2 / np.pi) * scale) + 2)
+            at = (int(c.u_px * scale), int(c.v_px * scale))
+            cv2.circle(picture, at, radius, SHADOW_BGR if c.shadow else OTHER_BGR, 1, cv2.LINE_AA)
+        chain = motion.chain_at(number)
+        place = chain.at(number) if chain is not None else None
+        if place is not None:
+            cv2.drawMarker(
+                picture, (int(place[0] * scale), int(place[1] * scale)), BLOCK_BGR, cv2.MARKER_CROSS, 14, 1
+            )
+        cv2.putText(
+            picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA
+        )
+        writer.write(picture)
+    if writer is not None and still is not None:
+        writer.release()
+        cv2.imwrite(str(folder / "candidates.png"), still)
+
+
+def _draw_arcs(picture: Array, motion: Motion, scale: float) -> None:
+    """Every arc: of blocks green, other falls yellow, the rest white."""
+    import cv2
+
+    own = {id(a) for c in motion.chains for a in c.arcs}
+    for arc in motion.arcs:
+        colour = BLOCK_BGR if id(arc) in own else FALL_BGR if arc.falls else OTHER_BGR
+        line = np.round(arc.at(np.linspace(arc.first, arc.last, 60)) * scale).astype(np.int32)
+        cv2.polylines(picture, [line], False, colour, 1, cv2.LINE_AA)
+        for u, v in arc.places * scale:
+            cv2.circle(picture, (int(u), int(v)), 2, colour, 1, cv2.LINE_AA)

@@ -1,0 +1,154 @@
+"""What the blocks of a film look like, learned where their arcs say that they are: the colour in which they stand out,
+how large they are, and which fit their picture allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rock2d_tracking.edges import EdgePoints, edge_points
+from rock2d_tracking.outline import Outline
+
+Array = np.ndarray
+
+GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
+COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used
+CORE_RADII, RING_RADII = 0.7, (1.4, 2.2)  # of the pixels that are block and background, around an arc's place
+TEMPLATE_RADII = 1.35  # half width of a learned picture
+LEAST_MATCH = 0.6  # correlation with the learned picture
+SEARCH_RADII = 0.8  # around the expected place in which the learned picture is looked for
+
+SLOW_ERROR_FACTOR = 2.0  # errors of edges and pictures, over their scatter from frame to frame
+
+Kind = Literal["outline", "edge", "picture"]
+
+
+@dataclass(frozen=True)
+class View:
+    """How a frame becomes one value a pixel: as it is, in grey, or along the colour that tells the block best.
+
+    Attributes
+    ----------
+    weights_bgr : weights of the colours; None for the usual grey
+    """
+
+    weights_bgr: Array | None = None
+
+    def __call__(self, frame: Array) -> Array:
+        """(height, width) uint8."""
+        import cv2
+
+        if frame.ndim == 2:
+            return frame
+        if self.weights_bgr is None:
+            return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
+        w = self.weights_bgr
+        zero = 255.0 * float(-w[w < 0].sum())  # so that no value is negative
+        return np.asarray(cv2.transform(frame, np.append(w, zero)[None].astype(np.float32)))
+
+
+@dataclass(frozen=True)
+class Looks:
+    """How one block is found in a picture.
+
+    Attributes
+    ----------
+    kind : fitted by its whole outline with one grey, by its edge alone, or by correlation with a learned picture
+    outline : its outline in the size in which it is seen
+    size, size_error : size that was seen over the size stated, and its standard error
+    picture : difference from the background that was learned, float32; only of kind "picture"
+    bias_px : of a coordinate found by the outline, if it is so fitted
+    scatter_px : of the places that correlation found about their arcs
+    """
+
+    kind: Kind
+    outline: Outline
+    edge: EdgePoints
+    size: float = 1.0
+    size_error: float = np.inf
+    picture: Array | None = None
+    scatter_px: float = 0.0
+    bias_px: float = 0.0
+
+
+def plain_looks(outline: Outline) -> Looks:
+    """A block of one grey, of the size stated."""
+    return Looks("outline", outline, edge_points(outline))
+
+
+def best_view(shots: list[tuple[Array, Array]], still: Array, radius_px: float) -> View:
+    """The view in which blocks stand out best; `shots`: pictures and where a block is in each, `still`: without it."""
+    if still.ndim == 2 or not shots:
+        return View()
+    steps = []
+    for picture, place in shots:
+        core = _ring(still.shape[:2], place, 0.0, CORE_RADII * radius_px)
+        if core[0].size:
+            steps.append((picture[core].astype(float) - still[core]).mean(axis=0))
+    if not steps:
+        return View()
+    step = np.median(steps, axis=0)
+    size = float(np.hypot.reduce(step))
+    by_grey = abs(float(step @ GREY_BGR)) / float(np.hypot.reduce(GREY_BGR))
+    if size < COLOUR_GAIN * by_grey or size == 0.0:
+        return View()
+    return View(step / np.abs(step).sum())
+
+
+def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float) -> tuple[Array, Array]:
+    """Rows and columns of the pixels between two circles."""
+    v0, v1 = (int(np.clip(place[1] + d, 0, shape[0])) for d in (-outer_px, outer_px + 1))
+    u0, u1 = (int(np.clip(place[0] + d, 0, shape[1])) for d in (-outer_px, outer_px + 1))
+    v, u = np.mgrid[v0:v1, u0:u1]
+    away = np.hypot(u - place[0], v - place[1])
+    within = (away <= outer_px) & (away >= inner_px)
+    return v[within], u[within]
+
+
+def learned_picture(shots: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
+    """Usual difference from the background around a block (2 h + 1 pixels wide); None without a shot inside it."""
+    import cv2
+
+    half = int(np.ceil(TEMPLATE_RADII * radius_px)) + 1
+    size = (2 * half + 1, 2 * half + 1)
+    found = []
+    for picture, place in shots:
+        u, v = place
+        if not (half <= u < still.shape[1] - half - 1 and half <= v < still.shape[0] - half - 1):
+            continue
+        off = picture.astype(np.float32) - still
+        found.append(cv2.getRectSubPix(off, size, (float(u), float(v))))
+    return np.median(found, axis=0).astype(np.float32) if found else None
+
+
+def matched(
+    image: Array, background: Array, picture: Array, start: Array, reach_px: float
+) -> tuple[Array, float] | None:
+    """Place (2,) in the patch at which the difference from the background matches `picture` best, and the correlation;
+    None if it leaves the patch."""
+    import cv2
+
+    half, off = picture.shape[0] // 2, image - background
+    search = max(3, int(SEARCH_RADII * reach_px))
+    off = cv2.copyMakeBorder(off, half, half, half, half, cv2.BORDER_CONSTANT, value=0)
+    u, v = round(float(start[0])) + half, round(float(start[1])) + half
+    top, left = max(v - half - search, 0), max(u - half - search, 0)
+    part = off[top : v + half + search + 1, left : u + half + search + 1]
+    if min(part.shape) < picture.shape[0] + 2:
+        return None
+    match = cv2.matchTemplate(part, picture, cv2.TM_CCOEFF_NORMED)
+    row, column = np.unravel_index(int(np.argmax(match)), match.shape)
+    if not (0 < row < match.shape[0] - 1 and 0 < column < match.shape[1] - 1):
+        return None
+    best = float(match[row, column])
+    du = _top(match[row, column - 1], best, match[row, column + 1])
+    dv = _top(match[row - 1, column], best, match[row + 1, column])
+    return np.array([left + column + du, top + row + dv], float), best
+
+
+def _top(left: float, middle: float, right: float) -> float:
+    """Place of the top of the parabola through three values."""
+    bend = left - 2 * middle + right
+    return float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5)) if bend < 0 else 0.0

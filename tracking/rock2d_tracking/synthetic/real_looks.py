@@ -1,0 +1,286 @@
+"""Films as hard as reality: blocks that are shaded, shiny, textured, coloured or half transparent, before an untidy
+background, with hands, soft shadows, motion blur, a rolling shutter, over-exposure and compression.
+
+Light is added up in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. Twenty looks, drawn from
+a seed, at three severities, are what the tracking trial runs on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+
+LOOK_KINDS = ("matte", "shaded", "shiny black", "textured", "coloured", "half transparent", "white")
+LOOK_SEVERITIES = {"mild": 0.25, "moderate": 0.6, "severe": 1.0}
+FINE = 3  # parts of the side of a pixel
+EXPOSURE_POSES = 6  # poses while the shutter is open
+MOST_SIZE_ERROR = 0.03  # of the size that is stated for a block
+REFLECTANCE_TEXTURE = 0.6  # share by which the darkest spot of a textured block is darker
+SKIN = np.array([0.22, 0.34, 0.55])  # blue, green, red
+SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are balls
+LENGTH_RATIO = 0.6  # height of a rectangle over its length
+REST_FRAMES = 6  # at the start, in which the hand holds the block
+SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # of the shadow on the wall behind the block
+
+
+@dataclass(frozen=True)
+class RealLook:
+    """What a film looks like; lengths in px, light from 0 to 1, colours blue, green, red.
+
+    Attributes
+    ----------
+    radius_px : half the size of the block
+    stated_size : size that a set-up file states, over the true one
+    step_px, fall_px : way of the block in a frame, and gravity in px per frame squared
+    """
+
+    kind: str
+    shape: str
+    radius_px: float
+    stated_size: float
+    step_px: float
+    fall_px: float
+    colour: Array
+    background: Array
+    light: Array
+    ambient: float
+    diffuse: float
+    specular: float
+    shine: float
+    texture: float
+    opacity: float
+    untidy: float
+    shadow: float
+    hand: bool
+    moving: float
+    shutter: float
+    rolling: float
+    exposure: float
+    gamma: float
+    noise: float
+    blur_px: float
+    quality: int
+    seed: int
+
+
+class RealFrame(NamedTuple):
+    """A frame and the truth: u, v in px and angle in rad, from u toward v, and whether the block is whole and free."""
+
+    image: Array
+    pose: Array
+    free: bool
+
+
+def drawn_look(index: int, severity: str, seed: int = 0) -> RealLook:
+    """Look `index` of a seed; the severity scales what spoils the film, not what it shows."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, index]))
+    hard = LOOK_SEVERITIES[severity]
+    kind = LOOK_KINDS[index % len(LOOK_KINDS)]
+    shape = SHAPES[int(rng.integers(len(SHAPES)))] if kind != "shiny black" else "circle"
+    dark = kind not in ("white", "shiny black") and rng.random() < 0.5
+    wall = rng.uniform(0.01, 0.05) if dark or kind == "white" else rng.uniform(0.15, 0.5)
+    background = wall * rng.uniform(0.8, 1.2, 3)
+    bright = rng.uniform(0.5, 0.9) if wall < 0.1 else rng.uniform(0.6, 0.95)
+    colour = bright * np.ones(3)
+    if kind == "shiny black":
+        colour = np.full(3, 0.01)
+    if kind == "coloured":  # as bright as the wall in grey, but of another colour
+        colour = np.roll(np.array([0.1, 0.3, 1.0]), int(rng.integers(3)))
+        colour *= wall / float(colour @ [0.114, 0.587, 0.299])
+        colour = np.clip(colour, 0.0, 1.0)
+    fast = rng.random() < 0.5
+    radius = rng.uniform(5, 12) if fast else rng.uniform(10, 28)
+    light = rng.normal(size=3) * [0.6, 0.3, 0.0] + [0.0, -0.6, 0.7]
+    step = rng.uniform(8, 20) if fast else rng.uniform(1.5, 5)
+    return RealLook(
+        kind, shape, radius, 1.0 + MOST_SIZE_ERROR * hard * rng.uniform(-1, 1), step,
+        rng.uniform(1.5, 4.0) if fast else rng.uniform(0.05, 0.2),
+        colour, background, light / np.linalg.norm(light),
+        ambient=0.8 if kind in ("matte", "white") else rng.uniform(0.25, 0.5),
+        diffuse=0.2 if kind in ("matte", "white") else rng.uniform(0.5, 0.9),
+        specular=rng.uniform(0.6, 1.2) if kind == "shiny black" else 0.3 * rng.random(),
+        shine=rng.uniform(20, 60),
+        texture=REFLECTANCE_TEXTURE if kind == "textured" else 0.1 * rng.random(),
+        opacity=rng.uniform(0.45, 0.65) if kind == "half transparent" else 1.0,
+        untidy=hard * rng.uniform(0.3, 0.8), shadow=hard * rng.uniform(0.2, 0.5),
+        hand=bool(rng.random() < 0.3 + 0.6 * hard), moving=hard * rng.uniform(0.0, 0.15),
+        shutter=hard * rng.uniform(0.1, 0.5), rolling=hard * rng.uniform(0.0, 0.6),
+        exposure=1.0 + hard * rng.uniform(-0.1, 0.6), gamma=rng.uniform(1.8, 2.4),
+        noise=0.3 + hard * rng.uniform(1.0, 4.0), blur_px=0.5 + hard * rng.uniform(0.1, 0.8),
+        quality=int(98 - hard * rng.uniform(20, 50)), seed=int(rng.integers(2**31)),
+    )  # fmt: skip
+
+
+def path_of(look: RealLook, frames: int, size_px: tuple[int, int]) -> Array:
+    """(frames, 3) poses in the middle of the exposures at the top row: a throw, and bounces on a floor."""
+    return _path(look, np.arange(frames, dtype=float), size_px)
+
+
+def _path(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
+    width, height = size_px
+    floor = height - 1.6 * look.radius_px - 12
+    start = np.array([0.12 * width + look.radius_px, 0.35 * height])
+    vx = 0.6 * look.step_px
+    vy = -look.step_px * 0.6
+    poses = np.empty((len(t), 3))
+    for i, when in enumerate(t):
+        flown = max(when - REST_FRAMES, 0.0)
+        u, y, v = start[0] + vx * flown, start[1], vy
+        left = flown
+        for _ in range(20):
+            drop = floor - y
+            root = v * v + 2 * look.fall_px * drop
+            hit = (-v + np.sqrt(max(root, 0.0))) / look.fall_px
+            if hit >= left:
+                y, left = y + v * left + 0.5 * look.fall_px * left**2, 0.0
+                break
+            v, y, left = -0.75 * (v + look.fall_px * hit), floor, left - hit
+        poses[i] = [u, min(y, floor), 0.6 * vx / look.radius_px * flown]
+    return poses
+
+
+def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int = 90) -> Iterator[RealFrame]:
+    """Film a block of this look until it leaves the picture or `frames` are full."""
+    import cv2
+
+    rng = np.random.default_rng(np.random.SeedSequence([look.seed, 1]))
+    wall = _wall(look, size_px, rng)
+    width, height = size_px
+    times = _times(look, np.arange(frames, dtype=float), size_px)
+    poses = _path(look, times, size_px)
+    for i in range(frames):
+        if poses[i, 0] > width + 2 * look.radius_px:
+            return
+        light = _swayed(wall, look, i)
+        _draw_shadow(light, look, poses[i])
+        spread = look.shutter * (np.arange(EXPOSURE_POSES) / EXPOSURE_POSES - 0.5 + 0.5 / EXPOSURE_POSES)
+        count = EXPOSURE_POSES if look.shutter * look.step_px > 0.3 else 1
+        exposed = _path(look, times[i] + (spread if count > 1 else np.zeros(1)), size_px)
+        for cover, colour, box in [_drawn(look, pose, size_px) for pose in exposed]:
+            if cover.size:
+                light[box] += look.opacity * cover[..., None] / count * (colour - wall[box])
+        touched = look.hand and _draw_hand(light, look, i, poses)
+        light = cv2.GaussianBlur(light, (0, 0), look.blur_px)
+        image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
+        image += look.noise * rng.standard_normal(image.shape, np.float32)
+        jpeg = cv2.imencode(
+            ".jpg", np.clip(np.rint(image), 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, look.quality]
+        )[1]
+        reach = 1.5 * look.radius_px
+        u, v = poses[i, :2]
+        free = not touched and reach < u < width - reach and reach < v < height - reach and i >= REST_FRAMES
+        yield RealFrame(np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), poses[i], bool(free))
+
+
+def _times(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
+    """Instants at which the rows of the block are read, in frames: a rolling shutter reads one row after the other."""
+    at = t.copy()
+    for _ in range(4):
+        at = t + look.rolling * _path(look, at, size_px)[:, 1] / size_px[1]
+    return at
+
+
+def _wall(look: RealLook, size_px: tuple[int, int], rng: np.random.Generator) -> Array:
+    """(height, width, 3) float32: uneven light, stains, and posters with edges."""
+    import cv2
+
+    width, height = size_px
+    wall = np.ones((height, width, 3), np.float32) * look.background.astype(np.float32)
+    stains = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), 12)
+    wall *= np.clip(1.0 + 0.3 * look.untidy * stains / stains.std(), 0.2, 2.0)[..., None]
+    for _ in range(int(12 * look.untidy)):
+        u, v = int(rng.integers(width)), int(rng.integers(height))
+        du, dv = rng.integers(8, 90, 2).tolist()
+        shade = look.background * np.exp(rng.normal(0.0, 0.9 * look.untidy, 3))
+        cv2.rectangle(wall, (u, v), (u + du, v + dv), np.clip(shade, 0, 1).tolist(), -1, cv2.LINE_AA)
+    return wall
+
+
+def _swayed(wall: Array, look: RealLook, frame: int) -> Array:
+    """The wall in one frame: its right upper quarter, a curtain, sways."""
+    if look.moving == 0.0:
+        return wall.copy()
+    out, height, width = wall.copy(), *wall.shape[:2]
+    shift = round(30 * look.moving * np.sin(0.4 * frame))
+    part = np.s_[: height // 3, 2 * width // 3 :]
+    out[part] = np.roll(wall[part], shift, axis=1)
+    return out
+
+
+def _draw_shadow(light: Array, look: RealLook, pose: Array) -> None:
+    away = SHADOW_AWAY_RADII * look.radius_px
+    half = 1.1 * look.radius_px
+    v, u = np.ogrid[: light.shape[0], : light.shape[1]]
+    soft = np.exp(-0.5 * (((u - pose[0] - away[0]) / half) ** 2 + ((v - pose[1] - away[1]) / half) ** 2) ** 2)
+    light *= (1.0 - look.shadow * soft[..., None]).astype(np.float32)
+
+
+def _draw_hand(light: Array, look: RealLook, frame: int, poses: Array) -> bool:
+    """Draw a hand that throws and draws back; returns whether it touches the block."""
+    import cv2
+
+    follow = min(frame, REST_FRAMES + 2)
+    back = max(frame - REST_FRAMES - 2, 0) * 0.5 * look.step_px
+    tip = poses[follow, :2] + [-0.4 * look.radius_px - back, 0.7 * look.radius_px + 0.7 * back]
+    size = 2.0 * look.radius_px + 12
+    palm = [(tip + np.array([-size * 0.6, 0.25 * size]), 0.5 * size), (tip, 0.28 * size)]
+    for (u, v), r in palm:
+        cv2.circle(light, (int(u), int(v)), int(r), (SKIN * 0.6).tolist(), -1, cv2.LINE_AA)
+    cv2.line(
+        light,
+        (int(palm[0][0][0]), int(palm[0][0][1])),
+        (-20, int(palm[0][0][1] + 60)),
+        (SKIN * 0.5).tolist(),
+        max(2, int(0.5 * size)),
+        cv2.LINE_AA,
+    )
+    gap = min(float(np.hypot(*(poses[frame, :2] - centre))) - r for centre, r in palm)
+    return gap < 1.6 * look.radius_px
+
+
+def half_axes_px(look: RealLook) -> tuple[float, float]:
+    """Half length and half height of the block."""
+    r = look.radius_px
+    return (r, r) if look.shape != "rectangle" else (r, LENGTH_RATIO * r)
+
+
+def _drawn(look: RealLook, pose: Array, size_px: tuple[int, int]) -> tuple[Array, Array, tuple[slice, slice]]:
+    """Share of each pixel that the block covers, its colour there, and where in the picture."""
+    import cv2
+
+    a, b = half_axes_px(look)
+    reach = int(np.ceil(np.hypot(a, b))) + 2
+    u0, v0 = int(pose[0]) - reach, int(pose[1]) - reach
+    n = 2 * reach + 1
+    left, top = max(u0, 0), max(v0, 0)
+    right, bottom = min(u0 + n, size_px[0]), min(v0 + n, size_px[1])
+    if right <= left or bottom <= top:
+        return np.empty(0), np.empty(0), np.s_[0:0, 0:0]
+    grid = (np.arange(FINE * n) + 0.5) / FINE - 0.5
+    x, y = grid[None, :] + u0 - pose[0], grid[:, None] + v0 - pose[1]
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    qx, qy = c * x + s * y, -s * x + c * y
+    if look.shape == "circle":
+        inside = x * x + y * y <= a * a
+        nx, ny = np.clip(x / a, -1, 1) + 0 * y, np.clip(y / a, -1, 1) + 0 * x
+        nz = np.sqrt(np.clip(1 - nx * nx - ny * ny, 0, 1))
+    else:
+        inside = (np.abs(qx) <= a) & (np.abs(qy) <= b)
+        nx, ny, nz = 0.3 * qx / a, 0.3 * qy / b, np.full(qx.shape, 0.95)  # faces are a little uneven
+    lit = np.clip(nx * look.light[0] + ny * look.light[1] + nz * look.light[2], 0, 1)
+    half = look.light + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half)
+    gloss = np.clip(nx * half[0] + ny * half[1] + nz * half[2], 0, 1) ** look.shine
+    spots = 0.5 + 0.5 * np.sin(4.0 * qx / a + 1.0) * np.sin(5.0 * qy / b)
+    shade = (look.ambient + look.diffuse * lit) * (1.0 - look.texture * spots)
+    colour = shade[..., None] * look.colour + look.specular * gloss[..., None]
+    cover = cv2.resize(inside.astype(np.float32), (n, n), interpolation=cv2.INTER_AREA)
+    seen = cv2.resize((colour * inside[..., None]).astype(np.float32), (n, n), interpolation=cv2.INTER_AREA)
+    seen /= np.maximum(cover, 1e-6)[..., None]
+    box = np.s_[top - v0 : bottom - v0, left - u0 : right - u0]
+    return cover[box], seen[box], np.s_[top:bottom, left:right]

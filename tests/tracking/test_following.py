@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from dataclasses import dataclass
 
 import cv2
@@ -99,6 +100,18 @@ def test_a_spoiled_film_is_followed_and_no_frame_is_far_off(tracked, block):
     assert np.sqrt((far**2).mean() / 2) < 0.3
     assert np.rad2deg(np.sqrt((turn**2).mean())) < 1.5
     assert far.max() < 2.0
+
+
+@pytest.mark.parametrize("factor", [0.97, 1.03])
+def test_a_size_that_is_stated_wrong_is_corrected(tracked, tmp_path, factor):
+    found, path = tracked(CLEAN), tmp_path / "setup.yaml"
+    sizes = re.compile(r"(diameter_m|side_m|length_m|height_m): ([\d.e-]+)")
+    text = sizes.sub(lambda m: f"{m[1]}: {float(m[2]) * factor:.9g}", found.setup.path.read_text())
+    path.write_text(text)
+    followed = follow([s.image for s in found.shots], Setup(path), SIZE_PX)
+    assert [len(r.seen) for r in followed.releases] == [220, 220, 220]
+    for looks in followed.looks.values():
+        assert looks.size * factor == pytest.approx(1.0, abs=0.005)
 
 
 def test_releases_of_one_film_are_told_apart(tracked):

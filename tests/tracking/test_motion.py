@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rock2d_tracking.motion import Candidate, arcs_of_other_gravity, find_arcs, find_chains, motion_of
+from rock2d_tracking.candidates import Candidate
+from rock2d_tracking.motion import arcs_of_other_gravity, find_arcs, find_chains, motion_of
 
 FALL_PX = 2.0
 

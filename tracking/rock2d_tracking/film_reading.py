@@ -75,14 +75,18 @@ class Frames:
 
         Raises `InputError` if there is none, or if the file ends before it should and `last` does not say so.
         """
-        capture, count = self.film._opened(), 0
+        import cv2
+
+        capture, count, grey = self.film._opened(), 0, False
         try:
             while self.last is None or count < self.last:
                 done, image = capture.read()
                 if not done:
                     break
+                if count == 0:  # codecs give grey films in three equal colours
+                    grey = image.ndim == 3 and not np.ptp(image, axis=2).any()
                 count += 1
-                yield image
+                yield cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if grey else image
         finally:
             capture.release()
         if count == 0:

@@ -9,29 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
+
+from rock2d_tracking.candidates import Candidate, candidates_of
 
 Array = np.ndarray
 
 COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at most
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least
 CHUNK_BYTES = 400_000_000  # of coarse pictures that share a background
-CHUNK_SAMPLES = 41  # pictures whose median the background is
 FULL_SAMPLES = 25  # pictures of full size that are kept for the background of the fits
-CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
-LEAST_AREA_PX = 6  # of a candidate in the coarse picture
-LARGEST_AREA_SHARE = 0.2  # of the picture
-MOST_CANDIDATES = 30  # of a frame
-CORE_SHARE = 0.45  # of a strong change: the weaker rim of a candidate is blur and shadow
-STRONG_QUANTILES = (
-    0.9,
-    0.6,
-)  # of a candidate's changes: the first cuts shadows off, the second keeps round highlights
-SAME_PX, SAME_AREA = 1.5, 1.25  # of two cores that are one
-SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
-SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
 CASTER_PX, CASTER_SHARE = 3.0, 0.08  # change of the distance from a block to its shadow, and share of its way
 CHANGE_RATIO = (
@@ -48,27 +36,6 @@ STEP_TOLERANCE = 0.04  # ... and share of the step to it
 MOVED_RADII = 1.5  # way of an arc, at least
 LONGEST_LINK_S, LONGEST_LINK_FRAMES = 0.25, 4  # between two arcs of one release
 FEWEST_CHAIN_FRAMES = 6
-
-
-class Candidate(NamedTuple):
-    """Something that differs from the background in one frame.
-
-    Attributes
-    ----------
-    u_px, v_px : its centroid in the film's pixels
-    area_px2 : its area in the film's pixels
-    whole : whether it is clear of the edges of the picture
-    change : (3,) mean change of its colours, in grey levels; all alike in a grey film
-    shadow : whether it only darkens the background
-    """
-
-    frame: int
-    u_px: float
-    v_px: float
-    area_px2: float
-    whole: bool
-    change: tuple[float, float, float]
-    shadow: bool
 
 
 @dataclass
@@ -221,10 +188,10 @@ def motion_of(
         size = (frame.shape[1] // coarse, frame.shape[0] // coarse)
         chunk.append(cv2.resize(frame, size, interpolation=cv2.INTER_AREA) if coarse > 1 else frame)
         if sum(c.nbytes for c in chunk[-1:]) * len(chunk) > CHUNK_BYTES:
-            found.candidates += _candidates(chunk, len(found.candidates), coarse, radii_px)
+            found.candidates += candidates_of(chunk, len(found.candidates), coarse)
             chunk = []
     if chunk:
-        found.candidates += _candidates(chunk, len(found.candidates), coarse, radii_px)
+        found.candidates += candidates_of(chunk, len(found.candidates), coarse)
     found.arcs = find_arcs(found.candidates, fall_px)
     found.chains = find_chains(found.arcs, fps, radii_px)
     if not found.chains:
@@ -237,102 +204,6 @@ def _coarseness(width: int, radii_px: list[float]) -> int:
     if radii_px:
         coarse = int(min(radii_px) / COARSE_RADIUS_PX)
     return max(1, coarse)
-
-
-# --- candidates of a frame ---
-
-
-def _candidates(
-    pictures: list[Array], first: int, coarse: int, radii_px: list[float]
-) -> list[list[Candidate]]:
-    import cv2
-
-    chosen = np.unique(
-        np.linspace(0, len(pictures) - 1, min(len(pictures), CHUNK_SAMPLES)).round().astype(int)
-    )
-    stack = np.stack([pictures[i] for i in chosen])
-    still = np.median(stack, axis=0).astype(np.uint8)
-    limit = _limit(stack, still)
-    found = []
-    for i, picture in enumerate(pictures):
-        off = cv2.absdiff(picture, still)
-        mask: Array = (cv2.subtract(off, limit) > 0).astype(np.uint8)
-        if mask.ndim == 3:
-            mask = mask.max(axis=2)
-        # single pixels are noise; holes come from parts with the grey of the background
-        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
-        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)))
-        found.append(_components(mask, picture, still, first + i, coarse))
-    return found
-
-
-def _limit(stack: Array, still: Array) -> Array:
-    """Change of each pixel beyond which it moves: its own noise, so that what flickers or waves does not count."""
-    steps = np.abs(np.diff(stack.astype(np.int16), axis=0)) if len(stack) > 1 else np.zeros_like(stack[:1])
-    own = np.median(steps, axis=0) / (0.6745 * np.sqrt(2.0))
-    level = np.mean(own)
-    return np.clip(CHANGED_SIGMAS * np.maximum(own, level), LEAST_CHANGE_GREY, 250).astype(np.uint8)
-
-
-def _components(mask: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
-    """The cores of what changed: a block and its shadow, or a hand, touch only by their rims."""
-    import cv2
-
-    count, labels = cv2.connectedComponents(mask)
-    if count == 1:
-        return []
-    apart = np.asarray(cv2.absdiff(picture, still))
-    off: Array = apart.max(axis=2) if apart.ndim == 3 else apart
-    inside = np.flatnonzero(labels)
-    own, change = labels.ravel()[inside], off.ravel()[inside]
-    order = np.lexsort((change, own))
-    ends = np.searchsorted(own[order], np.arange(1, count + 1))
-    found: list[Candidate] = []
-    for quantile in STRONG_QUANTILES:
-        strong = np.zeros(count)
-        strong[1:] = change[order][(ends[:-1] + quantile * (np.diff(ends) - 1)).astype(int)]
-        core = (off > CORE_SHARE * strong[labels]) & (mask > 0)
-        for c in _cores(core.astype(np.uint8), picture, still, frame, coarse):
-            same = (o for o in found if max(abs(o.u_px - c.u_px), abs(o.v_px - c.v_px)) < SAME_PX * coarse)
-            if not any(1 / SAME_AREA < o.area_px2 / c.area_px2 < SAME_AREA for o in same):
-                found.append(c)
-    # what stands out most, in area and colour; the rest is flicker
-    found.sort(key=lambda c: -c.area_px2 * max(map(abs, c.change)))
-    return found[:MOST_CANDIDATES]
-
-
-def _cores(core: Array, picture: Array, still: Array, frame: int, coarse: int) -> list[Candidate]:
-    import cv2
-
-    _, labels, stats, centres = cv2.connectedComponentsWithStats(core, connectivity=4)
-    height, width = core.shape
-    order = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[: 2 * MOST_CANDIDATES]
-    found = []
-    for k in order.tolist():
-        left, top, wide, high, area = stats[k].tolist()
-        if area < LEAST_AREA_PX or area > LARGEST_AREA_SHARE * core.size:
-            continue
-        box = np.s_[top : top + high, left : left + wide]
-        within = labels[box] == k
-        now, before = (a[box][within].reshape(area, -1).astype(float) for a in (picture, still))
-        change = np.broadcast_to((now - before).mean(axis=0), 3)
-        whole = left > 0 and top > 0 and left + wide < width and top + high < height
-        u, v = (centres[k] + 0.5) * coarse - 0.5
-        found.append(Candidate(
-            frame, float(u), float(v), float(area * coarse**2), whole,
-            (float(change[0]), float(change[1]), float(change[2])), _is_shadow(now, before),
-        ))  # fmt: skip
-    return found
-
-
-def _is_shadow(now: Array, before: Array) -> bool:
-    """Whether pixels (n, colours) are the background's, all darker by about the same factor in every colour."""
-    ratio = (now + 2.0) / (before + 2.0)
-    middle = np.median(ratio, axis=0)
-    return bool(
-        SHADOW_RATIOS[0] < middle.min() and middle.max() < SHADOW_RATIOS[1]
-        and np.ptp(middle) < SHADOW_COLOURS and ratio.mean(axis=1).std() < SHADOW_SPREAD
-    )  # fmt: skip
 
 
 # --- arcs ---

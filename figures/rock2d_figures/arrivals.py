@@ -43,7 +43,8 @@ def figure(results: ArrivalResults, known: KnownSetup) -> Figure:
         _interval(axes[2], row, np.hypot(mean[:, 3], mean[:, 4]))
         _interval(axes[3], row, np.abs(mean[:, 5]))
     titles = (
-        "first impacts\non facing (%)", "angle to the\nfacing's normal (°)", "speed off\nthe slope (m/s)", "spin (rad/s)",
+        "first impacts\non facing (%)", "angle to the\nfacing's normal (°)",
+        "speed off\nthe slope (m/s)", "spin (rad/s)",
     )  # fmt: skip
     for axis, title in zip(axes, titles, strict=True):
         axis.set_xlabel(title, fontsize=SMALL_PT)

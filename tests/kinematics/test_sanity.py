@@ -271,3 +271,15 @@ def test_lost_frames_are_remarked(plain):
     lost = 100 * (1 - len(kept) / len(plain.trajectories))
     found = check_film(plain, load_film(replace(plain, trajectories=kept)))
     assert not found.faults and f"{lost:.0f} %" in found.remarks[0]
+
+
+def test_an_angle_that_is_left_empty_is_not_asked_for():
+    """A ball without marks: its column is empty, and nothing is stated that could be wrong."""
+    experiment = film(world(), 6)
+    table = experiment.trajectories
+    balls = [name for name, block in experiment.blocks.items() if block.shape == "circle"]
+    experiment.trajectories = table.assign(theta_rad=table["theta_rad"].mask(table["block"].isin(balls)))
+    found = check_film(experiment, load_film(experiment))
+    assert balls and not any(
+        "never changes" in said for said in [*found.remarks, *(f.message for f in found.faults)]
+    )

@@ -1,4 +1,4 @@
-"""Confidence intervals of frequencies and percentiles.
+"""Confidence intervals of frequencies and percentiles, and a weighted median.
 
 Sources: E. B. Wilson, Probable inference, the law of succession, and statistical inference, J. Am. Stat. Assoc. 22
 (1927) 209-212; H. A. David and H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1.
@@ -21,6 +21,13 @@ def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tup
 
     interval = stats.binomtest(passed, releases).proportion_ci(confidence, method="wilson")
     return float(interval.low), float(interval.high)
+
+
+def weighted_median(values: Array, weights: Array) -> float:
+    """Median of values (n,) that count by their weights (n,); infinite if all weights are 0."""
+    order = np.argsort(values)
+    passed = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(passed, 0.5 * passed[-1])]) if passed[-1] > 0 else np.inf
 
 
 def percentile_interval(values: Array, percentile: float, confidence: float = 0.95) -> tuple[float, float]:

@@ -29,6 +29,7 @@ from rock2d.kinematics.recorded_gravity import (
     STEEP,
 )
 from rock2d.records.columns import POSITION, X, Y
+from rock2d.statistics import weighted_median
 
 Array = np.ndarray
 
@@ -293,17 +294,11 @@ def _falls(fits: _Fits, stated_m_s2: float) -> Array:
     own = (near if near.any() else clear) | blurred
     if not own.any():
         return own
-    middle = _weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
+    middle = weighted_median(size[own], 1.0 / (error[own] ** 2 + (AGREEING_SPREAD * size[own] / 3) ** 2))
     used = own & (np.abs(size - middle) < AGREEING_SPREAD * middle + OUTLYING_ERRORS * error)
     together = CLEAR_CURVATURE * float((error[used] ** -2.0).sum()) ** -0.5 < middle if used.any() else False
     possible = clear.any() or LEAST_RATIO * stated_m_s2 < middle < LARGEST_RATIO * stated_m_s2
     return used & bool(together and possible)
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    passed = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(passed, 0.5 * passed[-1])])
 
 
 def _combined_over_releases(

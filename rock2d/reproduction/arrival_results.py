@@ -73,16 +73,15 @@ class ArrivalResults:
     def conclusions(self) -> list[str]:
         """Sentences."""
         low, high = self.validation_interval()
-        e = self.errors()
-        names = list(e)
+        validation, all_nine, _, _, of_paper = self.errors().values()
         outside = self.paper_column[
             ~self.paper_column["table_4"].between(self.paper_column["low95"], self.paper_column["high95"])
         ]
         cells = ", ".join(f"{row.block} {row.line}" for row in outside.itertuples()) or "none"
         return [
-            f"With the arrivals that the paper's deterministic column tells: RMSE {e[names[0]]:.1f} points over the "
-            f"validation cells ({low:.1f} to {high:.1f} over hypotheses), {e[names[1]]:.1f} over all nine.",
-            f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {e[names[4]]:.1f} points; "
+            f"With the arrivals that the paper's deterministic column tells: RMSE {validation:.1f} points over the "
+            f"validation cells ({low:.1f} to {high:.1f} over hypotheses), {all_nine:.1f} over all nine.",
+            f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {of_paper:.1f} points; "
             f"cells outside the exact 95 % intervals of 50 releases: {cells}.",
             *(self._missing(model) for model in dict.fromkeys(self.missing_effects["model"])),
         ]

@@ -54,7 +54,8 @@ TESTS = (
 SHARE_OF_RELEASES = 0.6  # of those of the calibrations
 RESAMPLES = 200  # of the hypotheses, for the errors of scores
 
-LARGEST_SLOPE_REDUCTION_DEG = 60.0
+LARGEST_SLOPE_REDUCTION_DEG = 60.0  # of a block as far from round as a square
+SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0
 LARGEST_FRICTION_CHANGE_DEG = 30.0
 SMALLEST_FACTOR = 0.2  # on a parameter of the point mass model
 SLOPE_REDUCTION, SHAPE = "slope_reduction", "shape"
@@ -100,7 +101,6 @@ def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -
     radii of the circles around and inside it; `slope_reduction` is the same for every block that is not round.
     """
     changed, reduction = dict(values), np.zeros(len(size))
-    longest = np.sqrt(2.0) - 1.0  # of a square
     for zone in ("ditch", "facing"):
         if candidate == "friction":
             key = f"{zone}.friction_angle_deg"
@@ -112,7 +112,7 @@ def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -
     if candidate == SLOPE_REDUCTION and out_of_round > 1e-9:
         reduction = LARGEST_SLOPE_REDUCTION_DEG * size
     if candidate == SHAPE:
-        reduction = np.minimum(LARGEST_SLOPE_REDUCTION_DEG * size * out_of_round / longest, 80.0)
+        reduction = np.minimum(LARGEST_SLOPE_REDUCTION_DEG * size * out_of_round / SQUARE_OUT_OF_ROUND, 80.0)
     return changed, reduction
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d.statistics import weighted_median
 from rock2d_tracking.outline import Outline
 
 Array = np.ndarray
@@ -141,7 +142,7 @@ def fit_edges(
             root = np.sqrt(weight)[:, None]
             step, *_ = np.linalg.lstsq(columns * root, offset * root[:, 0], rcond=None)
             left = offset - columns @ step
-            spread = 1.4826 * _weighted_median(np.abs(left), strength)
+            spread = 1.4826 * weighted_median(np.abs(left), strength)
             scatter = max(spread, SMALLEST_SCATTER_PX)
             limit = TUKEY_SIGMAS * max(scatter, 0.1) * (2.0 if wide else 1.0)
             weight = strength * np.clip(1 - (left / limit) ** 2, 0, None) ** 2
@@ -230,9 +231,3 @@ def _shading(inside: Array, t: Array, own: Array) -> Array:
     )
     most = SHADING_SHARE * np.abs(own[:, 0]) / np.abs(t.mean())
     return np.asarray(np.clip(slope, -most, most))
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])]) if total[-1] > 0 else np.inf

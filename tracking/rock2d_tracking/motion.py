@@ -27,6 +27,7 @@ CHANGE_RATIO = (
 )
 AREA_RATIO = 1.9  # largest between two candidates that are the same block
 FEWEST_ARC_FRAMES = 5
+RECENT_FRAMES = 24  # of an arc, from which its next place is predicted
 LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
 GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
 OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
@@ -187,7 +188,7 @@ def motion_of(
                 found.samples, stride = found.samples[::2], 2 * stride
         size = (frame.shape[1] // coarse, frame.shape[0] // coarse)
         chunk.append(cv2.resize(frame, size, interpolation=cv2.INTER_AREA) if coarse > 1 else frame)
-        if sum(c.nbytes for c in chunk[-1:]) * len(chunk) > CHUNK_BYTES:
+        if chunk[-1].nbytes * len(chunk) > CHUNK_BYTES:
             found.candidates += candidates_of(chunk, len(found.candidates), coarse)
             chunk = []
     if chunk:
@@ -306,18 +307,13 @@ def _alike(rows: Array, one: Array) -> Array:
     return np.asarray((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most))
 
 
-RECENT_FRAMES = 24  # of an arc, from which its next place is predicted
-
-
 def _predicted(table: list[Array], run: list[tuple[int, int]], frame: int, fall_px: float) -> Array:
     recent = run[-RECENT_FRAMES:]
     t = np.array([f for f, _ in recent], float) - frame
     at = np.array([table[f][k][:2] for f, k in recent])
-    bend = np.zeros(2)
     if len(recent) >= 6:
         return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
-    bend[1] = 0.5 * fall_px
-    line = np.linalg.lstsq(np.vander(t, 2), at - np.outer(t**2, bend), rcond=None)[0]
+    line = np.linalg.lstsq(np.vander(t, 2), at - np.outer(t**2, [0.0, 0.5 * fall_px]), rcond=None)[0]
     return np.asarray(line[-1])
 
 

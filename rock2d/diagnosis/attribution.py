@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.diagnosis.candidate import Candidate
-from rock2d.diagnosis.cause_sets import CauseSet, Gain, Names, Search
+from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
 from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data
@@ -27,7 +27,7 @@ from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.significance import significance, standard_error
+from rock2d.diagnosis.significance import Gain
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
@@ -202,7 +202,7 @@ def _attribution(search: Search) -> Attribution:
     group = [best] + [
         name
         for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
-        if name != best and winner.total - other.total < GROUP_Z * standard_error(winner.gain - other.gain)
+        if name != best and winner.ahead_of(other) < GROUP_Z
     ]
     return Attribution(
         base.fit, base.held_out, candidates, chain, regressed.base, regressed.best, chances, group,
@@ -294,4 +294,4 @@ def _candidate(own: CauseSet, name: str, base: CauseSet) -> Candidate:
 
 def _is_significant(dependence: Discrepancy) -> bool:
     """Whether a dependence is significant."""
-    return significance(dependence) > SIGNIFICANT_DEPENDENCE_Z
+    return dependence.significance > SIGNIFICANT_DEPENDENCE_Z

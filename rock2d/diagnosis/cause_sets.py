@@ -18,11 +18,11 @@ from rock2d.diagnosis.checkpoint import load_fit, save_fit
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import Slopes
-from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects
+from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
-from rock2d.diagnosis.significance import SMALLEST_ERROR, OverReleases
+from rock2d.diagnosis.significance import Gain
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.processes import Processes
@@ -34,7 +34,8 @@ MOST_CAUSES = 5  # in one set
 ADDED_AT_ONCE = 4  # additions that are fitted at each step
 EXCHANGED_AT_ONCE = 2  # rivals of each member that are fitted
 LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
-LEAST_GAIN, LEAST_GAIN_Z = 3.0, 3.0  # log likelihood, and standard errors, that a member must add
+LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect which only widens the scatter must gain alone
+REFIT_SHARE = 0.5  # of the largest gain among additions that one must gain to be fitted again
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 
@@ -59,18 +60,6 @@ class CauseSet:
     def gain(self, other: CauseSet) -> Gain:
         """Over another set."""
         return Gain(self.held_out.score - other.held_out.score)
-
-
-@dataclass
-class Gain(OverReleases):
-    """(releases,) log likelihood on held-out releases that one model has more than another."""
-
-    gain: Array
-
-    @property
-    def significant(self) -> bool:
-        """Whether it is more than chance gives."""
-        return self.total > max(LEAST_GAIN, LEAST_GAIN_Z * self.error)
 
 
 @dataclass
@@ -104,7 +93,8 @@ class Search:
 
     def try_alone(self) -> None:
         """Fit the base law with each effect alone."""
-        self._fit([_Addition(self.base.fit, name, None) for name in self.effects])
+        on_some = fit_to_some(self.base.fit, self.data)
+        self._fit([_Addition(self.base.fit, name, None, on_some) for name in self.effects])
 
     @property
     def alone(self) -> dict[str, CauseSet]:
@@ -134,7 +124,7 @@ class Search:
                 for rival in self.effects
                 if rival not in own.names
                 and (score := self._score(less, rival)) is not None
-                and _within(Gain(own.held_out.score - score), z)
+                and Gain(own.held_out.score - score).significance < z
             ]
             for name, less in smaller.items()
         }
@@ -217,49 +207,83 @@ class Search:
         """Effects that only widen the scatter, and do so alone."""
         return [
             name for name, found in self.alone.items()
-            if self.effects[name].scatter and found.gain(self.base).total > LEAST_GAIN
+            if self.effects[name].scatter and found.gain(self.base).total > LEAST_SCATTER_GAIN
         ]  # fmt: skip
 
     def _start(self, own: CauseSet, name: str) -> Array | None:
         return None if self.effects[name].scatter else self.beside(own)[name].p
 
     def _fit(self, steps: Sequence[_Addition | _Reduction]) -> None:
-        """Fit models that differ from known ones in one effect."""
+        """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
+        their own noise: that of a fit far from the truth is wrong, too."""
+        results = self._finished(steps)
+        gains = {
+            k: results[k].fit.total() - step.before.total()
+            for k, step in enumerate(steps)
+            if isinstance(step, _Addition)
+        }
+        least = max(REFIT_GAIN, REFIT_SHARE * max(gains.values(), default=0.0))
+        again = [k for k, gain in gains.items() if gain > least]
+        refitted = self._finished([_Refit(results[k].fit) for k in again])
+        for k, own in zip(again, refitted, strict=True):
+            results[k] = own
+        for own in results:
+            self.known[own.names] = own
+
+    def _finished(self, steps: Sequence[_Addition | _Reduction | _Refit]) -> list[CauseSet]:
+        """What the steps fit, in their order, however many processes there are."""
         results: dict[int, CauseSet] = {}
         for k, (fitted, out) in self.processes.as_finished(
             _fit_step, [(step, self.folder) for step in steps]
         ):
             results[k] = CauseSet(fitted, out)
             self.on_progress(" + ".join(steps[k].names))
-        for k in range(len(steps)):  # in the order of the steps, however many processes there are
-            self.known[results[k].names] = results[k]
-
-
-def _within(gain: Gain, z: float) -> bool:
-    return gain.total < z * max(gain.error, SMALLEST_ERROR)
+        return [results[k] for k in range(len(steps))]
 
 
 @dataclass
 class _Addition:
-    """A fit, the effect that is added to it, and parameters to start from; without these they are explored."""
+    """A fit, the effect that is added to it, and parameters to start from; without these they are explored.
+
+    `on_some`: log likelihood of `fit_to_some` of the fit before; needed for exploring.
+    """
 
     before: Fit
     name: str
     start: Array | None
+    on_some: float = -np.inf
 
     @property
     def names(self) -> list[str]:
         return [*(e.name for e in self.before.model.effects), self.name]
 
+    @property
+    def model(self) -> Model:
+        known = self.before.model
+        return Model(known.setup, known.base, [catalogue()[n] for n in self.names], self.before.p)
+
     def fitted(self, data: Data) -> Fit:
-        before = self.before
-        model = Model(before.model.setup, before.model.base, [catalogue()[n] for n in self.names], before.p)
         if self.start is None:
-            return fit_effects(model, data, before)
-        found = fit(model, data, self.start, old=before)
-        if found.total() > before.total() + REFIT_GAIN:
-            found = fit(model, data, found.p)
-        return found
+            return fit_effects(self.model, data, self.before, self.on_some)
+        return fit(self.model, data, self.start, old=self.before)
+
+
+@dataclass
+class _Refit:
+    """A fit whose noise is computed again."""
+
+    before: Fit
+
+    @property
+    def names(self) -> list[str]:
+        return [e.name for e in self.before.model.effects]
+
+    @property
+    def model(self) -> Model:
+        return self.before.model
+
+    def fitted(self, data: Data) -> Fit:
+        return fit(self.model, data, self.before.p, old=self.before, renew_noise=True)
 
 
 @dataclass
@@ -273,14 +297,19 @@ class _Reduction:
     def names(self) -> list[str]:
         return [e.name for e in self.before.model.effects if e.name != self.name]
 
+    @property
+    def model(self) -> Model:
+        known = self.before.model
+        fewer = [effect for effect in known.effects if effect.name != self.name]
+        return Model(known.setup, known.base, fewer, self.before.p)
+
     def fitted(self, data: Data) -> Fit:
         model, first = self.before.model, len(BASE_WIDTH)
         kept = np.ones(model.size, bool)
         for effect, own in zip(model.effects, model.parameters, strict=True):
             kept[first : first + len(own)] = effect.name != self.name
             first += len(own)
-        fewer = [effect for effect in model.effects if effect.name != self.name]
-        smaller = Model(model.setup, model.base, fewer, self.before.p)
+        smaller = self.model
         return fit(smaller, data, self.before.p[kept], old=self._without(kept, smaller))
 
     def _without(self, kept: Array, model: Model) -> Fit:
@@ -295,16 +324,14 @@ class _Reduction:
         return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], slope=slope)
 
 
-def _fit_step(data: Data, step: _Addition | _Reduction, folder: Path | None) -> tuple[Fit, HeldOut]:
+def _fit_step(data: Data, step: _Addition | _Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
     """Fit and cross-validate, or read the result if it is kept."""
     path = None
     if folder is not None:
         key = hashlib.sha256(b"".join(part.tobytes() for part in (step.before.p, getattr(step, "start", None))
                                       if part is not None)).hexdigest()[:8]  # fmt: skip
         path = folder / f"{'+'.join(step.names)}_{key}.npz"
-        model = Model(step.before.model.setup, step.before.model.base, [catalogue()[n] for n in step.names],
-                      step.before.p)  # fmt: skip
-        if (found := load_fit(path, model)) is not None:
+        if (found := load_fit(path, step.model)) is not None:
             return found
     fitted = step.fitted(data)
     out = cross_validate(fitted, data)

@@ -21,7 +21,6 @@ from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.residual_regression import RegressedResiduals
-from rock2d.diagnosis.significance import significance, standard_error
 
 Array = np.ndarray
 
@@ -70,9 +69,8 @@ def statistics(
     effects = {}
     for name, other in candidates.items():
         behind = winner.total - other.total
-        spread = max(standard_error(winner.gain - other.gain), 1.0)
         effects[name] = {
-            "behind_z": min(behind / spread, LARGEST_Z),
+            "behind_z": min(winner.ahead_of(other), LARGEST_Z),
             "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
             "behind_log": float(np.log1p(max(behind, 0.0))),
             "scatter": float(other.effect.scatter),
@@ -84,15 +82,15 @@ def statistics(
     base, final = mean_square(base_regressed), mean_square(best_regressed)
     reducible = max(base - final + max(remaining, 0.0), gap, 1e-9)
     flights = np.mean(best_regressed.flights**2) if best_regressed.flights.size else 1.0
-    gain_z = significance(winner)
-    in_flight = [significance(d) for d in best_dependences if d.lever == FLIGHT]
-    in_impacts = [significance(d) for d in best_dependences if d.lever != FLIGHT]
+    gain_z = winner.significance
+    in_flight = [d.significance for d in best_dependences if d.lever == FLIGHT]
+    in_impacts = [d.significance for d in best_dependences if d.lever != FLIGHT]
     case = {
         "gain_z": float(np.clip(gain_z, 0.0, LARGEST_Z)),
         "gain_seen": visible(gain_z),
         "gain_size": float(np.clip(log_gain(winner.total), FAINT_LOG_GAIN, CLEAR_LOG_GAIN) - FAINT_LOG_GAIN),
-        "hidden_seen": visible(significance(strongest)),
-        "left_hidden_z": float(np.clip(significance(remaining_dependence), 0.0, LARGEST_Z)),
+        "hidden_seen": visible(strongest.significance),
+        "left_hidden_z": float(np.clip(remaining_dependence.significance, 0.0, LARGEST_Z)),
         "left_hidden_over_gain": log_gain(remaining_dependence.total) - log_gain(winner.total),
         "left_flight_z": float(np.clip(max(in_flight, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),
         "left_impact_z": float(np.clip(max(in_impacts, default=0.0), 0.0, LARGEST_DEPENDENCE_Z)),

@@ -13,8 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.fitting import Fit, newton_step
-from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.likelihood import (
+    flight_log_likelihood,
+    log_likelihood,
+    newton_step,
+    normal_equations,
+    prior,
+)
 from rock2d.diagnosis.model import discrete
 
 Array = np.ndarray

@@ -30,11 +30,21 @@ REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its paramete
 LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the known fit that follows a step of the scan
 
 
-def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
+def fit_to_some(base: Fit, data: Data) -> float:
+    """Log likelihood of the releases on which effects are explored, under a base that is fitted to these alone."""
+    some = some_releases(data)
+    if some.all():
+        return base.total()
+    part = base.only(some[data.impact_release], some[data.flight_release])
+    return _short(Tried(base.model, data.only(some)), part.p, part).total()
+
+
+def fit_effects(model: Model, data: Data, base: Fit, on_some: float) -> Fit:
     """Fit a model with more effects than `base` has (which come first).
 
-    Parameters are explored on some releases first (`explore`); the fit to all of them starts there. For an effect that
-    gains enough, the covariance of the noise is computed again: that of a base far from the truth is wrong, too.
+    Parameters are explored on some releases first (`explore`); the fit to all of them starts there.
+
+    `on_some`: of `fit_to_some`. The base gains, too, if it is fitted to a few releases.
     """
     start, some = extended(base, model), some_releases(data)
     if some.all():
@@ -44,13 +54,9 @@ def fit_effects(model: Model, data: Data, base: Fit) -> Fit:
         part = base.only(some[data.impact_release], some[data.flight_release])
         few = data.only(some)
         explored = explore(model, few, part)
-        # the base gains, too, if it is fitted to these few releases
-        without = _short(Tried(base.model, few), part.p, part)
-        useful = explored.total() > without.total() + EXPLORED_GAIN
+        useful = explored.total() > on_some + EXPLORED_GAIN
         enough = CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN
         found = fit(model, data, explored.p if useful else start, old=base, enough=enough)
-    if found.total() > base.total() + REFIT_GAIN:
-        found = fit(model, data, found.p)
     if found.total() < base.total():
         # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
         found = max((found, fit(model, data, start, old=base, enough=COARSE_CONVERGED_GAIN)), key=Fit.total)

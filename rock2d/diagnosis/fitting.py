@@ -11,13 +11,14 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes, slopes, spread
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
-    fit_scatter,
     flight_log_likelihood,
     log_likelihood,
+    newton_step,
     normal_equations,
     prior,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters
+from rock2d.diagnosis.soil_scatter import fit_scatter
 
 Array = np.ndarray
 
@@ -86,14 +87,6 @@ def some_releases(data: Data) -> Array:
     return data.order % max(1, len(data.impact_release) // EXPLORED_IMPACTS) == 0
 
 
-def newton_step(curve: Array, grad: Array, p: Array, low: Array, high: Array) -> Array:
-    """(P,) step to subtract from `p`. A parameter at its bound that would pass it stays; the others step without it."""
-    free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
-    step = np.zeros_like(p)
-    step[free] = np.linalg.solve(curve[np.ix_(free, free)], grad[free])
-    return step
-
-
 def fit(
     model: Model,
     data: Data,
@@ -102,6 +95,7 @@ def fit(
     rounds: int = MOST_ITERATIONS,
     enough: float = CONVERGED_GAIN,
     keep_slopes: bool = False,
+    renew_noise: bool = False,
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
 
@@ -115,6 +109,7 @@ def fit(
     rounds : most iterations
     enough : gain in log likelihood of an iteration below which the fit has converged
     keep_slopes : use the slopes of `old` everywhere
+    renew_noise : compute the noise covariance at the start, instead of taking that of `old`
     """
     low, high = model.bounds()
     posterior = _Posterior(model, data, *prior(model))
@@ -130,7 +125,8 @@ def fit(
         if updates is None:
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
-            noise = None if slope is None or (old is None and (round == 0 or moved)) else slope.covariance
+            renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
+            noise = None if slope is None or renew else slope.covariance
             noise_known = noise_known or moved
             near = old is not None and (
                 keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE

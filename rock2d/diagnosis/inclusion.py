@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.cause_sets import Gain, Search
+from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.classification import chance, weights
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.learnt import Learnt
-from rock2d.diagnosis.significance import significance
+from rock2d.diagnosis.significance import Gain
 
 INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
 LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must explain alone
@@ -76,16 +76,16 @@ def inclusion_statistics(
         alone = search.alone[name].gain(search.base)
         beside = beside_learnt.get(name, BesideLearnt(gain, gain, gain))
         found[name] = {
-            "z": float(np.clip(significance(gain), LEAST_Z, LARGEST_Z)),
+            "z": float(np.clip(gain.significance, LEAST_Z, LARGEST_Z)),
             "log_gain": signed_log(gain.total),
             "share": float(np.clip(gain.total / explained, -1.0, 1.0)),
             "log_gain_per_segment": signed_log(100.0 * gain.total / segments),
             "left_over_gain": signed_log(left.total) - signed_log(gain.total),
-            "left_z": float(np.clip(significance(left), 0.0, LARGEST_Z)),
-            "beside_learnt_z": float(np.clip(significance(beside.added), LEAST_Z, LARGEST_Z)),
+            "left_z": float(np.clip(left.significance, 0.0, LARGEST_Z)),
+            "beside_learnt_z": float(np.clip(beside.added.significance, LEAST_Z, LARGEST_Z)),
             "beside_learnt_log": signed_log(beside.added.total),
             "learnt_instead": signed_log(beside.instead.total) - signed_log(beside.alone.total),
-            "alone_z": float(np.clip(significance(alone), LEAST_Z, LARGEST_Z)),
+            "alone_z": float(np.clip(alone.significance, LEAST_Z, LARGEST_Z)),
             "fitted": float(fitted),
             "scatter": float(effect.scatter),
             "causes": float(len(search.best.names)),
@@ -103,11 +103,11 @@ def outside_statistics(
     best = search.best
     gain = Gain(learnt.held_out.score - best.held_out.score)
     named = best.gain(search.base).total
-    z = [significance(d) for d in left]
+    z = [d.significance for d in left]
     strongest = left[0]
     return {
         "learnt_log": signed_log(gain.total),
-        "learnt_z": float(np.clip(significance(gain), 0.0, LARGEST_Z)),
+        "learnt_z": float(np.clip(gain.significance, 0.0, LARGEST_Z)),
         "learnt_share": float(gain.total / max(gain.total + named, 1.0)),
         "left_log": signed_log(strongest.total),
         "left_z": float(np.clip(max(z), 0.0, LARGEST_Z)),

@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.levers import Answer, Levers
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import OverReleases, standard_error
+from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -124,13 +124,13 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
             answer = levers.answer(dependence.lever, dependence.basis)
             fitted = _fitted(state.fit, data, answer, levers.columns(answer), dependence.width)
             out = cross_validate(fitted, data)
-            tried.append((dependence, fitted, out, out.score - state.held_out.score))
+            tried.append((dependence, fitted, out, Gain(out.score - state.held_out.score)))
         if not tried:
             break
-        dependence, fitted, out, gain = max(tried, key=lambda one: float(one[-1].sum()))
-        if gain.sum() < max(LEAST_GAIN, LEAST_GAIN_Z * standard_error(gain)):
+        dependence, fitted, out, gain = max(tried, key=lambda one: one[-1].total)
+        if gain.total < LEAST_GAIN or gain.significance < LEAST_GAIN_Z:
             break
-        kept.append((dependence, levers.units[dependence.lever], gain))
+        kept.append((dependence, levers.units[dependence.lever], gain.gain))
         state, found = Learnt(fitted, out, []), None
     return replace(state, changes=_changes(state.fit, kept))
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Slopes, spread
+from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 
 Array = np.ndarray
@@ -20,7 +20,6 @@ IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an 
 FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
 LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
-PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
 
 
 def log_likelihood(r: Array, covariance: Array) -> Array:
@@ -47,34 +46,12 @@ def flight_log_likelihood(r: Array) -> Array:
     return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
 
 
-def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
-    """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d)."""
-    from scipy.optimize import minimize
-
-    good = np.isfinite(r).all(axis=1)
-    part = Slopes(slope.impacts, slope.flights, slope.scatter[good], slope.covariance[good])
-
-    def cost(logs: Array) -> tuple[float, Array]:
-        s = np.exp(logs)
-        covariance = spread(part, s)
-        inverse = np.linalg.inv(covariance)
-        u = np.einsum("nij,nj->ni", inverse, r[good])
-        chi2 = np.einsum("ni,ni->n", r[good], u)
-        d = r.shape[1]
-        value = 0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * (IMPACT_STUDENT_DF + d) * np.log1p(
-            chi2 / IMPACT_STUDENT_DF
-        )
-        weight = (IMPACT_STUDENT_DF + d) / (IMPACT_STUDENT_DF + chi2)
-        trace = np.einsum("nik,nij,njk->nk", part.scatter, inverse, part.scatter)
-        pull = np.einsum("nik,ni->nk", part.scatter, u) ** 2
-        gradient = ((trace - weight[:, None] * pull) * s**2).sum(axis=0)
-        return float(value.sum() + 0.5 * ((s / PRIOR_SCATTER) ** 2).sum()), gradient + (
-            s / PRIOR_SCATTER
-        ) ** 2
-
-    bounds = [(np.log(1e-4), np.log(1.0))] * len(start)
-    found = minimize(cost, np.log(start), jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 60})
-    return np.exp(found.x)
+def newton_step(curve: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
+    """(P,) step to subtract from `p`. A parameter at its bound that would pass it stays; the others step without it."""
+    free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
+    step = np.zeros_like(p)
+    step[free] = np.linalg.solve(curve[np.ix_(free, free)], grad[free])
+    return step
 
 
 def normal_equations(

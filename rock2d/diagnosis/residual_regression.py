@@ -17,7 +17,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-TREES = 120
+TREES = 60
 LARGEST_RESIDUAL_SD = 5.0  # residuals in units of their standard deviation
 FLIGHT_DEGREES = 2  # degrees 2 and 3 of a flight, the effect of accelerations and of their change
 

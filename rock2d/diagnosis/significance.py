@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 Array = np.ndarray
 
+# log likelihood of one release; more counts as this: the releases that show an effect most would else make the spread
+# so large that the effect is lost in it
+LARGEST_GAIN = 4.0
 SMALLEST_ERROR = 1.0  # log likelihood; a smaller standard error counts as this
+LEAST_GAIN, LEAST_GAIN_Z = 3.0, 2.0  # log likelihood, and standard errors, that are more than chance
 
 
 class OverReleases:
@@ -24,12 +30,25 @@ class OverReleases:
         """Standard error of the total, over releases."""
         return standard_error(self.gain)
 
+    @property
+    def significance(self) -> float:
+        """Sum of the gains, each between ±LARGEST_GAIN, in its standard errors."""
+        gain = np.clip(self.gain, -LARGEST_GAIN, LARGEST_GAIN)
+        return float(gain.sum()) / max(standard_error(gain), SMALLEST_ERROR)
+
+
+@dataclass
+class Gain(OverReleases):
+    """(releases,) log likelihood on held-out releases that one model has more than another."""
+
+    gain: Array
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance gives."""
+        return self.total > LEAST_GAIN and self.significance > LEAST_GAIN_Z
+
 
 def standard_error(per_release: Array) -> float:
     """Standard error of a sum over releases."""
     return float(per_release.std() * np.sqrt(len(per_release)))
-
-
-def significance(gain: OverReleases) -> float:
-    """Gain in standard errors."""
-    return gain.total / max(gain.error, SMALLEST_ERROR)

@@ -7,21 +7,34 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
+
+SMALLEST_INERTIA = 0.1  # of the stated one, for blocks much smaller than the others
 
 
 def apply(world: World, values: Sequence[float]) -> World:
     """r_c = (along, across) × L in the axes of each block: the centre of mass beside the centroid, L the blocks' mean
-    size."""
+    size.
+
+    The stated moment of inertia is that about the centroid, which a density that grows to one side does not change. So
+    it is smaller by m r_c² about the centre of mass.
+    """
     size = world.mean_size_m
     offset = (values[0] * size, values[1] * size)
-    return with_blocks(world, lambda block: replace(block, centre_of_mass_m=offset))
+
+    def displaced(block: Block) -> Block:
+        stated = block.inertia_kg_m2
+        inertia = stated - block.mass_kg * (offset[0] ** 2 + offset[1] ** 2)
+        return replace(block, centre_of_mass_m=offset, inertia_kg_m2=max(inertia, SMALLEST_INERTIA * stated))
+
+    return with_blocks(world, displaced)
 
 
 EFFECT = Effect(
     name="mass_eccentricity",
     summary="the centre of mass is not the centroid that is tracked: flights wobble, impacts turn the block",
-    source="rigid-body mechanics about the centre of mass, `rock2d.engines.geometry`",
+    source="rigid-body mechanics about the centre of mass, `rock2d.engines.geometry`; Steiner's theorem",
     phase="all",
     origin="block",
     parameters=(

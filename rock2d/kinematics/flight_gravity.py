@@ -35,7 +35,8 @@ Array = np.ndarray
 
 PARABOLA = 3  # polynomials of a parabola
 SLOW_DEGREES = 4  # of the polynomials next to it
-VARIANCE_ROUNDS = 5  # of the estimate of σ and τ
+VARIANCE_ROUNDS = 5  # of the estimate of σ and τ, at most
+CONVERGED_VARIANCE = 0.01  # relative change of the variances below which they are known
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered
 CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
 EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
@@ -177,7 +178,10 @@ def _fitted(paths: list[_Path]) -> _Fits:
     for _ in range(VARIANCE_ROUNDS):
         before: list[Array | None] = [own.coefficients for own in flights] if flights else [None] * len(paths)
         flights = [_whitened(p, variance, jitter, c) for p, c in zip(paths, before, strict=True)]
+        known = np.array([variance, jitter])
         variance, jitter = _variances(flights, variance, jitter)
+        if np.allclose([variance, jitter], known, rtol=CONVERGED_VARIANCE, atol=0.0):
+            break
     freedom = float(sum(2 * len(p.t_s) - 2 * PARABOLA for p in paths) - 1 - (jitter > 0))
     squares, slow_squares, slow_count = (
         sum(values)

@@ -7,8 +7,7 @@ import pytest
 
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.derivatives import Slopes
-from rock2d.diagnosis.fitting import newton_step
-from rock2d.diagnosis.likelihood import clustered_covariance, normal_equations
+from rock2d.diagnosis.likelihood import clustered_covariance, newton_step, normal_equations
 
 
 @pytest.mark.parametrize("seed", range(4))

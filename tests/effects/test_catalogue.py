@@ -284,3 +284,18 @@ def test_an_effect_without_size_changes_nothing_beside_any_other_effect(name):
         if CATALOGUE[name].columns:  # a law that does not act may have its columns
             beside = replace(beside, contact=beside.contact[..., : there.contact.shape[-1]])
         assert _same_world(there, beside), f"{name} beside {other.name}"
+
+
+def test_an_eccentric_mass_keeps_the_moment_of_inertia_about_the_centroid():
+    """I₀ = I + m r_c² (Steiner): a density that grows to one side leaves I₀ alone. A block far smaller than the others
+    keeps a positive I."""
+    base = world()
+    moved = CATALOGUE["mass_eccentricity"].apply(base, (0.1, -0.05))
+    for name, block in moved.blocks.items():
+        arm = np.hypot(*block.centre_of_mass_m)
+        assert arm == pytest.approx(np.hypot(0.1, 0.05) * base.mean_size_m)
+        stated = base.blocks[name].inertia_kg_m2
+        assert block.inertia_kg_m2 + block.mass_kg * arm**2 == pytest.approx(stated)
+    small = replace(base.blocks["cube"], inertia_kg_m2=1e-3 * base.blocks["cube"].inertia_kg_m2)
+    tiny = CATALOGUE["mass_eccentricity"].apply(replace(base, blocks={"cube": small}), (0.15, 0.15))
+    assert 0.0 < tiny.blocks["cube"].inertia_kg_m2 < small.inertia_kg_m2

@@ -1,0 +1,76 @@
+"""The soil's scatter: how much each parameter of the law varies from impact to impact, fitted to residuals."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
+
+Array = np.ndarray
+
+PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
+BOUNDS = 1e-4, 1.0  # of the logarithmic standard deviations
+CONVERGED_GAIN = 1e-3  # log likelihood of a step
+MOST_STEPS = 30
+LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # of the logarithms of the standard deviations
+
+
+def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
+    """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
+
+    Damped steps of Fisher scoring in their logarithms.
+    """
+    good = np.isfinite(r).all(axis=1)
+    cost = _Cost(r[good], slope.scatter[good], slope.covariance[good])
+    low, high = np.log(BOUNDS)
+    at = cost.at(np.clip(np.log(start), low, high))
+    for _ in range(MOST_STEPS):
+        ahead = at
+        step = newton_step(at.curve, at.grad, at.logs, low, high)
+        step /= max(1.0, np.abs(step).max() / LARGEST_STEP)
+        for _ in range(MOST_STEPS):
+            ahead = cost.at(np.clip(at.logs - step, low, high))
+            if ahead.value < at.value or np.abs(step).max() < SMALLEST_STEP:
+                break
+            step /= 4.0
+        if ahead.value >= at.value:
+            break
+        gain, at = at.value - ahead.value, ahead
+        if gain < CONVERGED_GAIN:
+            break
+    return np.exp(at.logs)
+
+
+class _Point(NamedTuple):
+    """Logarithms of standard deviations (k,), minus the log posterior there, its slope and its expected curvature."""
+
+    logs: Array
+    value: float
+    grad: Array
+    curve: Array
+
+
+class _Cost(NamedTuple):
+    """Residuals (n, d), their derivatives by the soil (n, d, k), and their covariance without it (n, d, d)."""
+
+    r: Array
+    scatter: Array
+    covariance: Array
+
+    def at(self, logs: Array) -> _Point:
+        """At logarithms of the standard deviations."""
+        square = np.exp(2.0 * logs)
+        covariance = self.covariance + (self.scatter * square) @ self.scatter.transpose(0, 2, 1)
+        both = np.concatenate([self.scatter, self.r[..., None]], axis=-1)
+        inner = both.transpose(0, 2, 1) @ np.linalg.solve(covariance, both)
+        trace, pull, chi2 = inner[:, :-1, :-1], inner[:, :-1, -1], inner[:, -1, -1]
+        df = IMPACT_STUDENT_DF + self.r.shape[1]
+        value = 0.5 * np.linalg.slogdet(covariance)[1] + 0.5 * df * np.log1p(chi2 / IMPACT_STUDENT_DF)
+        weight = df / (IMPACT_STUDENT_DF + chi2)
+        own = square / PRIOR_SCATTER**2
+        grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0) + own
+        curve = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
+        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curve + 2.0 * np.diag(own))

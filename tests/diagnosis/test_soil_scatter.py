@@ -1,0 +1,47 @@
+"""The soil's scatter: found where it was drawn, and the best there is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.derivatives import Slopes, spread
+from rock2d.diagnosis.likelihood import log_likelihood
+from rock2d.diagnosis.soil_scatter import PRIOR_SCATTER, fit_scatter
+
+SOIL = np.array([0.08, 0.03, 0.15])
+
+
+def impacts(soil, count=800):
+    """(n, 6) residuals of impacts on a soil that varies, and their derivatives."""
+    rng = np.random.default_rng(5)
+    by_soil = rng.normal(size=(count, 6, len(soil)))
+    root = 0.05 * rng.normal(size=(count, 6, 6))
+    noise = root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(6)
+    drawn = (by_soil @ (soil * rng.normal(size=(count, len(soil))))[..., None])[..., 0]
+    # of a Student distribution, as the likelihood takes them, so that no outlier is missing
+    heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
+    own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
+    return heavy * (drawn + own), Slopes(np.empty((count, 6, 0)), np.empty((0, 3, 2, 0)), by_soil, noise)
+
+
+def posterior(r, slope, soil):
+    return log_likelihood(r, spread(slope, soil)).sum() - 0.5 * ((soil / PRIOR_SCATTER) ** 2).sum()
+
+
+def test_the_scatter_is_found_where_it_was_drawn():
+    r, slope = impacts(SOIL)
+    assert fit_scatter(r, slope, np.full(3, 0.05)) == pytest.approx(SOIL, rel=0.15)
+
+
+@pytest.mark.parametrize("start", [0.003, 0.05, 0.8])
+def test_no_other_scatter_is_more_probable(start):
+    """Steps of one per cent in every direction lose, from whatever start; what is absent is nearly zero."""
+    r, slope = impacts(np.array([0.08, 0.0, 0.15]))
+    found = fit_scatter(r, slope, np.full(3, start))
+    best = posterior(r, slope, found)
+    for k in range(3):
+        for factor in (0.9, 1.1):
+            other = found * np.where(np.arange(3) == k, factor, 1.0)
+            assert posterior(r, slope, other) < best + 1e-2
+    assert found[1] < 0.02

@@ -19,6 +19,7 @@ from rock2d.blind.set_scoring import (
     inclusion_pairs,
     known_closures,
 )
+from rock2d.blind.size_errors import LARGEST_ERROR
 from rock2d.graphics.pages import (
     PAGE_ACCENT,
     PAGE_INK,
@@ -74,6 +75,7 @@ def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
         f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",
         html_list([_wrong_text(w) for w in found["wrong_and_sure"]] or ["none"]),
         _closure_part(cases, found["closure"]),
+        _size_part(found["sizes"]),
     ])  # fmt: skip
 
 
@@ -123,6 +125,30 @@ def _closure_part(cases: Iterable[SetCase], found: dict[str, Any]) -> str:
         "<h2>Claimed and true closure</h2>"
         + html_table(rows, head=head)
         + html_figure("Closure of the gap, claimed against true", _closures(cases), image_format="svg")
+    )
+
+
+def _size_part(found: dict[str, dict[str, Any]]) -> str:
+    """Sizes of named effects against the hidden ones; nothing if none can be compared."""
+    if not found["all"]["count"]:
+        return ""
+    rows = [
+        (
+            name,
+            f"{own['count']}",
+            f"{100 * own['median']:+.0f} %",
+            f"{100 * own['median_absolute']:.0f} %",
+            share_text(own["within"]),
+            share_text(own["covered"]),
+        )
+        for name, own in found.items()
+    ]
+    head = ("effect", "compared", "median error", "median size of the error", f"within {100 * LARGEST_ERROR:.0f} %",
+            "95 % intervals that hold the hidden size")  # fmt: skip
+    return (
+        "<h2>Sizes of named effects</h2>"
+        "<p>Where a parameter means the same in the catalogue and in the reality engine. Errors are relative to the "
+        "hidden size; of factors, their logarithms are compared.</p>" + html_table(rows, head=head)
     )
 
 

@@ -25,6 +25,7 @@ from rock2d.blind.scoring import (
     read_results,
     wilson_share,
 )
+from rock2d.blind.size_errors import SizeError, size_errors, size_summary
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 
@@ -49,6 +50,7 @@ class SetCase:
     outside : own signal-to-noise of the cause from outside the catalogue; None without one
     p : inclusion probabilities of the listed effects, most probable first
     claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
+    sizes : of named effects that are hidden, where they can be compared
     """
 
     name: str
@@ -59,6 +61,7 @@ class SetCase:
     releases: int
     claimed: float | None
     true: float | None
+    sizes: Sequence[SizeError] = ()
 
     @property
     def named(self) -> list[str]:
@@ -97,6 +100,7 @@ def set_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> 
     return SetCase(
         name, hidden, max(outside, default=None), dict(sorted(p.items(), key=lambda item: -item[1])),
         float(diagnosis["outside"]["p"]), int(label["releases"]), _number(claimed), _number(true),
+        size_errors(label, diagnosis["causes"], NAMED_PROBABILITY),
     )  # fmt: skip
 
 
@@ -134,6 +138,7 @@ def set_summary(cases: Sequence[SetCase]) -> dict[str, Any]:
         "outside": _outside(cases),
         "wrong_and_sure": _wrong_and_sure(cases),
         "closure": closures(cases),
+        "sizes": size_summary(error for case in cases for error in case.sizes),
     }
 
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 
+import numpy as np
 import pytest
 
 from rock2d.blind import scoring
 from rock2d.blind.command import score
+from rock2d.blind.reality.known import known_causes
+from rock2d.blind.reality.scale import Scale
 from rock2d.blind.set_scoring import closures, inclusion, set_case, set_cases, set_summary
+from rock2d.blind.size_errors import MEANINGS, size_errors, size_summary
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 
@@ -192,3 +196,53 @@ def test_a_damaged_set_is_refused_with_its_file(tmp_path):
     _write(tmp_path, trial)
     with pytest.raises(InputError, match=r"001\.json"):
         set_cases(tmp_path)
+
+
+def _hidden(name, form=0, **values):
+    return {"name": name, "form": form, "values": values, "signal_to_noise": 9.0}
+
+
+def _cause(effect, parameter, value, low, high, p=0.9):
+    return {
+        "effect": effect,
+        "p": p,
+        "parameters": {parameter: {"value": value, "ci95": [low, high], "unit": "1"}},
+    }
+
+
+def test_sizes_are_compared_where_both_mean_the_same():
+    """A tilt that is 10 % too large, a frame rate whose logarithm is half of the hidden one; a form that means
+    something else, an effect that is not hidden and one that is not named are not compared."""
+    label = {
+        "hidden": [
+            _hidden("camera_tilt", turn_rad=-0.02),
+            _hidden("frame_rate_error", factor=1.21),
+            _hidden("air_drag", form=1, drag=0.1, power=1.7),
+            _hidden("inertia_error", factor_0=0.8, factor_1=1.25),
+            _hidden("geometry_error", turn_rad=0.05),
+        ]
+    }
+    causes = [
+        _cause("camera_tilt", "tilt_rad", -0.022, -0.025, -0.019),
+        _cause("frame_rate_error", "time_scale", 1.1, 1.08, 1.12),
+        _cause("air_drag", "drag_per_mass_1_m", 0.1, 0.0, 0.2),
+        _cause("scale_error", "scale", 1.01, 1.0, 1.02),
+        _cause("geometry_error", "facing_rad", 0.05, 0.04, 0.06, p=0.4),
+    ]
+    errors = size_errors(label, causes, 0.5)
+    assert [e.effect for e in errors] == ["camera_tilt", "frame_rate_error"]
+    assert [e.relative for e in errors] == pytest.approx([0.1, -0.5])
+    assert [e.covered for e in errors] == [True, False]
+    found = size_summary(errors)
+    assert found["all"]["count"] == 2 and found["all"]["median_absolute"] == pytest.approx(0.3)
+    assert found["camera_tilt"]["within"][0] == 1.0 and found["frame_rate_error"]["within"][0] == 0.0
+    assert "inertia_error" not in found
+
+
+def test_every_compared_value_is_one_that_the_reality_engine_draws():
+    """The table names parameters of the catalogue and values of forms that exist."""
+    scale = Scale(0.03, 0.05, 9.81, 300.0, np.zeros(2), np.ones(2), n_blocks=2)
+    for effect, meaning in MEANINGS.items():
+        assert meaning.parameter in [p.name for p in catalogue()[effect].parameters]
+        values = known_causes()[effect].sizes(meaning.form, 0.5, np.random.default_rng(0), scale)
+        assert np.isfinite(meaning.of(values)) and meaning.of(values) != meaning.neutral

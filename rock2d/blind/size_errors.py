@@ -1,0 +1,120 @@
+"""Sizes of named effects against those that were hidden, where a parameter of the catalogue and a value of the reality
+engine mean the same.
+
+The reality engine has several forms of each effect. A form whose value means something else, such as a drag with
+another power of speed, is not compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rock2d.blind.scoring import wilson_share
+
+LARGEST_ERROR = 0.25  # relative, of a size that counts as right
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What is compared of an effect.
+
+    Attributes
+    ----------
+    parameter : of the catalogue
+    of : value of that parameter from the values that the reality engine hides
+    neutral : value without the effect, from which sizes count
+    form : of the reality engine in which both mean the same
+    """
+
+    parameter: str
+    of: Callable[[Mapping[str, float]], float]
+    neutral: float = 0.0
+    form: int = 0
+
+
+def _mean_factor(values: Mapping[str, float]) -> float:
+    return float(np.exp(np.mean(np.log(list(values.values())))))
+
+
+MEANINGS = {
+    "air_drag": Meaning("drag_per_mass_1_m", lambda v: v["drag"]),
+    "angle_offset": Meaning("offset_rad", lambda v: v["offset_rad"]),
+    "camera_tilt": Meaning("tilt_rad", lambda v: v["turn_rad"]),
+    "flight_damping": Meaning("rate_1_s", lambda v: v["rate_1_s"]),
+    "frame_rate_error": Meaning("time_scale", lambda v: v["factor"], 1.0),
+    "geometry_error": Meaning("facing_rad", lambda v: v["turn_rad"]),
+    "inertia_error": Meaning("factor", _mean_factor, 1.0),
+    "magnus_lift": Meaning("lift_per_mass", lambda v: v["lift"]),
+    "scale_error": Meaning("scale", lambda v: v["x"], 1.0),
+    "surface_roughness": Meaning("sd_rad", lambda v: v["sd_rad"]),
+    "zone_contrast": Meaning("stiffness", lambda v: v["k_l"], 1.0),
+}
+
+
+@dataclass(frozen=True)
+class SizeError:
+    """Size of one named and hidden effect.
+
+    Attributes
+    ----------
+    relative : fitted less hidden size over the hidden one; of factors, of their logarithms
+    covered : whether the stated 95 % interval holds the hidden size
+    """
+
+    effect: str
+    signal_to_noise: float
+    relative: float
+    covered: bool
+
+
+def size_errors(
+    label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]], named: float
+) -> list[SizeError]:
+    """Of the effects with a probability of at least `named`, from a label and the `causes` of a diagnosis."""
+    hidden = {str(own["name"]): own for own in label["hidden"]}
+    found = []
+    for cause in causes:
+        effect, own = cause["effect"], hidden.get(cause["effect"])
+        meaning = MEANINGS.get(effect)
+        if own is None or meaning is None or cause["p"] < named or int(own["form"]) != meaning.form:
+            continue
+        if (fitted := cause["parameters"].get(meaning.parameter)) is None:
+            continue
+        true = meaning.of(own["values"])
+        value, low, high = (
+            _size(meaning, x) for x in (fitted["value"], fitted["ci95"][0], fitted["ci95"][1])
+        )
+        size = _size(meaning, true)
+        found.append(
+            SizeError(effect, float(own["signal_to_noise"]), value / size - 1.0, low <= size <= high)
+        )
+    return found
+
+
+def _size(meaning: Meaning, value: float) -> float:
+    return float(np.log(value / meaning.neutral)) if meaning.neutral else float(value)
+
+
+def size_summary(errors: Iterable[SizeError]) -> dict[str, Any]:
+    """For all effects, and for each: number, median of the relative errors and of their absolute values, the share
+    within LARGEST_ERROR and the share of intervals that hold the hidden size, with 95 % Wilson intervals."""
+    errors = list(errors)
+    groups = {"all": errors} | {
+        effect: own for effect in MEANINGS if (own := [e for e in errors if e.effect == effect])
+    }
+    return {name: _summary(own) for name, own in groups.items()}
+
+
+def _summary(errors: list[SizeError]) -> dict[str, Any]:
+    relative = np.array([e.relative for e in errors])
+    return {
+        "count": len(errors),
+        "median": float(np.median(relative)) if len(relative) else float("nan"),
+        "median_absolute": float(np.median(np.abs(relative))) if len(relative) else float("nan"),
+        "within": wilson_share([abs(e.relative) <= LARGEST_ERROR for e in errors]),
+        "covered": wilson_share([e.covered for e in errors]),
+    }

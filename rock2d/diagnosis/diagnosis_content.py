@@ -37,8 +37,10 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
             else:
                 half *= 0.5 * (parameter.high - parameter.low)
                 low, high = value - half, value + half
-            if parameter.choices or effect.scatter:
+            if parameter.choices:
                 low = high = value
+            if effect.scatter:  # a standard deviation
+                low = max(low, 0.0)
             entry[parameter.name] = {
                 "value": float(value),
                 "ci95": [float(low), float(high)],

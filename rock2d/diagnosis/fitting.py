@@ -18,7 +18,7 @@ from rock2d.diagnosis.likelihood import (
     prior,
 )
 from rock2d.diagnosis.model import BASE_WIDTH, Model, discrete, scatters
-from rock2d.diagnosis.soil_scatter import fit_scatter
+from rock2d.diagnosis.soil_scatter import fit_scatter, scatter_errors
 
 Array = np.ndarray
 
@@ -158,12 +158,13 @@ def fit(
     assert slope is not None
     if updates is None and not keep_slopes:
         slope = slopes(model, at.p, data, at.residuals, scatter, slope.covariance)
-    for i, k in enumerate(scatters(model)):
-        at.p[k] = scatter[len(BASE_WIDTH) + i]
     p_covariance = clustered_covariance(
         at.residuals, slope, spread(slope, scatter), curve + np.diag(posterior.tight),
         (data.impact_release, data.flight_release), len(data.order),
     )  # fmt: skip
+    errors = scatter_errors(at.residuals.impacts, slope, scatter)
+    for i, k in enumerate(scatters(model), len(BASE_WIDTH)):
+        at.p[k], p_covariance[k, k] = scatter[i], (errors[i] * scatter[i]) ** 2
     return Fit(model, at.p, p_covariance, scatter, slope, at.residuals)
 
 

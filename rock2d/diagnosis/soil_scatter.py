@@ -23,8 +23,7 @@ def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
 
     Damped steps of Fisher scoring in their logarithms.
     """
-    good = np.isfinite(r).all(axis=1)
-    cost = _Cost(r[good], slope.scatter[good], slope.covariance[good])
+    cost = _Cost.of(r, slope)
     low, high = np.log(BOUNDS)
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_STEPS):
@@ -44,6 +43,12 @@ def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
     return np.exp(at.logs)
 
 
+def scatter_errors(r: Array, slope: Slopes, scatter: Array) -> Array:
+    """(k,) relative standard errors of fitted standard deviations."""
+    at = _Cost.of(r, slope).at(np.log(scatter))
+    return np.sqrt(np.diag(np.linalg.inv(at.curve)))
+
+
 class _Point(NamedTuple):
     """Logarithms of standard deviations (k,), minus the log posterior there, its slope and its expected curvature."""
 
@@ -59,6 +64,12 @@ class _Cost(NamedTuple):
     r: Array
     scatter: Array
     covariance: Array
+
+    @classmethod
+    def of(cls, r: Array, slope: Slopes) -> _Cost:
+        """Of the impacts that could be simulated."""
+        good = np.isfinite(r).all(axis=1)
+        return cls(r[good], slope.scatter[good], slope.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """At logarithms of the standard deviations."""

@@ -7,14 +7,14 @@ import pytest
 
 from rock2d.diagnosis.derivatives import Slopes, spread
 from rock2d.diagnosis.likelihood import log_likelihood
-from rock2d.diagnosis.soil_scatter import PRIOR_SCATTER, fit_scatter
+from rock2d.diagnosis.soil_scatter import PRIOR_SCATTER, fit_scatter, scatter_errors
 
 SOIL = np.array([0.08, 0.03, 0.15])
 
 
-def impacts(soil, count=800):
+def impacts(soil, count=800, seed=5):
     """(n, 6) residuals of impacts on a soil that varies, and their derivatives."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     by_soil = rng.normal(size=(count, 6, len(soil)))
     root = 0.05 * rng.normal(size=(count, 6, 6))
     noise = root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(6)
@@ -45,3 +45,13 @@ def test_no_other_scatter_is_more_probable(start):
             other = found * np.where(np.arange(3) == k, factor, 1.0)
             assert posterior(r, slope, other) < best + 1e-2
     assert found[1] < 0.02
+
+
+def test_the_stated_errors_are_those_of_repeated_draws():
+    found = []
+    for seed in range(40):
+        r, slope = impacts(SOIL, 200, seed)
+        fitted = fit_scatter(r, slope, SOIL)
+        found.append([fitted / SOIL, scatter_errors(r, slope, fitted)])
+    drawn, stated = np.std([one for one, _ in found], axis=0), np.mean([one for _, one in found], axis=0)
+    assert stated == pytest.approx(drawn, rel=0.35)  # the standard deviation of 40 draws is known to 11 %

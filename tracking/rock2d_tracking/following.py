@@ -27,6 +27,9 @@ FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in n
 FOREGROUND_GREY = 8.0  # and in grey levels
 SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
 SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
+TRUSTED_OVER_SEEN = (
+    1.25  # confidence of an outline that is trusted, over the share with which a block is followed
+)
 CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
 LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
@@ -184,6 +187,7 @@ class _Follower:
     def end_release(self) -> None:
         """The release that is being followed is over."""
         if self.release is not None:
+            self._distrust_hidden(self.release)
             seen = [i for i, s in enumerate(self.release.sights) if not s.reason]
             if seen:
                 self.release.sights = self.release.sights[seen[0] : seen[-1] + 1]
@@ -191,6 +195,14 @@ class _Follower:
             else:
                 self.rejected.update(s.reason for s in self.release.sights)
         self.release, self.chain, self._lost, self._sighted = None, None, 0, []
+
+    def _distrust_hidden(self, release: FollowedRelease) -> None:
+        """Frames in which too little of an outline was seen helped to follow the block, but are not trusted: soil that
+        hides one side looks like an edge of the block."""
+        if self.looks[release.block].kind == "outline":
+            for sight in release.seen:
+                if sight.confidence < TRUSTED_OVER_SEEN * self.setup.keys.detection.least_seen:
+                    sight.reason, sight.confidence = "half hidden", 0.0
 
     def _next_block(self) -> str:
         return self.setup.block_of(len(self.releases) + (self.release is not None))

@@ -12,6 +12,7 @@ from rock2d_tracking.edges import edge_points
 from rock2d_tracking.fitting import Fitter, start_angles
 from rock2d_tracking.looks import LEAST_MATCH, Looks, learned_picture, matched
 from rock2d_tracking.motion import Motion
+from rock2d_tracking.sights import Sight
 
 Array = np.ndarray
 Shots = list[tuple[int, Array, Array]]  # number, picture, and place (2,) in px of frames with a block
@@ -50,16 +51,17 @@ def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
 
 def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) -> Looks:
     """The looks of a block in its shots: size, and the kind of fit that works; `looks`: those that are stated."""
-    seen = _sized(fitter, looks, shots)
-    if abs(seen.size - 1.0) < LEAST_SIZE_CHANGE and _works(fitter, looks, shots) >= LEAST_OUTLINES:
-        seen = replace(looks, size=seen.size, size_error=seen.size_error)
-    looks = seen
-    by_edge = replace(looks, kind="edge")
-    if _works(fitter, looks, shots) >= LEAST_OUTLINES:
-        better, apart = _better(fitter, by_edge, looks, shots, motion)
-        return by_edge if better else replace(looks, bias_px=apart)
-    if _works(fitter, by_edge, shots) >= LEAST_EDGES:
-        return by_edge
+    sized, by_outline = _sized(fitter, looks, shots), _sights(fitter, looks, shots)
+    if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline) >= LEAST_OUTLINES:
+        looks = replace(looks, size=sized.size, size_error=sized.size_error)
+    elif sized is not looks:
+        looks, by_outline = sized, _sights(fitter, sized, shots)
+    by_edge = _sights(fitter, replace(looks, kind="edge"), shots)
+    if _share_seen(by_outline) >= LEAST_OUTLINES:
+        better, apart = _better(by_edge, by_outline, motion)
+        return replace(looks, kind="edge") if better else replace(looks, bias_px=apart)
+    if _share_seen(by_edge) >= LEAST_EDGES:
+        return replace(looks, kind="edge")
     still = fitter.background.grey
     pairs = [(image, place) for _, image, place in shots]
     picture = learned_picture(pairs, still, looks.outline.reach_px)
@@ -71,25 +73,30 @@ def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) ->
     return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
 
 
-def _better(
-    fitter: Fitter, by_edge: Looks, looks: Looks, shots: Shots, motion: Motion
-) -> tuple[bool, float | None]:
+def _sights(fitter: Fitter, looks: Looks, shots: Shots) -> list[Sight]:
+    return [fitter.fit_anywhere_turned(number, image, looks, place) for number, image, place in shots]
+
+
+def _share_seen(sights: list[Sight]) -> float:
+    return float(np.mean([not s.reason for s in sights]))
+
+
+def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tuple[bool, float | None]:
     """Whether the edge finds a block better than its outline with one grey; usual distance of both in px, None if
     the edge is hardly seen.
 
     If the block is of one grey, both agree; if not, the edge is right, because it assumes less. Where they agree,
     the one whose places scatter less about the arcs is better."""
-    pairs = []
-    for number, image, place in shots:
-        a = fitter.fit_anywhere_turned(number, image, looks, place)
-        b = fitter.fit_anywhere_turned(number, image, by_edge, place, SEEN_TO_START)
-        if not a.reason and not b.reason:
-            pairs.append((number, *a.pose[:2], *b.pose[:2]))
+    pairs = [
+        (a.frame, *a.pose[:2], *b.pose[:2])
+        for a, b in zip(by_outline, by_edge, strict=True)
+        if not a.reason and not b.reason and b.confidence >= SEEN_TO_START
+    ]
     if len(pairs) < FEWEST_SHOTS:
         return False, None
     table = np.array(pairs)
     apart = float(np.median(np.hypot(*(table[:, 1:3] - table[:, 3:]).T)))
-    if len(pairs) < LEAST_OUTLINES * len(shots):
+    if len(pairs) < LEAST_OUTLINES * len(by_edge):
         return False, apart
     if apart > LARGEST_BIAS_PX:
         return True, apart
@@ -104,25 +111,21 @@ def _better(
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _works(fitter: Fitter, looks: Looks, shots: Shots) -> float:
-    """Share of the shots in which a fit finds the block."""
-    return float(
-        np.mean([not fitter.fit_anywhere_turned(n, image, looks, place).reason for n, image, place in shots])
-    )
-
-
 def _sized(fitter: Fitter, looks: Looks, shots: Shots) -> Looks:
     """The looks in the size that the edge shows; as they are if the edge is not seen well enough."""
     size, outline = 1.0, looks.outline
+    turns = [start_angles(outline) for _ in shots]
     for _ in range(SIZE_ROUNDS):
         trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
         sizes = []
-        for _, image, place in shots:
-            fits = [fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True)
-                    for turn in start_angles(outline)]  # fmt: skip
+        for k, (_, image, place) in enumerate(shots):
+            fits = [
+                fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True) for turn in turns[k]
+            ]
             best = max((f for f in fits if f is not None), key=lambda f: f.seen, default=None)
             if best is not None and best.seen > SEEN_FOR_SIZE:
                 sizes.append(best.size)
+                turns[k] = best.pose[2:] if np.isfinite(best.pose[2]) else turns[k]
         if len(sizes) < FEWEST_SHOTS:
             return looks
         change = float(np.median(sizes))

@@ -172,7 +172,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
         if looks.kind == "picture":
             remarks.append(
                 f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
-                f"to about {looks.scatter_px:.2f} px, without its turn; all its places may be some pixels beside the centroid"
+                f"to about {looks.scatter_px:.2f} px, without its turn, and perhaps some pixels beside its centroid"
             )
     return remarks
 

@@ -225,13 +225,13 @@ def track(video, config, metres_per_pixel, fps, out, frames, explain, quiet) -> 
 
     Example: rock2d track film.avi --config setup.yaml --out my_tests
     """
-    from rock2d_tracking.command import FirstScale, track
+    from rock2d_tracking.command import FirstScale, TrackSettings, track
 
     first = (metres_per_pixel, fps)
     if (config is None) == (None in first) and (config is None or first != (None, None)):
         raise click.UsageError("state either --config, or --metres-per-pixel and --fps")
     known = config if config is not None else FirstScale(metres_per_pixel, fps)
-    track(video, known, out, last=frames, explain=explain, progress=not quiet, report=click.echo)
+    track(video, known, out, TrackSettings(frames, explain, progress=not quiet, report=click.echo))
 
 
 @cli.command()

@@ -130,3 +130,8 @@ class ParameterError(ValueError):
 
     def __reduce__(self) -> tuple[type[ParameterError], tuple[str, str]]:
         return type(self), (self.key, self.message)
+
+
+def counted(number: int, thing: str) -> str:
+    """A number of things in words: `1 release`, `2 releases`."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

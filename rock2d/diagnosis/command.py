@@ -17,7 +17,7 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import atomic_folder, check_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
@@ -48,9 +48,8 @@ def run_diagnosis(
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
-    report(
-        f"{read.name}: {rows['release'].nunique()} releases, {len(rows)} rows; {len(names)} effects to try"
-    )
+    releases, length = counted(rows["release"].nunique(), "release"), counted(len(rows), "row")
+    report(f"{read.name}: {releases}, {length}; {counted(len(names), 'effect')} to try")
     make_folder(out)
     with tqdm(unit="model", disable=not progress) as bar:
         bar.total = len(names) + 1

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
@@ -154,8 +155,8 @@ class FilmStatement:
         if self.gravity is None or ratio is None or fps is None:
             return "no flight shows gravity clearly: scale and frame rate cannot be checked"
         found = (
-            f"g = {_with_error(self.gravity.gravity_m_s2)} m/s² in {_count(self.flights, 'flight')} of "
-            f"{_count(self.releases, 'release')}"
+            f"g = {_with_error(self.gravity.gravity_m_s2)} m/s² in {counted(self.flights, 'flight')} of "
+            f"{counted(self.releases, 'release')}"
         )
         size = Measured(100.0 * abs(ratio.value - 1.0), 100.0 * ratio.error)
         if self.off:
@@ -234,12 +235,8 @@ def _rest_sentence(own: RestHeight) -> str:
     ask = ": are its size, the scale, the origin and the ground right?" if clear else ""
     return (
         f"at rest, block {own.block} lies {size}{error} mm {way} the stated ground, "
-        f"{100 * abs(own.height_radii):.2g} % of its radius ({_count(own.rests, 'release')}){ask}"
+        f"{100 * abs(own.height_radii):.2g} % of its radius ({counted(own.rests, 'release')}){ask}"
     )
-
-
-def _count(n: int, thing: str) -> str:
-    return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
 def _decimals(error: float) -> int:

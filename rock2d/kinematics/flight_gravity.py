@@ -6,7 +6,7 @@ covariance is C = σ² 1 + τ² v vᵀ. Both variances are estimated from the re
 fitted by generalised least squares. Of n even frames over a time T without τ, a has the standard error σ √(720/n) / T².
 
 Errors that change slowly (compression, a lens, drag) do not average out over the frames. They show in the polynomials
-next to the parabola: if those of degree 3 to 6 are clearly larger than the rest, they alone give the variance.
+next to the parabola: if those of degree 3 and 4 are clearly larger than the rest, they alone give the variance.
 
 Flights are combined within each release, and releases with each other. Where releases disagree by more than their
 errors explain (blocks at other distances from the camera), a scatter between them is added: Paule and Mandel (1982),
@@ -34,7 +34,7 @@ from rock2d.statistics import weighted_median
 Array = np.ndarray
 
 PARABOLA = 3  # polynomials of a parabola
-SLOW_DEGREES = 4  # of the polynomials next to it
+SLOW_DEGREES = 2  # of the polynomials next to it
 VARIANCE_ROUNDS = 5  # of the estimate of σ and τ, at most
 CONVERGED_VARIANCE = 0.01  # relative change of the variances below which they are known
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered

@@ -28,7 +28,7 @@ from rock2d.kinematics.segmentation import (
     SPIN_ACCELERATION_SD,
     partition,
 )
-from rock2d.records.columns import POSITION, THETA, X, Y
+from rock2d.records.columns import THETA, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -37,6 +37,9 @@ FEWEST_FLIGHT_FRAMES = 8
 NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
+IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
+SMOOTH_ACCELERATION_SD = 0.5  # 1 sigma, in units of gravity, by which air, lens and perspective bend a flight
+SMOOTH_DEGREE = 4  # of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
 SMALLEST_NOISE = 1.0e-9  # of positions in m and angles in rad, for films without noise
 NOISE_LAGS = 6  # frames over which the noise may be correlated
@@ -225,25 +228,23 @@ def _trimmed(recording: _Recording, i: int, j: int) -> tuple[int, int]:
 def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tuple[int, int]]:
     """Segments (first, last) of frames that are flights.
 
-    Two parts of one flight that was divided in mid-air are joined. A segment counts as a flight only if it rises above
-    the ground: a hop within the indentation is contact. Where the ground lies higher than stated, blocks do not come
-    down to it. Then a flight must rise above its own lower end.
+    Two parts of one flight that was divided in mid-air are joined: drag, a lens or perspective bend it away from one
+    parabola. A segment counts as a flight only if it rises above the ground: a hop within the indentation is contact.
+    Where the ground lies higher than stated, blocks do not come down to it. Then a flight must rise above its own lower
+    end.
     """
-    t, pose, gap, noise, size, g = recording
+    gap, noise, size = recording.gap_m, recording.noise, recording.size_m
     flights = []
     for k in np.unique(number[kind == FLIGHT]):
         frames = np.flatnonzero(number == k)
         flights.append((int(frames[0]), int(frames[-1]) + 1))
-    joined: list[tuple[int, int]] = []
-    for i, j in flights:
-        if joined:
-            h, m = joined[-1]
-            aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
-            change = IMPACT_VELOCITY_CHANGE * np.sqrt(g * size)
-            if i - m <= 2 and aloft and _velocity_change(t, pose, (h, m), (i, j)) < change:
-                joined[-1] = (h, j)
-                continue
-        joined.append((i, j))
+    joined: list[tuple[int, int]] = flights[:1]
+    for (h, m), (i, j) in itertools.pairwise(flights):
+        aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
+        if i - m <= 2 and aloft and not _kinked(recording, (h, m), (i, j)):
+            joined[-1] = (joined[-1][0], j)
+        else:
+            joined.append((i, j))
     rises = max(FLIGHT_RISE_RADII * size, 5.0 * noise[Y])
     whole = (0, len(gap))
     ground = [0.0 if ends == whole else max(min(gap[ends[0]], gap[ends[1] - 1]), 0.0) for ends in joined]
@@ -254,13 +255,32 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
     ]
 
 
-def _velocity_change(t: Array, pose: Array, before: tuple[int, int], after: tuple[int, int]) -> float:
-    """Change of velocity in m/s between two segments at the instant where they meet."""
-    velocity = []
-    for (i, j), at in ((before, t[before[1] - 1]), (after, t[after[0]])):
-        fit = np.polynomial.polynomial.polyfit(t[i:j] - at, pose[i:j, POSITION], 2)
-        velocity.append(fit[1])
-    return float(np.hypot(*(velocity[1] - velocity[0])))
+def _kinked(recording: _Recording, before: tuple[int, int], after: tuple[int, int]) -> bool:
+    """Whether the velocity changes at once between two segments, by more than a smooth curve through both explains.
+
+    The curve is a polynomial whose acceleration stays near gravity, with a change of velocity where the segments meet.
+    """
+    t, pose, _, noise, size, g = recording
+    frames = np.concatenate([np.arange(*before), np.arange(*after)])
+    own = t[frames] - 0.5 * (t[before[1] - 1] + t[after[0]])
+    span = np.ptp(own)
+    powers = np.arange(SMOOTH_DEGREE + 1)
+    columns = np.column_stack([(own[:, None] / span) ** powers, np.maximum(own, 0.0)])
+    # the same acceleration at one span from the meeting, by each of the powers from 2 on
+    bends = powers[2:]
+    prior = np.zeros((len(bends), columns.shape[1]))
+    prior[bends - 2, bends] = bends * (bends - 1) / span**2 / (SMOOTH_ACCELERATION_SD * g)
+    change, sigmas, squares = 0.0, 0.0, 0.0
+    for axis, gravity in ((X, 0.0), (Y, g)):
+        seen = pose[frames, axis] - pose[frames[0], axis] + 0.5 * gravity * own**2
+        q, r = np.linalg.qr(np.vstack([columns / noise[axis], prior]))
+        target = np.append(seen / noise[axis], np.zeros(len(bends)))
+        found = q.T @ target
+        change += (found[-1] / r[-1, -1]) ** 2
+        sigmas += found[-1] ** 2
+        squares += float(target @ target - found @ found)
+    factor = max(squares / (2 * (len(frames) - columns.shape[1] + len(bends))), 1.0)
+    return bool(change > IMPACT_VELOCITY_CHANGE**2 * g * size and sigmas > IMPACT_SIGMAS**2 * factor)
 
 
 def _flight_noise(film: Film, flights: Flights) -> tuple[Array, Array]:

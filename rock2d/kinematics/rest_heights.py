@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.errors import counted
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.records.columns import POSITION
 from rock2d.scene.world import World
@@ -62,7 +63,7 @@ def rest_remarks(film: Film, world: World) -> list[str]:
         if height > max(CLEAR_HEIGHT * error, LEAST_HEIGHT_RADII * block.radius_m):
             remarks.append(
                 f"at rest, block {name} lies {1e3 * height:.2g} ± {1e3 * error:.1g} mm above the ground (mean of "
-                f"{len(heights)} releases): are its sizes, the scale, the origin and the ground right?"
+                f"{counted(len(heights), 'release')}): are its sizes, the scale, the origin and the ground right?"
             )
     return remarks
 

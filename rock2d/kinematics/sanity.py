@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
@@ -93,17 +94,21 @@ def check_impacts(impacts: int, landings: int, found: Sanity) -> None:
     if impacts < least:
         found.fail(
             FEW_IMPACTS,
-            f"{impacts} impacts are too few to separate causes: at least {least} are needed{stay}",
+            f"{counted(impacts, 'impact')} {'is' if impacts == 1 else 'are'} too few to separate causes: at least "
+            f"{least} are needed{stay}",
         )
     elif impacts < FEWEST_IMPACTS:
-        found.remarks.append(f"only {impacts} impacts are followed by a flight{stay}")
+        found.remarks.append(
+            f"only {counted(impacts, 'impact')} {'is' if impacts == 1 else 'are'} followed by a flight{stay}"
+        )
 
 
 def _check_releases(releases: int, found: Sanity) -> None:
     if releases < FEWEST_RELEASES:
         found.fail(
             FEW_RELEASES,
-            f"{releases} releases are too few to separate causes: at least {FEWEST_RELEASES} are needed",
+            f"{counted(releases, 'release')} {'is' if releases == 1 else 'are'} too few to separate causes: at least "
+            f"{FEWEST_RELEASES} are needed",
         )
 
 

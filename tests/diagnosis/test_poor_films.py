@@ -39,7 +39,7 @@ def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], In
 
 def test_one_flight_of_a_wrong_scale_is_refused_but_the_set_is_named_with_its_size(tmp_path):
     content, lines, error = diagnosed(tmp_path, tossed(9.67))
-    assert "1 releases are too few" in str(error)
+    assert "1 release is too few" in str(error)
     assert any(line.startswith("film: {scale_error, frame_rate_error}: 1.") for line in lines)
     assert content["verdict"] == "unknown" and content["film"]["gravity"]["off"]
     found = {cause["effect"]: cause for cause in content["causes"]}

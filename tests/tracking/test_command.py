@@ -55,7 +55,7 @@ def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
     said = run(
         "track", tmp_path / "f.avi", "--config", tmp_path / "f.yaml", "--out", tmp_path / "out", "--quiet"
     )
-    assert "1 releases, 140 of 140 frames trusted" in said
+    assert "1 release, 140 of 140 frames trusted" in said
     assert (tmp_path / "f.csv").read_text().count("\n") == 1 + 60 + 140
 
 

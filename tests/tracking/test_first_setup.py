@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from rock2d_tracking.command import FirstScale, track
+from rock2d_tracking.command import FirstScale, TrackSettings, track
 from rock2d_tracking.setup_file import Setup
 
 from rock2d.errors import InputError
@@ -43,7 +43,7 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     film, places = thrown
     said: list[str] = []
     out = tmp_path / "out"
-    track(film, FirstScale(SCALE, FPS), out, last=None, explain=True, progress=False, report=said.append)
+    track(film, FirstScale(SCALE, FPS), out, TrackSettings(explain=True, report=said.append))
     frames = pd.read_csv(out / "frames.csv")
     seen = frames[frames["reason"].isna()]
     assert len(seen) > 38
@@ -62,9 +62,7 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
 def test_a_wrong_frame_rate_is_named_where_nothing_can_be_tracked(thrown, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(InputError, match=r"nothing was seen to fall .* camera\.fps"):
-        track(
-            thrown[0], FirstScale(SCALE, 4 * FPS), out, last=None, explain=False, progress=False, report=print
-        )
+        track(thrown[0], FirstScale(SCALE, 4 * FPS), out, TrackSettings())
     assert not out.exists()
     text = (tmp_path / "out_explained" / "explanation.txt").read_text()
     assert "0.25 times the frame rate" in text

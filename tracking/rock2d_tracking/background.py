@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rock2d_tracking.candidates import shrunk
+
 Array = np.ndarray
 
 LEARNING_RATE = 0.02  # share of a frame that the background takes over
@@ -36,15 +38,17 @@ class Background:
             self.noise = 2.0
         self._count = 0
         self._bytes: Array | None = None
+        self._coarse: dict[int, Array] = {}
 
     def differs(self, frame: Array, threshold: float, coarse: int) -> Array:
         """Mask of what stands out of the background by more than `threshold` grey levels, in pixels `coarse` times as
         wide as the frame's."""
         import cv2
 
-        size = (frame.shape[1] // coarse, frame.shape[0] // coarse)
-        now, still = (cv2.resize(a, size, interpolation=cv2.INTER_AREA) for a in (frame, self._byte()))
-        return cv2.threshold(cv2.absdiff(now, still), threshold, 255, cv2.THRESH_BINARY)[1]
+        if coarse not in self._coarse:
+            self._coarse[coarse] = shrunk(self._byte(), coarse)
+        apart = cv2.absdiff(shrunk(frame, coarse), self._coarse[coarse])
+        return cv2.threshold(apart, threshold, 255, cv2.THRESH_BINARY)[1]
 
     def learn(self, frame: Array, block: tuple[int, int, int, int] | None) -> None:
         """Take over a share of every fourth frame, but not within `block` (first and last u, first and last v), and
@@ -66,6 +70,7 @@ class Background:
             frame, self.grey, CHANGED_LEARNING_SHARE * LEARNING_INTERVAL * LEARNING_RATE, other
         )
         self._bytes = None
+        self._coarse.clear()
 
     def _byte(self) -> Array:
         import cv2

@@ -44,6 +44,17 @@ class Candidate(NamedTuple):
     shadow: bool
 
 
+def shrunk(picture: Array, coarse: int) -> Array:
+    """A picture with pixels `coarse` times as wide; what is left over at the right and lower edge is cut off."""
+    import cv2
+
+    if coarse == 1:
+        return picture
+    width, height = picture.shape[1] // coarse, picture.shape[0] // coarse
+    whole = picture[: height * coarse, : width * coarse]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+
+
 def candidates_of(pictures: list[Array], first: int, coarse: int) -> list[list[Candidate]]:
     """Candidates of each picture, which are `coarse` times smaller than the film's; `first`: number of the first."""
     import cv2

@@ -5,25 +5,26 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.explanation import Seen
+from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.following import Followed, follow, looks_in
 from rock2d_tracking.looks import View
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
 if TYPE_CHECKING:
+    from rock2d.kinematics.film_statement import FilmStatement
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
-    from rock2d_tracking.motion import Motion
 
 Array = np.ndarray
 Report = Callable[[str], None]
@@ -49,53 +50,52 @@ class FilmFormat(NamedTuple):
     releases: int | None
 
 
-def track(
-    video: Path,
-    config: Path | FirstScale,
-    out: Path,
-    *,
-    last: int | None,
-    explain: bool,
-    progress: bool,
-    report: Report,
-) -> None:
+@dataclass(frozen=True)
+class TrackSettings:
+    """How to track.
+
+    Attributes
+    ----------
+    last : number of frames after which to stop, None for all
+    explain : whether to write what was seen of the film also where it can be tracked
+    progress : whether to show a progress bar
+    report : what is called with every line for the user
+    """
+
+    last: int | None = None
+    explain: bool = False
+    progress: bool = False
+    report: Report = print
+
+
+def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSettings) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
-    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. `last`: number of frames
-    after which to stop. `explain`: also write what was seen of the film. Where nothing can be tracked, that goes to
-    `OUT_explained`. Raises `InputError` for input that cannot be used.
+    `config`: the set-up file, or scale and frame rate, from which one is written into `out`. Where nothing can be
+    tracked, what was seen of the film goes to `OUT_explained`. Raises `InputError` for input that cannot be used.
     """
     from rock2d_tracking.first_setup import first_motion, write_first_setup
 
     film = FilmFile(video)
+    frames = film.frames(settings.last)
     check_folder(out)
     if isinstance(config, Path):
-        _track(film, Setup(config), out, last=last, explain=explain, progress=progress, report=report)
+        _track(film, frames, Setup(config), out, settings)
         return
-    motion = first_motion(film, last, *config)
+    motion = first_motion(film, frames, *config)
     with tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "setup.yaml"
         try:
             write_first_setup(first, film, motion, *config)
         except InputError as error:
-            raise _explained(error, out, film, last, motion, None, None) from None
-        looks = looks_in(film.frames(last), Setup(first), film.size_px, motion)
+            raise _explained(error, out, Seen(frames, motion, None, None)) from None
+        looks = looks_in(frames, Setup(first), film.size_px, motion)
         write_first_setup(first, film, motion, *config, looks["block"].size)
-        setup = Setup(first)
-        _track(film, setup, out, last=last, explain=explain, progress=progress, report=report)
-        report(f"set-up file to refine: {out / 'setup.yaml'}")
+        _track(film, frames, Setup(first), out, settings)
+        settings.report(f"set-up file to refine: {out / 'setup.yaml'}")
 
 
-def _track(
-    film: FilmFile,
-    setup: Setup,
-    out: Path,
-    *,
-    last: int | None,
-    explain: bool,
-    progress: bool,
-    report: Report,
-) -> None:
+def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: TrackSettings) -> None:
     from tqdm import tqdm
 
     from rock2d.kinematics.film_statement import film_statement, write_statement
@@ -110,7 +110,7 @@ def _track(
         still: list[Array] = []
         with (
             closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay,
-            tqdm(total=film.promised or None, unit="frame", disable=not progress) as bar,
+            tqdm(total=film.promised or None, unit="frame", disable=not settings.progress) as bar,
         ):
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
@@ -119,7 +119,8 @@ def _track(
                 overlay.draw(number, frame, release)
                 bar.update()
 
-            followed = follow(film.frames(last), setup, film.size_px, on_progress, film.promised)
+            followed = follow(frames, setup, film.size_px, on_progress, film.promised)
+        seen = Seen(frames, followed.motion, followed, setup)
         try:
             try:
                 found = tracked_film(followed.releases, setup, film.size_px)
@@ -128,7 +129,7 @@ def _track(
             found.remarks.extend(_remarks_on_looks(followed))
             found.remarks.extend(_check_sanity(found.experiment, setup))
         except InputError as error:
-            raise _explained(error, out, film, last, followed.motion, followed, setup) from None
+            raise _explained(error, out, seen) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
         said = film_statement(data, setup_world(found.experiment), found.experiment.fps)
@@ -138,19 +139,25 @@ def _track(
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
         trusted = (found.frames["reason"] == "").sum()
         counts = (
-            f"{found.frames['release'].nunique()} releases, {trusted} of {len(found.frames)} frames trusted, "
-            f"{len(flights)} flights, {len(impacts)} impacts"
+            f"{counted(found.frames['release'].nunique(), 'release')}, {trusted} of "
+            f"{counted(len(found.frames), 'frame')} trusted, {counted(len(flights), 'flight')}, "
+            f"{counted(len(impacts), 'impact')}"
         )
-        if explain:
-            write_explanation(folder, film.frames(last), followed.motion, followed, setup, counts)
+        if settings.explain:
+            write_explanation(folder, seen, counts)
         if setup.path.parent != out:
             (folder / "setup.yaml").write_bytes(setup.path.read_bytes())
+    report = settings.report
     report(counts)
-    for line in said.sentences():
-        report(f"film: {line}")
+    _report_statement(said, report)
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
+
+
+def _report_statement(said: FilmStatement, report: Report) -> None:
+    for line in said.sentences():
+        report(f"film: {line}")
 
 
 def _remarks_on_looks(followed: Followed) -> list[str]:
@@ -165,22 +172,19 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
         if looks.kind == "picture":
             remarks.append(
                 f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
-                f"to about {looks.scatter_px:.2f} px, without its turn"
+                f"to about {looks.scatter_px:.2f} px, without its turn, and perhaps some pixels beside its centroid"
             )
     return remarks
 
 
-def _explained(
-    error: InputError, out: Path, film: FilmFile, last: int | None, motion: Motion,
-    followed: Followed | None, setup: Setup | None,
-) -> InputError:  # fmt: skip
+def _explained(error: InputError, out: Path, seen: Seen) -> InputError:
     """The error, with a word on the folder in which what was seen of the film is now explained."""
     from rock2d_tracking.explanation import keys_to_try, write_explanation
 
     folder = out.with_name(f"{out.name}_explained")
     with atomic_folder(folder) as inside:
-        write_explanation(inside, film.frames(last), motion, followed, setup, str(error))
-    keys = ", ".join(text.split(":")[0] for text in keys_to_try(motion, followed, setup))
+        write_explanation(inside, seen, str(error))
+    keys = ", ".join(text.split(":")[0] for text in keys_to_try(seen))
     return InputError(f"{error.message}. What was seen: {folder}; keys to try next: {keys}", error.file)
 
 
@@ -282,9 +286,8 @@ def import_files(
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
         write_statement(folder, said)
-    report(f"{table['release'].nunique()} releases, {len(table)} frames")
-    for line in said.sentences():
-        report(f"film: {line}")
+    report(f"{counted(table['release'].nunique(), 'release')}, {counted(len(table), 'frame')}")
+    _report_statement(said, report)
     report(f"written: {out}")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,22 +24,25 @@ GRAVITY_AGREES = 0.1
 FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
 
 
-def write_explanation(
-    folder: Path,
-    film: Iterable[Array],
-    motion: Motion,
-    followed: Followed | None,
-    setup: Setup | None,
-    said: str,
-) -> None:
+class Seen(NamedTuple):
+    """What was seen of a film: its frames, what moves in it, and what was followed with which set-up file, if any."""
+
+    frames: Iterable[Array]
+    motion: Motion
+    followed: Followed | None
+    setup: Setup | None
+
+
+def write_explanation(folder: Path, seen: Seen, said: str) -> None:
     """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: how tracking ended."""
-    _draw(folder, film, motion)
-    lines = [said, "", *_counts(motion, followed, setup), "", "Keys to try next:"]
-    lines += [f"{k}. {text}" for k, text in enumerate(keys_to_try(motion, followed, setup), 1)]
+    _draw(folder, seen.frames, seen.motion)
+    lines = [said, "", *_counts(seen), "", "Keys to try next:"]
+    lines += [f"{k}. {text}" for k, text in enumerate(keys_to_try(seen), 1)]
     write_whole(folder / "explanation.txt", "\n".join(lines) + "\n")
 
 
-def _counts(motion: Motion, followed: Followed | None, setup: Setup | None) -> list[str]:
+def _counts(seen: Seen) -> list[str]:
+    _, motion, followed, setup = seen
     number = [len(c) for c in motion.candidates]
     falls, other = sum(a.falls for a in motion.arcs), sum(a.other for a in motion.arcs)
     lines = [
@@ -66,8 +70,9 @@ def _counts(motion: Motion, followed: Followed | None, setup: Setup | None) -> l
     return lines
 
 
-def keys_to_try(motion: Motion, followed: Followed | None, setup: Setup | None) -> list[str]:
+def keys_to_try(seen: Seen) -> list[str]:
     """Three keys of the set-up file, the likeliest to help first, each with what the film says of it."""
+    _, motion, _, setup = seen
     found: list[str] = []
     curved = [a for a in motion.arcs if (a.other or a.falls) and len(a.frames) >= FEWEST_CURVED]
     if curved:
@@ -84,13 +89,14 @@ def keys_to_try(motion: Motion, followed: Followed | None, setup: Setup | None) 
     areas = [c.area_px2 for c in motion.chains] or [a.area_px2 for a in motion.arcs if a.falls]
     sizes = [float(np.sqrt(a / np.pi)) for a in areas]
     if setup is not None and sizes:
-        seen = float(np.median(sizes))
+        usual_px = float(np.median(sizes))
         for name, block in setup.blocks.items():
             stated = block.size_m / 2 / setup.metres_per_pixel
-            if abs(seen / stated - 1.0) > SIZE_AGREES:
+            if abs(usual_px / stated - 1.0) > SIZE_AGREES:
                 found.append(
-                    f"blocks.{name}: what falls has a radius of {seen:.1f} px ({seen * setup.metres_per_pixel:.4g} m); "
-                    f"the set-up file states {stated:.1f} px ({stated * setup.metres_per_pixel:.4g} m)"
+                    f"blocks.{name}: what falls has a radius of {usual_px:.1f} px "
+                    f"({usual_px * setup.metres_per_pixel:.4g} m); the set-up file states {stated:.1f} px "
+                    f"({stated * setup.metres_per_pixel:.4g} m)"
                 )
     usual = [
         "detection.background_frames: name frames without a block, if it rests in the picture for long",

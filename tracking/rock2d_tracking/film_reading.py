@@ -1,9 +1,11 @@
-"""A video file, read from its first frame to its last, never by seeking: images in bounded memory."""
+"""A video file, read from its first frame to its last, never by seeking: images in bounded memory.
+
+A film is read several times. If its frames fit in `KEPT_BYTES`, they are decoded once and kept.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+KEPT_BYTES = 2_000_000_000  # of decoded frames that are kept; a longer film is decoded anew for each reading
 UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 
@@ -63,23 +66,40 @@ class FilmFile:
         return Frames(self, last)
 
 
-@dataclass(frozen=True)
 class Frames:
-    """The frames of a film, which can be read again and again."""
+    """The frames of a film, which can be read again and again; they must not be changed."""
 
-    film: FilmFile
-    last: int | None
+    def __init__(self, film: FilmFile, last: int | None) -> None:
+        """`last`: number of frames after which to stop, None for all."""
+        self._film, self._last = film, last
+        self._kept: list[Array] | None = None
 
     def __iter__(self) -> Iterator[Array]:
         """Read from the first frame on.
 
         Raises `InputError` if there is none, or if the file ends before it should and `last` does not say so.
         """
+        if self._kept is not None:
+            yield from self._kept
+            return
+        kept: list[Array] = []
+        fits = True
+        for frame in self._decoded():
+            yield frame
+            fits = fits and frame.nbytes * (len(kept) + 1) <= KEPT_BYTES
+            if fits:
+                kept.append(frame)
+            else:
+                kept.clear()
+        if fits:
+            self._kept = kept
+
+    def _decoded(self) -> Iterator[Array]:
         import cv2
 
-        capture, count, grey = self.film._opened(), 0, False
+        capture, count, grey = self._film._opened(), 0, False
         try:
-            while self.last is None or count < self.last:
+            while self._last is None or count < self._last:
                 done, image = capture.read()
                 if not done:
                     break
@@ -90,10 +110,10 @@ class Frames:
         finally:
             capture.release()
         if count == 0:
-            raise InputError("this video holds no frame that can be read", self.film.path)
-        if self.last is None and count < (1.0 - UNREADABLE_SHARE) * self.film.promised - 1:
+            raise InputError("this video holds no frame that can be read", self._film.path)
+        if self._last is None and count < (1.0 - UNREADABLE_SHARE) * self._film.promised - 1:
             raise InputError(
-                f"the video ends early: {count} of the {self.film.promised} frames that it states can be read; "
+                f"the video ends early: {count} of the {self._film.promised} frames that it states can be read; "
                 f"write --frames {count} to track these",
-                self.film.path,
+                self._film.path,
             )

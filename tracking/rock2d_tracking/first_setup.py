@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.errors import InputError
 from rock2d.files.folders import write_whole
-from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.motion import Motion, motion_of
 
 GRAVITY_M_S2 = 9.81
@@ -37,10 +37,10 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 """
 
 
-def first_motion(film: FilmFile, last: int | None, metres_per_pixel: float, fps: float) -> Motion:
-    """What moves in a film whose blocks are not known."""
+def first_motion(film: FilmFile, frames: Frames, metres_per_pixel: float, fps: float) -> Motion:
+    """What moves in the frames of a film whose blocks are not known."""
     fall = GRAVITY_M_S2 / metres_per_pixel / fps**2
-    return motion_of(film.frames(last), film.promised, [], fall, fps)
+    return motion_of(frames, film.promised, [], fall, fps)
 
 
 def write_first_setup(

@@ -220,6 +220,10 @@ def _normal_equations(patch, edges, semi_axes, p, tukey, curve, grad):
             covered += share
             if weight == 0.0:
                 continue
+            if share == 1.0:  # inside, only the grey matters
+                grad[FIT_GREY] += weight * r
+                curve[FIT_GREY, FIT_GREY] += weight
+                continue
             # derivatives by the pose: the axes of the body move and turn
             j[FIT_U] = -step * (c * slope[0] - s * slope[1])
             j[FIT_V] = -step * (s * slope[0] + c * slope[1])

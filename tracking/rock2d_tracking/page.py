@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import (
     PAGE_ACCENT,
@@ -80,7 +81,7 @@ def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) ->
         else "no flight was seen",
         "impacts flagged": f"{(flag != '').sum()} "
         f"(deep {flag.str.contains('deep').sum()}, low rebound {flag.str.contains('low').sum()})",
-    } | {f"lost: {reason}": f"{count} frames" for reason, count in lost.items()}
+    } | {f"lost: {reason}": counted(count, "frame") for reason, count in lost.items()}
 
 
 def _tracks(frames: pd.DataFrame, background: Array) -> Figure:

@@ -98,6 +98,8 @@ def state_honest_errors(release: FollowedRelease) -> None:
     place = 1.4826 * float(np.median(table[:, :2]))
     turn = 1.4826 * float(np.nanmedian(table[:, 2])) if np.isfinite(table[:, 2]).any() else 1.0
     factor = np.clip([place, place, turn], 1.0, LARGEST_ERROR_FACTOR)
+    # a fit that looks better than usual is so by chance
+    usual = np.nanmedian(error, axis=0) if np.isfinite(error[:, 2]).any() else np.median(error, axis=0)
     for sight in seen:
-        sight.error = sight.error * factor * release.error_factor
+        sight.error = np.maximum(sight.error, usual) * factor * release.error_factor
         sight.error[:2] = np.hypot(sight.error[:2], release.bias_px)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, segment_film
 from rock2d.kinematics.setup_world import setup_world
@@ -52,7 +53,8 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     kept = without_jumps(releases, setup.fall_px(size_px))
     if len(kept) < len(releases):
         remarks.append(
-            f"{len(releases) - len(kept)} of {len(releases)} objects that were followed never moved and are left out"
+            f"{len(releases) - len(kept)} of {counted(len(releases), 'object')} that were followed never moved and "
+            "are left out"
         )
     if not kept:
         raise ValueError(
@@ -62,7 +64,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
     stated = len(setup.keys.releases)
     if stated > 1 and stated != len(kept):
         remarks.append(
-            f"{len(kept)} releases were seen, but the key releases of the set-up file lists {stated}"
+            f"{counted(len(kept), 'release')} seen, but the key releases of the set-up file lists {stated}"
         )
     missing = 0
     for release in kept:
@@ -71,7 +73,7 @@ def tracked_film(releases: Sequence[FollowedRelease], setup: Setup, size_px: tup
         )
     if missing:
         remarks.append(
-            f"{missing} frames are missing in the film: blocks moved two or three times as far there"
+            f"{counted(missing, 'frame')} missing in the film: blocks moved two or three times as far there"
         )
     fps = setup.keys.camera.fps
     rows = [_rows(k, release, fps) for k, release in enumerate(kept)]

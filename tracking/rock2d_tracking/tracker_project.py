@@ -2,15 +2,16 @@
 
 A project is XML: objects with named properties. `tracks` holds a list of objects; those of class `PointMass` are points
 that were marked, by hand or by autotracking. Their `framedata` has an entry `[n]` for each frame n of the film in which
-the point was marked, with `x` and `y` in pixels of the film, from its upper left corner, y downwards. `coords` has the
-calibration (`xscale` in px per unit of length, `xorigin`, `yorigin`, `angle` in degrees), and `clipcontrol` the time
-between two frames in ms (`delta_t`).
+the point was marked, with `x` and `y` in pixels of the film, y downwards, counted from the upper left corner of the
+first pixel. rock2d counts from its centre, so 0.5 is subtracted. `coords` has the calibration (`xscale` in px per unit
+of length, `xorigin`, `yorigin`, `angle` in degrees), and `clipcontrol` the time between two frames in ms (`delta_t`).
 
 Documented in the source of Tracker: `PointMass.Loader`, `ImageCoordSystem.Loader`, `XMLControlElement`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from rock2d_tracking.tracked_points import Points
 
 LINE = "line"  # attribute of an element: where it stands in the file
 LARGEST_FRAME_DIGITS = 9
+PIXEL_CENTRE_PX = 0.5  # of the first pixel, as Tracker counts; 0 as rock2d does
 
 
 def looks_like_project(text: str) -> bool:
@@ -96,7 +98,7 @@ def _marked(path: Path, entry: Element, point: Element) -> dict[str, Any]:
     line, index = int(entry.get(LINE, 1)), entry.get("name", "").strip("[]")
     if not (index.isascii() and index.isdigit() and len(index) <= LARGEST_FRAME_DIGITS):
         raise InputError(f"expected a frame [0], [1], ..., found {shown(entry.get('name'))}", path, line)
-    u, v = (number(_text(point, axis), path, line, axis) for axis in "xy")
+    u, v = (number(_text(point, axis), path, line, axis) - PIXEL_CENTRE_PX for axis in "xy")
     return {"line": line, "frame": int(index), "u": u, "v": v}
 
 
@@ -105,21 +107,23 @@ def _calibration(root: Element) -> str:
     parts = []
     coords = _property(root, "coords")
     own = None if coords is None else coords.find("object/property[@name='framedata']/property/object")
-    if own is not None and all(_is_positive(_text(own, name)) for name in ("xscale", "yscale")):
+    if own is not None and all(0.0 < _float(own, name) < math.inf for name in ("xscale", "yscale")):
         unit = _text(root, "length_unit") or "unit of length"
+        u, v = (_float(own, name) - PIXEL_CENTRE_PX for name in ("xorigin", "yorigin"))
         parts.append(
-            f"{float(_text(own, 'xscale')):.6g} px per {unit}, origin at ({_text(own, 'xorigin')[:8]}, "
-            f"{_text(own, 'yorigin')[:8]}) px, axes turned by {_text(own, 'angle')[:8] or '0'}°"
+            f"{_float(own, 'xscale'):.6g} px per {unit}, origin at ({u:.6g}, {v:.6g}) px, axes turned by "
+            f"{_text(own, 'angle')[:8] or '0'}°"
         )
     clip = _property(root, "clipcontrol")
     control = None if clip is None else clip.find("object")
-    if control is not None and _is_positive(_text(control, "delta_t")):
-        parts.append(f"{1e3 / float(_text(control, 'delta_t')):.6g} frames/s")
+    if control is not None and 0.0 < _float(control, "delta_t") < math.inf:
+        parts.append(f"{1e3 / _float(control, 'delta_t'):.6g} frames/s")
     return f"the project states {', '.join(parts)}; the set-up file decides" if parts else ""
 
 
-def _is_positive(text: str) -> bool:
+def _float(element: Element, name: str) -> float:
+    """A number that a property states, NaN if it states none."""
     try:
-        return 0.0 < float(text) < float("inf")
+        return float(_text(element, name))
     except ValueError:
-        return False
+        return math.nan

@@ -29,6 +29,7 @@ from rock2d.diagnosis.report.practical_indicators import (
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.effects import catalogue
+from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.rendering import Made, rendered
 
@@ -116,11 +117,11 @@ def _material(result: Diagnosis) -> str:
     assert table is not None
     counts = table.groupby("block")["release"].nunique()
     blocks = ", ".join(f"{counts[name]} {text.spoken(name)}" for name in experiment.blocks if name in counts)
-    material = f"{table['release'].nunique()} releases ({blocks})"
+    material = f"{counted(table['release'].nunique(), 'release')} ({blocks})"
     if result.data is not None:
-        material += f", {len(result.data.impact_release)} impacts"
+        material += f", {counted(len(result.data.impact_release), 'impact')}"
     if isinstance(result.data, FilmData):
-        material += f", {len(result.data.segmentation.flights)} flights"
+        material += f", {counted(len(result.data.segmentation.flights), 'flight')}"
     return material + (
         f", filmed at {experiment.fps:g} frames/s" if experiment.trajectories is not None else ""
     )

@@ -58,12 +58,12 @@ def test_marked_points_become_the_motion_that_they_show(put):
     said: list[str] = []
     seen = imported(
         put(project(mass("ball", toss())), "toss.trk"), "tracker", metres_per_unit=1 / PX_PER_M, y="down",
-        fps=FPS, origin=ORIGIN_PX, block=SPHERE, report=said.append,
+        fps=FPS, origin=(ORIGIN_PX[0] - 0.5, ORIGIN_PX[1] - 0.5), block=SPHERE, report=said.append,
     )  # fmt: skip
     t = seen["t_s"].to_numpy() - 3 / FPS
     np.testing.assert_allclose(seen["x_m"], 1.5 * t, atol=1e-12)
     np.testing.assert_allclose(seen["y_m"], 2.0 * t - 0.5 * 9.81 * t**2, atol=1e-12)
-    assert "400 px per m, origin at (100.0, 300.0) px, axes turned by 0.5°, 50 frames/s" in said[0]
+    assert "400 px per m, origin at (99.5, 299.5) px, axes turned by 0.5°, 50 frames/s" in said[0]
 
 
 def test_points_of_two_marks_tell_the_orientation(put):
@@ -71,7 +71,8 @@ def test_points_of_two_marks_tell_the_orientation(put):
         mass("a", {0: (10.0, 10.0), 1: (10.0, 10.0)}), mass("b", {0: (20.0, 10.0), 1: (10.0, 0.0)})
     )
     points = read_points(put(marks), "tracker")
-    assert values(points, "b") == [[20.0, 10.0], [10.0, 0.0]] and points.table["frame"].tolist() == [
+    # Tracker counts from the corner of the first pixel
+    assert values(points, "b") == [[19.5, 9.5], [9.5, -0.5]] and points.table["frame"].tolist() == [
         0,
         1,
         0,

@@ -1,0 +1,218 @@
+"""Arcs: candidates that fall together on one parabola, frame after frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rock2d_tracking.candidates import Candidate
+
+Array = np.ndarray
+
+CHANGE_RATIO = (
+    0.6  # largest difference between the changes of two candidates that are the same block, over the larger
+)
+AREA_RATIO = 1.9  # largest between two candidates that are the same block
+FEWEST_ARC_FRAMES = 5
+RECENT_FRAMES = 24  # of an arc, from which its next place is predicted
+LONGEST_ARC_GAP = 3  # frames in a row in which a block in flight may be missed
+GRAVITY_RATIO = (0.6, 1.6)  # range of an arc's acceleration over gravity: scale and frame rate may be wrong
+OTHER_GRAVITIES = (4.0, 0.25, 16.0, 0.0625, 2.0, 0.5, -1.0)  # tried to explain why nothing falls as it should
+GRAVITY_SIGMAS = 4.0  # by which an arc's curvature must differ from 0 to count as a fall
+ARC_TOLERANCE_RADII = 0.35  # distance of a candidate from its arc
+STEP_TOLERANCE = 0.04  # ... and share of the step to it
+MOVED_RADII = 1.5  # way of an arc, at least
+
+
+@dataclass
+class Arc:
+    """Candidates on one parabola.
+
+    Attributes
+    ----------
+    frames, places : (n,) frame numbers and (n, 2) centroids in px
+    curve : (3, 2) polynomial of u and v over (frame - `middle`), highest power first
+    falls : whether its curvature is significant and about that of gravity
+    other : whether its curvature is significant and not that of gravity
+    gravity_ratio : its acceleration over the gravity that scale and frame rate promise
+    contrast : usual change in grey levels, of the colour that changes most
+    shadow_share : share of its frames that look like a shadow
+    """
+
+    frames: Array
+    places: Array
+    areas: Array
+    curve: Array
+    middle: float
+    falls: bool
+    other: bool
+    gravity_ratio: float
+    contrast: float
+    shadow_share: float
+
+    @property
+    def first(self) -> int:
+        """Its first frame."""
+        return int(self.frames[0])
+
+    @property
+    def last(self) -> int:
+        """Its last frame."""
+        return int(self.frames[-1])
+
+    @property
+    def area_px2(self) -> float:
+        """Usual area of its candidates."""
+        return float(np.median(self.areas))
+
+    @property
+    def radius_px(self) -> float:
+        """Radius of the circle of its area."""
+        return float(np.sqrt(self.area_px2 / np.pi))
+
+    def at(self, frame: float | Array) -> Array:
+        """(..., 2) places in px."""
+        t = np.asarray(frame, float)[..., None] - self.middle
+        return np.asarray((self.curve[0] * t + self.curve[1]) * t + self.curve[2])
+
+
+def find_arcs(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
+    """Parabolas through candidates, the longest runs of frames that keep to one; `fall_px` as in `motion_of`."""
+    table = [np.array([(c.u_px, c.v_px, c.area_px2, *c.change, c.shadow) for c in own if c.whole]).reshape(-1, 7)
+             for own in candidates]  # fmt: skip
+    used = [np.zeros(len(own), bool) for own in table]
+    arcs = []
+    for frame in range(len(table) - 2):
+        for i in range(len(table[frame])):
+            if used[frame][i]:
+                continue
+            best = _best_run(table, used, frame, i, fall_px)
+            if best is None:
+                continue
+            arc = _arc(table, best, fall_px)
+            if arc is not None:
+                arcs.append(arc)
+                for f, k in best:
+                    used[f][k] = True
+    return arcs
+
+
+def arcs_of_other_gravity(candidates: list[list[Candidate]], fall_px: float) -> list[Arc]:
+    """The arcs that scale, frame rate or the direction `up` would have to be wrong for; the best such guess."""
+    best: list[Arc] = []
+    for factor in OTHER_GRAVITIES:
+        arcs = [a for a in find_arcs(candidates, factor * fall_px) if a.falls]
+        if sum(len(a.frames) for a in arcs) > sum(len(a.frames) for a in best):
+            best = [replace(a, falls=False, other=True, gravity_ratio=factor * a.gravity_ratio) for a in arcs]
+    return best
+
+
+def _best_run(
+    table: list[Array], used: list[Array], frame: int, i: int, fall_px: float
+) -> list[tuple[int, int]] | None:
+    """The longest run of candidates that starts with candidate `i` of a frame."""
+    start, best = table[frame][i], None
+    for ahead in (1, 2):
+        if frame + ahead >= len(table) or (ahead == 2 and best is not None):
+            break
+        nxt = table[frame + ahead]
+        if not len(nxt):
+            continue
+        fits = np.flatnonzero(_alike(nxt, start) & ~used[frame + ahead])
+        for k in fits.tolist():
+            run = _extended(table, used, [(frame, i), (frame + ahead, k)], fall_px)
+            if len(run) >= FEWEST_ARC_FRAMES and (best is None or len(run) > len(best)):
+                best = run
+    return best
+
+
+def _extended(
+    table: list[Array], used: list[Array], run: list[tuple[int, int]], fall_px: float
+) -> list[tuple[int, int]]:
+    """A run of two candidates, frame by frame as far as its parabola carries."""
+    frame = run[-1][0] + 1
+    usual = table[run[0][0]][run[0][1]].copy()
+    radius = np.sqrt(usual[2] / np.pi)
+    missed = 0
+    while frame < len(table) and missed <= LONGEST_ARC_GAP:
+        at = _predicted(table, run, frame, fall_px)
+        own = table[frame]
+        pick = -1
+        if len(own):
+            away = np.hypot(own[:, 0] - at[0], own[:, 1] - at[1])
+            away[~_alike(own, usual) | used[frame]] = np.inf
+            k = int(np.argmin(away))
+            last = table[run[-1][0]][run[-1][1]]
+            slack = max(1.5, ARC_TOLERANCE_RADII * radius) * (2.0 if len(run) < 4 else 1.0)
+            if len(run) == 2:  # two centroids say little about the pace
+                slack += 0.15 * float(
+                    np.hypot(*(table[run[1][0]][run[1][1]] - table[run[0][0]][run[0][1]])[:2])
+                )
+                slack += GRAVITY_RATIO[1] * abs(fall_px)
+            # lens, perspective and air bend a long step
+            slack += STEP_TOLERANCE * float(np.hypot(*(at - last[:2])))
+            if away[k] < slack:
+                pick = k
+        if pick >= 0:
+            run.append((frame, pick))
+            usual[2:] = 0.8 * usual[2:] + 0.2 * own[pick, 2:]
+            missed = 0
+        else:
+            missed += 1
+            if len(run) < 4:
+                break
+        frame += 1
+    return run
+
+
+def _alike(rows: Array, one: Array) -> Array:
+    """Which candidates have about the area and the colours of one."""
+    ratio = rows[:, 2] / one[2]
+    apart = np.abs(rows[:, 3:6] - one[3:6]).max(axis=1)
+    most = np.maximum(np.abs(rows[:, 3:6]).max(axis=1), np.abs(one[3:6]).max())
+    return np.asarray((ratio < AREA_RATIO) & (ratio > 1 / AREA_RATIO) & (apart < CHANGE_RATIO * most))
+
+
+def _predicted(table: list[Array], run: list[tuple[int, int]], frame: int, fall_px: float) -> Array:
+    recent = run[-RECENT_FRAMES:]
+    t = np.array([f for f, _ in recent], float) - frame
+    at = np.array([table[f][k][:2] for f, k in recent])
+    if len(recent) >= 6:
+        return np.linalg.lstsq(np.vander(t, 3), at, rcond=None)[0][-1]
+    line = np.linalg.lstsq(np.vander(t, 2), at - np.outer(t**2, [0.0, 0.5 * fall_px]), rcond=None)[0]
+    return np.asarray(line[-1])
+
+
+def _arc(table: list[Array], run: list[tuple[int, int]], fall_px: float) -> Arc | None:
+    """The arc of a run; None if it hardly moves."""
+    frames = np.array([f for f, _ in run])
+    rows = np.array([table[f][k] for f, k in run])
+    middle = float(frames.mean())
+    basis = np.vander(frames - middle, 3)
+    curve, *_ = np.linalg.lstsq(basis, rows[:, :2], rcond=None)
+    left = rows[:, :2] - basis @ curve
+    sigma = np.sqrt((left**2).sum(axis=0) / max(len(frames) - 3, 1)) + 0.05
+    error = sigma * np.sqrt(np.linalg.inv(basis.T @ basis)[0, 0])
+    radius = float(np.sqrt(np.median(rows[:, 2]) / np.pi))
+    way = float(np.hypot(*np.ptp(rows[:, :2], axis=0)))
+    if way < max(3.0, MOVED_RADII * radius):
+        return None
+    bend, bend_error = 2 * curve[0, 1], 2 * error[1]
+    ratio = bend / fall_px if fall_px else 1.0
+    curved = abs(bend) > GRAVITY_SIGMAS * bend_error
+    falls = bool(curved and GRAVITY_RATIO[0] < ratio < GRAVITY_RATIO[1] and bend * (fall_px or 1.0) > 0)
+    other = bool(curved and not falls and abs(bend - fall_px) > GRAVITY_SIGMAS * bend_error)
+    contrast = float(np.abs(np.median(rows[:, 3:6], axis=0)).max())
+    return Arc(
+        frames,
+        rows[:, :2],
+        rows[:, 2],
+        curve,
+        middle,
+        falls,
+        other,
+        float(ratio),
+        contrast,
+        float(rows[:, 6].mean()),
+    )

@@ -1,0 +1,200 @@
+"""Fits of a block of known looks to a frame: where it is, how it is turned, and whether that can be trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rock2d.scene.cross_section import CrossSection
+from rock2d_tracking.background import Background
+from rock2d_tracking.camera import PixelMap
+from rock2d_tracking.edges import EdgeFit, fit_edges
+from rock2d_tracking.looks import LEAST_MATCH, Looks, matched
+from rock2d_tracking.outline import (
+    FIT_ANGLE,
+    FIT_BLUR,
+    FIT_GREY,
+    FIT_U,
+    FIT_V,
+    SMALLEST_BLUR_PX,
+    Outline,
+    Patch,
+    fit_pose,
+)
+from rock2d_tracking.sights import Sight, lost_sight
+
+Array = np.ndarray
+
+FIT_ROUNDS = 25
+START_ANGLE_STEP_RAD = np.deg2rad(22.5)
+LARGEST_MISFIT = 0.2  # of the edge, over the contrast; a larger misfit is not this block
+FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in grey levels
+FAINTEST_CONTRAST_SHARE = 0.3  # of the usual contrast; what is fainter is dust or an afterimage
+LARGEST_ERROR_PX = 0.5  # standard error; a frame with a larger one is lost
+WINDOW_MARGIN_PX = 6.0
+
+
+class Fitter:
+    """Fits blocks to frames, and keeps what one fit learns for the next.
+
+    Attributes
+    ----------
+    background : the picture without a block
+    visible : (height, width) uint8, 0 where soil may hide a block
+    least_seen : share of the outline that must be seen
+    grey, contrast : of the block that was fitted last
+    """
+
+    def __init__(self, background: Background, visible: Array, least_seen: float) -> None:
+        self.background, self.visible, self.least_seen = background, visible, least_seen
+        self.grey = self.contrast = 0.0
+        self._blur = 1.0
+        self._usual_contrast = 0.0  # contrast of the blocks so far
+
+    def forget_contrast(self) -> None:
+        """The next block may stand out otherwise than those so far."""
+        self._usual_contrast = 0.0
+
+    def window(self, pose: Array, reaches: float, outline: Outline) -> tuple[int, int, int, int]:
+        """First and last u, first and last v around a pose, within the picture."""
+        half = reaches * outline.reach_px + WINDOW_MARGIN_PX
+        height, width = self.background.grey.shape
+        u, v = np.clip(pose[:2], -1e6, 1e6)
+        return (
+            int(np.clip(u - half, 0, width)), int(np.clip(u + half + 1, 0, width)),
+            int(np.clip(v - half, 0, height)), int(np.clip(v + half + 1, 0, height)),
+        )  # fmt: skip
+
+    def fit_anywhere_turned(
+        self, number: int, frame: Array, looks: Looks, place: Array, least: float | None = None
+    ) -> Sight:
+        """The best fit from any angle at a place."""
+        best: Sight | None = None
+        for turn in start_angles(looks.outline):
+            sight = self.fit(number, frame, looks, np.array([*place, turn]), None, least)
+            if best is None or sight.confidence > best.confidence:
+                best = sight
+        assert best is not None
+        return best
+
+    def edge_fit(
+        self, frame: Array, looks: Looks, start: Array, *, free_size: bool = False
+    ) -> EdgeFit | None:
+        """The fit of the edge from a start (3,) in the film's pixels; None if it fails."""
+        u0, u1, v0, v1 = self.window(start, 1.9, looks.outline)
+        if min(u1 - u0, v1 - v0) < looks.outline.reach_px:
+            return None
+        found = fit_edges(
+            frame[v0:v1, u0:u1].astype(np.float32), self.background.grey[v0:v1, u0:u1], self.visible[v0:v1, u0:u1],
+            self.background.noise, looks.edge, start - [u0, v0, 0.0],
+            symmetric=looks.outline.symmetry_rad == 0.0, free_size=free_size,
+        )  # fmt: skip
+        return None if found is None else found._replace(pose=found.pose + np.array([u0, v0, 0.0]))
+
+    def fit(
+        self,
+        number: int,
+        frame: Array,
+        looks: Looks,
+        start: Array,
+        grey: float | None,
+        least: float | None = None,
+    ) -> Sight:
+        """The block at a start (3,), or why it is not there.
+
+        grey : of the block, None if it is not known
+        least : share of the outline that must be seen, if not the usual one
+        """
+        if looks.kind == "edge":
+            return self._fit_edge(number, frame, looks, start, least)
+        if looks.kind == "picture":
+            return self._fit_picture(number, frame, looks, start)
+        return self._fit_outline(number, frame, looks.outline, start, grey, least)
+
+    def _fit_edge(self, number: int, frame: Array, looks: Looks, start: Array, least: float | None) -> Sight:
+        found = self.edge_fit(frame, looks, start)
+        if found is None:
+            return lost_sight(number, "no contrast")
+        if found.seen < (least or self.least_seen):
+            return lost_sight(number, "hidden")
+        if max(found.error[:2]) > LARGEST_ERROR_PX:
+            return lost_sight(number, "unsure")
+        return Sight(number, found.pose, found.error, found.seen)
+
+    def _fit_picture(self, number: int, frame: Array, looks: Looks, start: Array) -> Sight:
+        assert looks.picture is not None
+        u0, u1, v0, v1 = self.window(start, 3.0, looks.outline)
+        image = frame[v0:v1, u0:u1].astype(np.float32)
+        found = matched(
+            image,
+            self.background.grey[v0:v1, u0:u1],
+            looks.picture,
+            start[:2] - [u0, v0],
+            looks.outline.reach_px,
+        )
+        if found is None or found[1] < LEAST_MATCH:
+            return lost_sight(number, "another picture")
+        pose = np.array([*(found[0] + [u0, v0]), start[2]])
+        return Sight(number, pose, np.array([looks.scatter_px, looks.scatter_px, np.nan]), found[1])
+
+    def _fit_outline(
+        self,
+        number: int,
+        frame: Array,
+        outline: Outline,
+        start: Array,
+        grey: float | None,
+        least: float | None,
+    ) -> Sight:
+        u0, u1, v0, v1 = self.window(start, 1.2, outline)
+        if min(u1 - u0, v1 - v0) < outline.reach_px:
+            return lost_sight(number, "out of the picture")
+        image = frame[v0:v1, u0:u1].astype(np.float32)
+        behind = self.background.grey[v0:v1, u0:u1]
+        if grey is None:
+            a, b, half = int(start[1] - v0), int(start[0] - u0), int(0.4 * outline.reach_px) + 1
+            # median of a part that is larger than the marks
+            grey = float(np.median(image[max(a - half, 0) : a + half + 1, max(b - half, 0) : b + half + 1]))
+        p = np.array([start[0] - u0, start[1] - v0, start[2], grey, max(self._blur, SMALLEST_BLUR_PX)])
+        patch = Patch(image, behind, self.visible[v0:v1, u0:u1], self.background.noise)
+        p, error, seen, misfit = fit_pose(patch, outline.edges, outline.semi_axes_px, p, FIT_ROUNDS)
+        a, b = int(np.clip(p[FIT_V], 0, v1 - v0 - 1)), int(np.clip(p[FIT_U], 0, u1 - u0 - 1))
+        contrast = abs(float(p[FIT_GREY]) - float(behind[a, b]))
+        pose = np.array([p[FIT_U] + u0, p[FIT_V] + v0, p[FIT_ANGLE]])
+        reason = ""
+        if not np.isfinite(p).all() or not np.isfinite(error).all():
+            reason = "no fit"
+        elif contrast < max(
+            FAINTEST_CONTRAST_SIGMAS * self.background.noise,
+            FAINTEST_CONTRAST_GREY,
+            FAINTEST_CONTRAST_SHARE * self._usual_contrast,
+        ):
+            reason = "no contrast"
+        elif seen < (least or self.least_seen):
+            reason = "hidden"
+        elif misfit > LARGEST_MISFIT:
+            reason = "another outline"
+        elif max(error[0], error[1]) > LARGEST_ERROR_PX:
+            reason = "unsure"
+        if reason:
+            return lost_sight(number, reason)
+        self.grey, self.contrast = float(p[FIT_GREY]), contrast
+        self._usual_contrast = (
+            contrast if self._usual_contrast == 0.0 else 0.99 * self._usual_contrast + 0.01 * contrast
+        )
+        self._blur = 0.9 * self._blur + 0.1 * min(float(p[FIT_BLUR]), 4.0)
+        return Sight(number, pose, error, float(seen * max(0.0, 1.0 - misfit)))
+
+
+def start_angles(outline: Outline) -> Array:
+    """Start angles; from one of them a fit finds the orientation."""
+    if outline.symmetry_rad == 0.0:
+        return np.zeros(1)
+    return np.arange(0.0, outline.symmetry_rad, START_ANGLE_STEP_RAD)
+
+
+def above_ground(cross_section: CrossSection, camera: PixelMap, size_px: tuple[int, int]) -> Array:
+    """(height, width) uint8, 1 where the picture shows what lies above the surveyed ground."""
+    v, u = np.mgrid[0 : size_px[1], 0 : size_px[0]]
+    world = camera.to_world(np.stack([u, v], axis=-1))
+    ground = cross_section.height_m(world[..., 0].ravel()).reshape(u.shape)
+    return np.asarray(~(world[..., 1] <= ground), np.uint8)  # beside the cross-section nothing hides

@@ -31,21 +31,7 @@ FEATURES = {
         "gain_z",
     ),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
-    INCLUDED: (
-        "z",
-        "log_gain",
-        "share",
-        "log_gain_per_segment",
-        "left_over_gain",
-        "left_z",
-        "beside_learnt_z",
-        "beside_learnt_log",
-        "learnt_instead",
-        "alone_z",
-        "fitted",
-        "scatter",
-        "causes",
-    ),
+    INCLUDED: ("z", "log_gain", "beside_learnt_z", "scatter"),
     OUTSIDE: (
         "learnt_log",
         "learnt_z",
@@ -56,7 +42,7 @@ FEATURES = {
         "left_share",
     ),
 }
-INVERSE_REGULARISATION = 1.0
+INVERSE_REGULARISATION = 0.3
 VISIBLE_SIGNAL_TO_NOISE = 2.0  # below it a hidden cause counts as none
 INVISIBLE_SIGNAL_TO_NOISE = 0.5  # a cause between the two is no example of either answer
 

@@ -88,10 +88,12 @@ class Factor:
     ----------
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
     columns : of the hypotheses, on which it depends
+    highest : upper bound of it. Proposals that this bound cannot save are refused before it is computed.
     """
 
     log_likelihood: Callable[[Array], Array]
     columns: Array
+    highest: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -205,17 +207,20 @@ class _Hypotheses:
             self._take(_walk(self.u, group, rng), group, power, rng)
 
     def _take(self, proposed: Array, columns: Array, power: float, rng: np.random.Generator) -> None:
-        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do."""
+        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do.
+
+        The number that decides is drawn first, so that few factors are computed of hypotheses that are refused.
+        """
         touched = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
         ahead = self.by_factor.copy()
-        possible = np.ones(len(proposed), bool)
+        ahead[:, touched] = [self.factors[k].highest for k in touched]
+        needed = np.log(rng.random(len(proposed))) / power + self.by_factor[:, touched].sum(axis=1)
+        taken = np.arange(len(proposed))
         for k in touched:
-            ahead[possible, k] = self.factors[k].log_likelihood(proposed[possible])
-            possible &= np.isfinite(ahead[:, k])
-        gain = np.where(possible, ahead[:, touched].sum(axis=1), -np.inf) - self.by_factor[:, touched].sum(
-            axis=1
-        )
-        taken = np.log(rng.random(len(proposed))) < power * gain
+            if len(taken):
+                ahead[taken, k] = self.factors[k].log_likelihood(proposed[taken])
+                taken = taken[np.isfinite(ahead[taken, k])]
+                taken = taken[ahead[np.ix_(taken, touched)].sum(axis=1) > needed[taken]]
         self.u[taken], self.by_factor[taken] = proposed[taken], ahead[taken]
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.arrivals import table_4
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values, table_4
 from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
 

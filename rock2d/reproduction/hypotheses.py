@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
-from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
+from rock2d.reproduction.published import BLOCKS, CONTACT_PARAMETERS, DROP_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -172,6 +172,13 @@ def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> Cross
         length = min(MEASURE_LINE_M, x / max(np.sin(tilt), 1e-9))
         lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
     return CrossSection(points, ZONES, lines)
+
+
+def table_4(values: Values) -> dict[str, Array]:
+    """Hypotheses with the parameters of Table 4 instead of their own."""
+    ones, paper = np.ones(len(values["slope_deg"])), CONTACT_PARAMETERS
+    own = {name: value * ones for name, value in paper.items() if name != "k_ul_N_m"}
+    return {**values, **own, "restitution": np.sqrt(paper["k_l_N_m"] / paper["k_ul_N_m"]) * ones}
 
 
 def contact_table(values: Values) -> Array:

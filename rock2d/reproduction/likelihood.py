@@ -32,6 +32,15 @@ def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array
     return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
 
 
+def highest_log_counts(filmed: Array) -> float:
+    """Upper bound of `log_counts`: the multinomial log-probability of `filmed` under its own frequencies, because a
+    Dirichlet-multinomial is a mixture of multinomials."""
+    from scipy.special import gammaln, xlogy
+
+    total = filmed.sum()
+    return float(gammaln(total + 1.0) + (xlogy(filmed, filmed / total) - gammaln(filmed + 1.0)).sum())
+
+
 def _merged(counts: Array, line: int) -> Array:
     both = counts[..., line] + counts[..., line + 1]
     return np.concatenate([counts[..., :line], both[..., None], counts[..., line + 2 :]], axis=-1)

@@ -32,12 +32,21 @@ from rock2d.reproduction.hypotheses import (
     Values,
     arrival_quantities,
 )
-from rock2d.reproduction.likelihood import first_impact_log_likelihood, passing_log_likelihood
+from rock2d.reproduction.likelihood import (
+    first_impact_log_likelihood,
+    highest_log_counts,
+    log_counts,
+    passing_log_likelihood,
+    published_counts,
+)
 from rock2d.reproduction.outcomes import (
     Outcome,
     WorldChange,
+    by_last_line,
+    deterministic_crossed,
     deterministic_first_impacts,
     deterministic_outcome,
+    probabilistic_crossed,
     probabilistic_outcome,
 )
 from rock2d.scene.world import World
@@ -45,7 +54,6 @@ from rock2d.scene.world import World
 Array = np.ndarray
 Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
-ModelFunction = Callable[[KnownSetup, Values, str, Array], Outcome]
 
 PRIOR_DRAWS_PER_HYPOTHESIS = 4  # draws of the prior for each hypothesis of the posterior
 NO_CANDIDATE = "none"
@@ -90,14 +98,17 @@ class Model:
 
     Attributes
     ----------
-    outcome : simulates the releases of a block for hypotheses of `space`
-    first_impacts : the same up to the first impact, for blocks without cells in the likelihood
+    first_impacts : first impacts of the releases of a block, for hypotheses of `space`; they do not depend on the law
+    crossed : (k, n, lines) whether these releases pass each line
     space : the unknowns
     """
 
-    outcome: ModelFunction
-    first_impacts: ModelFunction
+    first_impacts: Callable[[KnownSetup, Values, str, Array], Outcome]
+    crossed: Callable[[KnownSetup, Values, str, Array], Array]
     space: Space
+
+
+DETERMINISTIC_MODEL = Model(deterministic_first_impacts, deterministic_crossed, DETERMINISTIC_SPACE)
 
 
 def calibrate(
@@ -139,6 +150,11 @@ def law_columns(space: Space) -> Array:
     return np.setdiff1d(np.arange(len(space.quantities)), np.concatenate(others))
 
 
+def choice_columns(space: Space) -> Array:
+    """Columns of the choice among candidates and of their sizes."""
+    return space.columns([q.name for q in space.quantities if q.name.startswith("candidate")])
+
+
 def _groups(space: Space, redrawn: Array | None) -> list[Array]:
     """What moves together: the arrival of a block concerns few factors, the set-up all of them."""
     arrivals = [arrival_columns(space, block) for block in published.BLOCKS]
@@ -146,41 +162,57 @@ def _groups(space: Space, redrawn: Array | None) -> list[Array]:
     return [setup_columns(space), *arrivals, law]
 
 
+def first_impacts_factor(known: KnownSetup, model: Model, block: str, draws: Draws) -> Factor:
+    """The statements on the first impacts of a block."""
+
+    def log_likelihood(u: Array) -> Array:
+        outcome = model.first_impacts(known, model.space.values(u), block, draws[block])
+        return first_impact_log_likelihood(outcome, block)
+
+    own = setup_columns(model.space), arrival_columns(model.space, block), choice_columns(model.space)
+    return Factor(log_likelihood, np.concatenate(own), highest=0.0)
+
+
+def cells_factor(
+    known: KnownSetup, model: Model, block: str, draws: Draws, percent: Array | None = None
+) -> Factor:
+    """The cells of a block in a table (blocks, lines) of Table 2, by default the experiment's, of hypotheses that its
+    first impacts do not exclude."""
+    counts = published_counts(published.EXPERIMENT if percent is None else percent, block)
+
+    def log_likelihood(u: Array) -> Array:
+        return log_counts(
+            by_last_line(model.crossed(known, model.space.values(u), block, draws[block])), counts
+        )
+
+    own = setup_columns(model.space), arrival_columns(model.space, block), law_columns(model.space)
+    return Factor(log_likelihood, np.concatenate(own), highest_log_counts(counts))
+
+
 def _factors(
     known: KnownSetup, model: Model, blocks_with_cells: Sequence[str]
 ) -> Callable[[Draws], list[Factor]]:
-    """One factor for each block: its statements on first impacts, and its cells if they count."""
-    space = model.space
-
-    def of_block(block: str, draws: Array) -> Factor:
-        with_cells = block in blocks_with_cells
-        simulate = model.outcome if with_cells else model.first_impacts
-
-        def log_likelihood(u: Array) -> Array:
-            outcome = simulate(known, space.values(u), block, draws)
-            total = first_impact_log_likelihood(outcome, block)
-            return total + passing_log_likelihood(outcome, block) if with_cells else total
-
-        own = setup_columns(space), arrival_columns(space, block), law_columns(space)
-        return Factor(log_likelihood, np.concatenate(own))
-
-    return lambda draws: [of_block(block, draws[block]) for block in published.BLOCKS]
+    """The statements on the first impacts of each block, and the cells of those that count."""
+    return lambda draws: [
+        *(first_impacts_factor(known, model, block, draws) for block in published.BLOCKS),
+        *(cells_factor(known, model, block, draws) for block in blocks_with_cells),
+    ]
 
 
 def calibrate_deterministic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    model = Model(deterministic_outcome, deterministic_first_impacts, DETERMINISTIC_SPACE)
-    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
+    factors = _factors(known, DETERMINISTIC_MODEL, ["sphere"])
+    return calibrate(DETERMINISTIC_SPACE, factors, effort, seed, on_progress)
 
 
 def calibrate_probabilistic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
-    model = Model(probabilistic_outcome, probabilistic_outcome, PROBABILISTIC_SPACE)
-    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
+    model = Model(probabilistic_outcome, probabilistic_crossed, PROBABILISTIC_SPACE)
+    return calibrate(PROBABILISTIC_SPACE, _factors(known, model, ["sphere"]), effort, seed, on_progress)
 
 
 def calibrate_candidates(
@@ -188,8 +220,8 @@ def calibrate_candidates(
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
-    choice = np.arange(len(DETERMINISTIC_SPACE.quantities), len(CANDIDATE_SPACE.quantities))
-    model = Model(candidate_outcome, candidate_first_impacts, CANDIDATE_SPACE)
+    model = Model(candidate_first_impacts, candidate_crossed, CANDIDATE_SPACE)
+    choice = choice_columns(CANDIDATE_SPACE)
     return calibrate(
         CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
     )
@@ -244,6 +276,11 @@ def candidate_outcome(known: KnownSetup, values: Values, block: str, draws: Arra
 def candidate_first_impacts(known: KnownSetup, values: Values, block: str, draws: Array) -> Outcome:
     """`deterministic_first_impacts` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
     return deterministic_first_impacts(known, values, block, draws, _with_candidate(values))
+
+
+def candidate_crossed(known: KnownSetup, values: Values, block: str, draws: Array) -> Array:
+    """`deterministic_crossed` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return deterministic_crossed(known, values, block, draws, _with_candidate(values))
 
 
 def _with_candidate(values: Values) -> WorldChange:

@@ -30,7 +30,6 @@ from rock2d.reproduction.hypotheses import (
     SETUP_QUANTITIES,
     KnownSetup,
     Values,
-    arrival_quantities,
 )
 from rock2d.reproduction.likelihood import (
     first_impact_log_likelihood,
@@ -56,6 +55,8 @@ Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
 
 PRIOR_DRAWS_PER_HYPOTHESIS = 4  # draws of the prior for each hypothesis of the posterior
+# Few releases tell well enough what to do with a low power of the likelihood: this share of them, up to this power.
+COARSE_SHARE, COARSE_UP_TO = 0.25, 0.1
 NO_CANDIDATE = "none"
 # effects of the catalogue that change an impact and depend neither on the camera nor on the order of the releases
 CANDIDATES = (
@@ -117,20 +118,23 @@ def calibrate(
 ) -> Sample:  # fmt: skip
     """Posterior over a space, given the factors of a likelihood that simulates releases from standard normal draws.
 
-    Half of the hypotheses come from one run of the sampler, half from another with other releases.
+    Half of the hypotheses come from one run of the sampler, half from another with other releases. Each begins with a
+    share of the releases.
     """
     width, half = len(space.quantities), effort.hypotheses // 2
-    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn))
+    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn), every_round=True)
     runs: list[Sample] = []
     for own in seed.spawn(2):
         draws = standard_normal_draws(effort.releases, own)
+        few = {block: d[: max(1, round(COARSE_SHARE * effort.releases))] for block, d in draws.items()}
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
             on_progress((len(runs) + power) / 2)
 
         prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
-        runs.append(posterior(factors(draws), prior, half, rng, moves, on_progress=halfway))
+        finer = COARSE_UP_TO, factors(draws)
+        runs.append(posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=halfway))
     return Sample.joined(runs)
 
 
@@ -140,8 +144,8 @@ def setup_columns(space: Space) -> Array:
 
 
 def arrival_columns(space: Space, block: str) -> Array:
-    """Columns of the unknowns of a block's arrival."""
-    return space.columns([q.name for q in arrival_quantities(block)])
+    """Columns of the unknowns of a block's arrival; none if the space has not this block."""
+    return space.columns([q.name for q in space.quantities if q.name.startswith(f"{block}.")])
 
 
 def law_columns(space: Space) -> Array:
@@ -159,7 +163,7 @@ def _groups(space: Space, redrawn: Array | None) -> list[Array]:
     """What moves together: the arrival of a block concerns few factors, the set-up all of them."""
     arrivals = [arrival_columns(space, block) for block in published.BLOCKS]
     law = np.setdiff1d(law_columns(space), [] if redrawn is None else redrawn)
-    return [setup_columns(space), *arrivals, law]
+    return [group for group in (setup_columns(space), *arrivals, law) if len(group)]
 
 
 def first_impacts_factor(known: KnownSetup, model: Model, block: str, draws: Draws) -> Factor:
@@ -305,8 +309,12 @@ def _with_candidate(values: Values) -> WorldChange:
 
 
 def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
-    """block -> (releases, 6) standard normal draws. All hypotheses share them, so that the likelihood is a function."""
+    """block -> (releases, 6) standard normal draws, evenly spread (Sobol). All hypotheses share them, so that the
+    likelihood is a function."""
+    from scipy.special import ndtri
+
+    seeds = zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
+    even = {name: prior_draws(releases, 6, np.random.default_rng(own)) for name, own in seeds}
     return {
-        name: np.random.default_rng(child).standard_normal((releases, 6))
-        for name, child in zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
-    }
+        name: ndtri(0.5 + (1.0 - 1e-9) * (u - 0.5)) for name, u in even.items()
+    }  # 0 and 1 would be infinite

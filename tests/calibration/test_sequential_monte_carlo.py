@@ -126,3 +126,26 @@ def test_hypotheses_that_one_factor_excludes_reach_no_further_one():
     found = posterior([half, Factor(later, np.array([0, 1]))], prior_draws(400, 2, rng), 100, rng, Moves(3))
     assert min(seen) >= 0.5 and found.u[:, 0].min() >= 0.5
     assert found.log_evidence == pytest.approx(np.log(0.5), abs=1e-2)
+
+
+def test_the_hypotheses_of_every_round_are_the_posterior_too():
+    """A third of the moves of as many hypotheses; the number is a multiple of the rounds."""
+    rng = np.random.default_rng(8)
+    moves = Moves(4, groups=[np.array([0, 1]), np.array([2])], every_round=True)
+    found = posterior(factors([]), prior_draws(4000, 3, rng), 2002, rng, moves)
+    assert len(found.u) == 2000
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(6 * SD.max() / np.sqrt(500)))
+    assert found.u.std(axis=0) == pytest.approx(SD, rel=0.15)
+    assert found.log_evidence == pytest.approx(np.log(np.prod(SD * np.sqrt(2 * np.pi))), abs=0.3)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+
+
+def test_finer_factors_decide_whatever_the_coarse_ones_were():
+    rng, asked = np.random.default_rng(9), []
+    shifted = Factor(lambda u: gaussian(np.abs(u - 0.1)), np.arange(3))
+    finer = 0.2, factors(asked)
+    found = posterior([shifted], prior_draws(4000, 3, rng), 1000, rng, Moves(6), finer=finer)
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(4 * SD.max() / np.sqrt(1000)))
+    assert found.log_evidence == pytest.approx(np.log(np.prod(SD * np.sqrt(2 * np.pi))), abs=0.3)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+    assert 0 < asked.count(0) < 1000 * 100

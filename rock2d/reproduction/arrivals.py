@@ -30,21 +30,13 @@ from rock2d.reproduction.stages import (
     law_columns,
 )
 
-# Each round of moves costs several simulations with lines: shares of the effort of the other calibrations.
-SHARE_OF_HYPOTHESES, SHARE_OF_RELEASES, SHARE_OF_MOVES = 0.4, 0.6, 1.0
-
 
 def calibrate_with_arrivals(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model given the paper's deterministic column, the statements on first impacts and the sphere's
     experimental row: DETERMINISTIC_SPACE."""
-    own = Effort(
-        round(SHARE_OF_HYPOTHESES * effort.hypotheses),
-        max(1, round(SHARE_OF_RELEASES * effort.releases)),
-        max(1, round(SHARE_OF_MOVES * effort.moves)),
-    )
-    return calibrate(DETERMINISTIC_SPACE, lambda draws: factors(known, draws), own, seed, on_progress)
+    return calibrate(DETERMINISTIC_SPACE, lambda draws: factors(known, draws), effort, seed, on_progress)
 
 
 def factors(known: KnownSetup, draws: Draws) -> list[Factor]:

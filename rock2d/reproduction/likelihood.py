@@ -67,13 +67,7 @@ def published_counts(percent: Array, block: str) -> Array:
 
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return published_log_likelihood(outcome, published.EXPERIMENT, block)
-
-
-def published_log_likelihood(outcome: Outcome, percent: Array, block: str) -> Array:
-    """(k,) log-likelihood of the block's row of a table (blocks, lines) of Table 2: of the experiment, or of one of the
-    paper's models."""
-    return _possible(outcome, log_counts(outcome.by_last_line, published_counts(percent, block)))
+    return _possible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:

@@ -83,13 +83,13 @@ class Effort:
 
     Attributes
     ----------
-    hypotheses : of each posterior; half of them come from each of two independent runs
-    releases : of each block, simulated for each hypothesis
+    hypotheses : of each posterior, in multiples of twice the moves; half of them come from each of two independent runs
+    releases : of each block, simulated for each hypothesis; powers of 2 spread evenly
     moves : rounds of moves of all hypotheses at each step of the sampler
     """
 
-    hypotheses: int = 448
-    releases: int = 40
+    hypotheses: int = 384
+    releases: int = 64
     moves: int = 3
 
 

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 BLOCK = "sphere"
-EFFORT = Effort(hypotheses=192, releases=40, moves=3)
-PREDICTION_RELEASES = 100  # of each hypothesis
+EFFORT = Effort(hypotheses=192, releases=64, moves=3)
+PREDICTION_RELEASES = 128  # of each hypothesis
 SIGNIFICANT = 0.05
 
 
@@ -82,9 +82,9 @@ class Reading:
         return {**values, **own}
 
 
-STEEP, GENTLE, NEARLY_UPRIGHT, LEANING = (55.0, 75.0), (35.0, 55.0), (0.0, 45.0), (45.0, 90.0)
+STEEP, GENTLE, NEARLY_UPRIGHT, LEANING = (55.0, 75.0), (35.0, 55.0), (0.0, 30.0), (30.0, 90.0)
 READINGS = (
-    Reading("steep facing, nearly upright lines", STEEP, NEARLY_UPRIGHT),
+    Reading("steep facing and nearly upright lines", STEEP, NEARLY_UPRIGHT),
     Reading("gentle facing", GENTLE, NEARLY_UPRIGHT),
     Reading("leaning lines", STEEP, LEANING),
     Reading("three times the momentum", STEEP, NEARLY_UPRIGHT, 3.0),

@@ -10,7 +10,7 @@ cells count the same 50 releases; their likelihoods are multiplied as if the rel
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,7 +54,6 @@ Array = np.ndarray
 Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
 
-PRIOR_DRAWS_PER_HYPOTHESIS = 4  # draws of the prior for each hypothesis of the posterior
 # Few releases tell well enough what to do with a low power of the likelihood: this share of them, up to this power.
 COARSE_SHARE, COARSE_UP_TO = 0.25, 0.1
 NO_CANDIDATE = "none"
@@ -85,12 +84,14 @@ class Effort:
     ----------
     hypotheses : of each posterior, in multiples of twice the moves; half of them come from each of two independent runs
     releases : of each block, simulated for each hypothesis; powers of 2 spread evenly
-    moves : rounds of moves of all hypotheses at each step of the sampler
+    moves : rounds of moves at each step of the sampler
+    prior_draws : draws of the prior for each hypothesis
     """
 
     hypotheses: int = 384
     releases: int = 64
     moves: int = 3
+    prior_draws: int = 4
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def calibrate(
         def halfway(power: float) -> None:
             on_progress((len(runs) + power) / 2)
 
-        prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
+        prior = prior_draws(effort.prior_draws * half, width, rng)
         finer = COARSE_UP_TO, factors(draws)
         runs.append(posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=halfway))
     return Sample.joined(runs)
@@ -214,7 +215,11 @@ def calibrate_deterministic(
 def calibrate_probabilistic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
-    """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
+    """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
+
+    Its posterior has several regions, so it takes more hypotheses to find all of them; a point mass is cheap.
+    """
+    effort = replace(effort, hypotheses=2 * effort.hypotheses, prior_draws=2 * effort.prior_draws)
     model = Model(probabilistic_outcome, probabilistic_crossed, PROBABILISTIC_SPACE)
     return calibrate(PROBABILISTIC_SPACE, _factors(known, model, ["sphere"]), effort, seed, on_progress)
 

@@ -68,7 +68,7 @@ def compute_results(
             ("probabilistic", point_mass_candidates, seeds[8]),
         )
     }
-    readings = finished.arrays("table_3_readings", partial(readings_computed, known, seeds[9]))
+    readings = finished.arrays("table_3_readings", partial(readings_computed, known, effort, seeds[9]))
     found = ArrivalStages(arrivals, missing, readings)
     return evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
 

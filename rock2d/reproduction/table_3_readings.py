@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 BLOCK = "sphere"
-EFFORT = Effort(hypotheses=192, releases=64, moves=3)
+SHARE_OF_HYPOTHESES = 0.5  # one block has few unknowns
 PREDICTION_RELEASES = 128  # of each hypothesis
 SIGNIFICANT = 0.05
 
@@ -93,12 +93,14 @@ READINGS = (
 
 def readings_computed(
     known: KnownSetup,
+    effort: Effort,
     seed: np.random.SeedSequence,
     on_progress: OnProgress,
     readings: Sequence[Reading] = READINGS,
 ) -> dict[str, Array]:
     """For each reading, of the hypotheses that explain the row best: `percent` (readings, k, lines) that pass, `p`
     (readings, lines) of the paper's numbers under them, `facing_deg` and `line_tilt_deg` (readings, k)."""
+    effort = replace(effort, hypotheses=round(SHARE_OF_HYPOTHESES * effort.hypotheses))
     paper = published.passed(published.PROBABILISTIC)[published.BLOCKS.index(BLOCK)]
     found: dict[str, list[Array]] = {"percent": [], "p": [], "facing_deg": [], "line_tilt_deg": []}
     for done, (reading, own) in enumerate(zip(readings, seed.spawn(len(readings)), strict=True)):
@@ -107,7 +109,7 @@ def readings_computed(
         def share_done(share: float, done: int = done) -> None:
             on_progress((done + share) / len(readings))
 
-        sample = calibrate(reading.space, partial(_factors, reading, known), EFFORT, run_seed, share_done)
+        sample = calibrate(reading.space, partial(_factors, reading, known), effort, run_seed, share_done)
         values = reading.space.values(sample.u)
         draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)[BLOCK]
         outcome = probabilistic_outcome(known, reading.with_table_3(values), BLOCK, draws)

@@ -49,10 +49,10 @@ def demo(out, quiet) -> None:
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True,
               help="Of every random draw.")  # fmt: skip
 @click.option("--candidates", is_flag=True,
-              help="Also try what physics the deterministic model may lack (some ten minutes more).")  # fmt: skip
-@click.option("--hypotheses", type=click.IntRange(16), default=448, show_default=True,
+              help="Also try what physics the deterministic model may lack (several minutes more).")  # fmt: skip
+@click.option("--hypotheses", type=click.IntRange(16), default=384, show_default=True,
               help="Hypotheses of each calibration.")  # fmt: skip
-@click.option("--releases", type=click.IntRange(8), default=40, show_default=True,
+@click.option("--releases", type=click.IntRange(8), default=64, show_default=True,
               help="Releases of each block that test a hypothesis.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:

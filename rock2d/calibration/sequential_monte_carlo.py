@@ -88,10 +88,12 @@ class Factor:
     ----------
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
     columns : of the hypotheses, on which it depends
+    highest : upper bound of it. Proposals that this bound cannot save are refused before it is computed.
     """
 
     log_likelihood: Callable[[Array], Array]
     columns: Array
+    highest: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -105,12 +107,15 @@ class Moves:
     redrawn : columns that every other move draws from the prior instead of walking: a choice among models
     groups : columns that walk together, one group after the other in each round (default: all free ones together).
         Only the factors of the likelihood that depend on a group are computed again.
+    every_round : whether the hypotheses after each round stay, instead of those after the last one. Then `count` times
+        fewer of them move (waste-free sequential Monte Carlo, Dau & Chopin 2022).
     """
 
     count: int = 3
     free: Array | None = None
     redrawn: Array | None = None
     groups: Sequence[Array] = ()
+    every_round: bool = False
 
 
 def prior_draws(count: int, dimensions: int, rng: np.random.Generator) -> Array:
@@ -128,6 +133,7 @@ def posterior(
     rng: np.random.Generator,
     moves: Moves | None = None,
     *,
+    finer: tuple[float, Sequence[Factor]] | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Sample:
     """Equally weighted hypotheses of the posterior.
@@ -136,8 +142,10 @@ def posterior(
     ----------
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible; or its factors
     start : (m, d) draws of the prior
-    count : hypotheses of the posterior
+    count : hypotheses of the posterior; if those after every round stay, the next lower multiple of the rounds
     moves : how hypotheses move at each step (default `Moves()`)
+    finer : a power of the likelihood in (0, 1), and the same factors computed more precisely, which take over there:
+        at a low power errors of the likelihood hardly matter
     on_progress : called with the power of the likelihood reached so far, in (0, 1]
 
     Raises ValueError if no draw of the prior is possible.
@@ -148,17 +156,27 @@ def posterior(
     known = _Hypotheses.of(start, log_likelihood)
     if not np.isfinite(known.total).any():
         raise ValueError("no draw of the prior is possible under the likelihood")
+    moving = max(1, count // moves.count) if moves.every_round else count
     power, evidence = 0.0, 0.0
     while power < 1.0:
-        ll = known.total
-        step = _next_step(ll, 1.0 - power, EFFECTIVE_SHARE * count)
-        power = 1.0 if power + step >= 1.0 - 1e-9 else power + step
-        weight = np.exp(step * (ll - ll.max()))
-        evidence += step * float(ll.max()) + float(np.log(weight.mean()))
-        at = (rng.random() + np.arange(count)) / count
-        known.keep(np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(ll) - 1))
+        ll, goal = known.total, 1.0 if finer is None else finer[0]
+        if finer is not None and power == goal:
+            known, finer = _Hypotheses.of(known.u, finer[1]), None
+            gain = power * (known.total - ll)
+        else:
+            step = _next_step(ll, goal - power, EFFECTIVE_SHARE * count)
+            power = goal if power + step >= goal - 1e-9 else power + step
+            gain = step * ll
+        weight = np.exp(gain - gain.max())
+        evidence += float(gain.max()) + float(np.log(weight.mean()))
+        at = (rng.random() + np.arange(moving)) / moving
+        known.keep(np.searchsorted(np.cumsum(weight) / weight.sum(), at).clip(0, len(weight) - 1))
+        rounds = []
         for move in range(moves.count):
             known.move(moves, move, power, rng)
+            rounds.append((known.u.copy(), known.by_factor.copy()))
+        if moves.every_round:
+            known.u, known.by_factor = (np.concatenate(part) for part in zip(*rounds, strict=True))
         if on_progress is not None:
             on_progress(power)
     return Sample(known.u, known.total, evidence)
@@ -205,17 +223,20 @@ class _Hypotheses:
             self._take(_walk(self.u, group, rng), group, power, rng)
 
     def _take(self, proposed: Array, columns: Array, power: float, rng: np.random.Generator) -> None:
-        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do."""
+        """Go to the proposed hypotheses, which differ in these columns, where Metropolis and Hastings do.
+
+        The number that decides is drawn first, so that few factors are computed of hypotheses that are refused.
+        """
         touched = [k for k, f in enumerate(self.factors) if np.isin(f.columns, columns).any()]
         ahead = self.by_factor.copy()
-        possible = np.ones(len(proposed), bool)
+        ahead[:, touched] = [self.factors[k].highest for k in touched]
+        needed = np.log(rng.random(len(proposed))) / power + self.by_factor[:, touched].sum(axis=1)
+        taken = np.arange(len(proposed))
         for k in touched:
-            ahead[possible, k] = self.factors[k].log_likelihood(proposed[possible])
-            possible &= np.isfinite(ahead[:, k])
-        gain = np.where(possible, ahead[:, touched].sum(axis=1), -np.inf) - self.by_factor[:, touched].sum(
-            axis=1
-        )
-        taken = np.log(rng.random(len(proposed))) < power * gain
+            if len(taken):
+                ahead[taken, k] = self.factors[k].log_likelihood(proposed[taken])
+                taken = taken[np.isfinite(ahead[taken, k])]
+                taken = taken[ahead[np.ix_(taken, touched)].sum(axis=1) > needed[taken]]
         self.u[taken], self.by_factor[taken] = proposed[taken], ahead[taken]
 
 

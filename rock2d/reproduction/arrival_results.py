@@ -11,10 +11,10 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.arrivals import table_4
-from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values
+from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values, table_4
 from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
+from rock2d.reproduction.table_3_readings import readings_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +22,25 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SURE_OF_ERRORS = 2.0  # standard errors by which a candidate must be better than none
+CELL_COLUMNS = (
+    "block", "line", "published", "published_low95", "published_high95", "predicted", "low95", "high95", "p",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ArrivalStages:
+    """What was computed of the arrivals of the paper's simulations.
+
+    Attributes
+    ----------
+    sample : hypotheses of DETERMINISTIC_SPACE
+    candidates : model -> what `missing_effects` computed
+    readings : what `table_3_readings` computed
+    """
+
+    sample: Sample
+    candidates: Mapping[str, Mapping[str, Array]]
+    readings: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -32,7 +51,7 @@ class ArrivalResults:
     ----------
     sample : hypotheses of DETERMINISTIC_SPACE
     with_table_4, predicted : outcomes of the three blocks, with the law of Table 4 and with the calibrated law
-    paper_column, passing, missing_effects : tables
+    paper_column, passing, missing_effects, table_3_readings : tables
     """
 
     sample: Sample
@@ -41,6 +60,7 @@ class ArrivalResults:
     paper_column: pd.DataFrame
     passing: pd.DataFrame
     missing_effects: pd.DataFrame
+    table_3_readings: pd.DataFrame
 
     @property
     def values(self) -> Values:
@@ -74,17 +94,29 @@ class ArrivalResults:
         """Sentences."""
         low, high = self.validation_interval()
         validation, all_nine, _, _, of_paper = self.errors().values()
-        outside = self.paper_column[
-            ~self.paper_column["table_4"].between(self.paper_column["low95"], self.paper_column["high95"])
-        ]
+        column = self.paper_column
+        outside = column[~column["predicted"].between(column["published_low95"], column["published_high95"])]
         cells = ", ".join(f"{row.block} {row.line}" for row in outside.itertuples()) or "none"
         return [
             f"With the arrivals that the paper's deterministic column tells: RMSE {validation:.1f} points over the "
             f"validation cells ({low:.1f} to {high:.1f} over hypotheses), {all_nine:.1f} over all nine.",
             f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {of_paper:.1f} points; "
             f"cells outside the exact 95 % intervals of 50 releases: {cells}.",
+            self._readings(),
             *(self._missing(model) for model in dict.fromkeys(self.missing_effects["model"])),
         ]
+
+    def _readings(self) -> str:
+        """Which readings of Table 3 meet the sphere's row of the paper's probabilistic column."""
+        excluded = dict(zip(*(self.table_3_readings[c] for c in ("reading", "excluded")), strict=True))
+        met = ", ".join(name for name, lines in excluded.items() if lines == "none")
+        missed = ", ".join(
+            f"{name} ({lines} excluded)" for name, lines in excluded.items() if lines != "none"
+        )
+        return (
+            "The sphere's row of the paper's probabilistic column, from Table 3: possible with "
+            f"{met or 'no reading'}; impossible (p < 0.05) with {missed or 'no reading'}."
+        )
 
     def _missing(self, model: str) -> str:
         """The candidates that predict angular blocks better than none, in every held-out test together."""
@@ -107,63 +139,38 @@ class ArrivalResults:
 
 
 def arrival_results(
-    known: KnownSetup,
-    sample: Sample,
-    candidates: Mapping[str, Mapping[str, Array]],
-    draws: Mapping[str, Array],
-    seed: int,
+    known: KnownSetup, found: ArrivalStages, draws: Mapping[str, Array], seed: int
 ) -> ArrivalResults:
-    """`candidates`: model -> what `missing_effects` computed; `draws`: standard normal, block -> (n, 6)."""
-    values = DETERMINISTIC_SPACE.values(sample.u)
+    """`draws`: standard normal, block -> (n, 6)."""
+    values = DETERMINISTIC_SPACE.values(found.sample.u)
     with_table_4, predicted = (
         [deterministic_outcome(known, own, block, draws[block]) for block in published.BLOCKS]
         for own in (table_4(values), values)
     )
     return ArrivalResults(
-        sample, with_table_4, predicted, paper_column_table(with_table_4), predicted_table(predicted),
-        missing_effects_table(candidates, seed),
+        found.sample, with_table_4, predicted, cells_table(with_table_4, published.DETERMINISTIC),
+        cells_table(predicted, published.EXPERIMENT),
+        missing_effects_table(found.candidates, seed), readings_table(found.readings),
     )  # fmt: skip
 
 
-def paper_column_table(with_table_4: list[Outcome]) -> pd.DataFrame:
-    """The paper's deterministic column, and what Table 4 gives on the arrivals found; one row for each block and line.
+def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
+    """A table (blocks, lines) of Table 2 in %, and what hypotheses give for it; one row for each block and line.
 
-    low95, high95: exact 95 % interval of 50 releases of the paper's simulations; table_4_low95, table_4_high95: over
-    hypotheses.
+    published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: over hypotheses; p: of the
+    published number under the hypotheses.
     """
     import pandas as pd
 
     rows = []
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):
-            passed = int(published.passed(published.DETERMINISTIC)[b, i])
-            low, high = summary.exact_interval(passed)
-            own = 100 * with_table_4[b].frequencies[:, i]
-            below, above = np.percentile(own, [2.5, 97.5])
+            passed = int(published.passed(percent)[b, i])
+            own = 100 * outcomes[b].frequencies[:, i]
             rows.append(
-                {
-                    "block": block, "line": line, "paper": float(published.DETERMINISTIC[b, i]), "low95": low,
-                    "high95": high, "table_4": float(own.mean()), "table_4_low95": below, "table_4_high95": above,
-                    "p": summary.predictive_p(passed, with_table_4[b], i),
-                }
+                (
+                    block, line, float(percent[b, i]), *summary.exact_interval(passed), float(own.mean()),
+                    *np.percentile(own, [2.5, 97.5]), summary.predictive_p(passed, outcomes[b], i),
+                )
             )  # fmt: skip
-    return pd.DataFrame(rows)
-
-
-def predicted_table(predicted: list[Outcome]) -> pd.DataFrame:
-    """The experiment and the calibrated law's predictions; one row for each block and line."""
-    import pandas as pd
-
-    rows = []
-    for b, block in enumerate(published.BLOCKS):
-        for i, line in enumerate(published.LINES):
-            own = 100 * predicted[b].frequencies[:, i]
-            low, high = np.percentile(own, [2.5, 97.5])
-            rows.append(
-                {
-                    "block": block, "line": line, "experiment": float(published.EXPERIMENT[b, i]),
-                    "predicted": float(own.mean()), "low95": low, "high95": high,
-                    "p": summary.predictive_p(int(published.passed()[b, i]), predicted[b], i),
-                }
-            )  # fmt: skip
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=CELL_COLUMNS)

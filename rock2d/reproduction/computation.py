@@ -18,11 +18,13 @@ from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import published, stages
+from rock2d.reproduction.arrival_results import ArrivalStages
 from rock2d.reproduction.arrivals import calibrate_with_arrivals
 from rock2d.reproduction.hypotheses import known_setup
 from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.stages import Effort
+from rock2d.reproduction.table_3_readings import readings_computed
 
 Array = np.ndarray
 OnProgress = Callable[[float], None]
@@ -38,7 +40,7 @@ def compute_results(
     With `candidates` also the deterministic model with candidate effects, on held-out blocks.
     """
     known = known_setup(load_scenario(scenario_file(SCENARIO)))
-    seeds = np.random.SeedSequence(seed).spawn(9)
+    seeds = np.random.SeedSequence(seed).spawn(10)
     samples = {
         "deterministic": finished.sample(
             "deterministic", partial(stages.calibrate_deterministic, known, effort, seeds[0])
@@ -66,7 +68,9 @@ def compute_results(
             ("probabilistic", point_mass_candidates, seeds[8]),
         )
     }
-    return evaluate(known, samples, reduction, held_out, (arrivals, missing), seeds[5], seed)
+    readings = finished.arrays("table_3_readings", partial(readings_computed, known, effort, seeds[9]))
+    found = ArrivalStages(arrivals, missing, readings)
+    return evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
 
 
 class FinishedStages:

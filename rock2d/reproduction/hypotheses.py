@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
-from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
+from rock2d.reproduction.published import BLOCKS, CONTACT_PARAMETERS, DROP_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -154,11 +155,16 @@ def incident_distributions(values: Values, block: Block, gravity_m_s2: float) ->
 
 def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> CrossSection:
     """The cross-section of hypothesis `i`, with an embankment of the published height and crest width."""
-    height_m, crest_m = known.height_m, known.crest_m
-    slope, facing, tilt = (
-        float(np.radians(values[k][i])) for k in ("slope_deg", "facing_deg", "line_tilt_deg")
-    )
-    foot = float(values["ditch_m"][i])
+    names = ("slope_deg", "facing_deg", "line_tilt_deg", "ditch_m", "line_1_height", "line_2_height")
+    return _cross_section(known.height_m, known.crest_m, *(float(values[name][i]) for name in names))
+
+
+@lru_cache(maxsize=2**12)  # most moves of a sampler leave the set-up as it is
+def _cross_section(
+    height_m: float, crest_m: float, slope_deg: float, facing_deg: float, tilt_deg: float, foot: float,
+    line_1: float, line_2: float,
+) -> CrossSection:  # fmt: skip
+    slope, facing, tilt = (float(np.radians(angle)) for angle in (slope_deg, facing_deg, tilt_deg))
     run = height_m / np.tan(facing)
     crest = foot + run
     end = crest + crest_m + height_m / np.tan(np.radians(DOWNHILL_FACE_DEG))
@@ -167,11 +173,18 @@ def hypothesis_cross_section(values: Values, i: int, known: KnownSetup) -> Cross
         [crest + crest_m, height_m], [end, 0.0], [end + RUN_OUT_LENGTH_M, 0.0],
     ]  # fmt: skip
     lines = {}
-    for line, share in zip(LINES, (values["line_1_height"][i], values["line_2_height"][i], 1.0), strict=True):
+    for line, share in zip(LINES, (line_1, line_2, 1.0), strict=True):
         x, y = foot + share * run, share * height_m
         length = min(MEASURE_LINE_M, x / max(np.sin(tilt), 1e-9))
         lines[line] = [[x, y], [x - length * np.sin(tilt), y + length * np.cos(tilt)]]
     return CrossSection(points, ZONES, lines)
+
+
+def table_4(values: Values) -> dict[str, Array]:
+    """Hypotheses with the parameters of Table 4 instead of their own."""
+    ones, paper = np.ones(len(values["slope_deg"])), CONTACT_PARAMETERS
+    own = {name: value * ones for name, value in paper.items() if name != "k_ul_N_m"}
+    return {**values, **own, "restitution": np.sqrt(paper["k_l_N_m"] / paper["k_ul_N_m"]) * ones}
 
 
 def contact_table(values: Values) -> Array:

@@ -32,6 +32,15 @@ def log_counts_without_line(line: int, simulated: Array, filmed: Array) -> Array
     return _log_dirichlet_multinomial(_merged(simulated + 0.5, line), _merged(filmed, line))
 
 
+def highest_log_counts(filmed: Array) -> float:
+    """Upper bound of `log_counts`: the multinomial log-probability of `filmed` under its own frequencies, because a
+    Dirichlet-multinomial is a mixture of multinomials."""
+    from scipy.special import gammaln, xlogy
+
+    total = filmed.sum()
+    return float(gammaln(total + 1.0) + (xlogy(filmed, filmed / total) - gammaln(filmed + 1.0)).sum())
+
+
 def _merged(counts: Array, line: int) -> Array:
     both = counts[..., line] + counts[..., line + 1]
     return np.concatenate([counts[..., :line], both[..., None], counts[..., line + 2 :]], axis=-1)
@@ -58,13 +67,7 @@ def published_counts(percent: Array, block: str) -> Array:
 
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:
     """(k,) log-likelihood of the block's cells of Table 2."""
-    return published_log_likelihood(outcome, published.EXPERIMENT, block)
-
-
-def published_log_likelihood(outcome: Outcome, percent: Array, block: str) -> Array:
-    """(k,) log-likelihood of the block's row of a table (blocks, lines) of Table 2: of the experiment, or of one of the
-    paper's models."""
-    return _possible(outcome, log_counts(outcome.by_last_line, published_counts(percent, block)))
+    return _possible(outcome, log_counts(outcome.by_last_line, filmed_counts(block)))
 
 
 def first_impact_log_likelihood(outcome: Outcome, block: str) -> Array:

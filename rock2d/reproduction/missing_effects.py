@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.reproduction import published
-from rock2d.reproduction.arrivals import table_4
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
     REBOUND_QUANTITIES,
     KnownSetup,
     Values,
+    table_4,
 )
 from rock2d.reproduction.likelihood import passing_log_likelihood
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
@@ -85,13 +85,13 @@ def point_mass_candidates(
 ) -> dict[str, Array]:
     """The same of POINT_MASS_CANDIDATES, with parameters of the point mass model that explain the sphere."""
     fitting, trying = seed.spawn(2)
-    values = _fitted_to_the_sphere(known, DETERMINISTIC_SPACE.values(_some(sample)), effort, fitting)
+    fitted = _fitted_to_the_sphere(known, DETERMINISTIC_SPACE.values(_some(sample)), effort, fitting)
 
     def simulate(values: Values, block: str, draws: Array, candidate: str, sizes: Array) -> Outcome:
         changed, reduction = point_mass_with(candidate, values, known.blocks[block], sizes[:, 0])
         return probabilistic_outcome(known, changed, block, draws, reduction)
 
-    return _every_candidate(simulate, POINT_MASS_CANDIDATES, values, effort, trying, on_progress)
+    return _every_candidate(simulate, POINT_MASS_CANDIDATES, fitted, effort, trying, on_progress)
 
 
 def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -> tuple[Values, Array]:
@@ -118,8 +118,7 @@ def point_mass_with(candidate: str, values: Values, block: Block, size: Array) -
 
 def _some(sample: Array) -> Array:
     """Some of the hypotheses, evenly from both halves."""
-    step = max(1, len(sample) // HYPOTHESES)
-    return sample[::step][:HYPOTHESES]
+    return sample[np.linspace(0, len(sample) - 1, min(HYPOTHESES, len(sample))).astype(int)]
 
 
 def _releases(effort: Effort) -> int:
@@ -148,18 +147,17 @@ def _every_candidate(
 ) -> dict[str, Array]:  # fmt: skip
     draw_seed, size_seed = seed.spawn(2)
     draws = standard_normal_draws(_releases(effort), draw_seed)
-    many = {name: np.repeat(v, SIZES) for name, v in values.items()}
-    k = len(many["slope_deg"])
-    sizes = np.random.default_rng(size_seed).random((k, MOST_CANDIDATE_PARAMETERS))
+    k = len(values["slope_deg"]) * SIZES
+    every_size = np.random.default_rng(size_seed).random((k, MOST_CANDIDATE_PARAMETERS))
     percent = np.empty((len(candidates), k, len(published.BLOCKS), len(published.LINES)))
     likely = np.empty(percent.shape[:3])
     for c, candidate in enumerate(candidates):
+        alike = SIZES if candidate == NO_CANDIDATE else 1  # nothing has no size
+        many = {name: np.repeat(v, SIZES // alike) for name, v in values.items()}
         for b, block in enumerate(published.BLOCKS):
-            outcome = simulate(many, block, draws[block], candidate, sizes)
-            percent[c, :, b], likely[c, :, b] = (
-                100 * outcome.frequencies,
-                passing_log_likelihood(outcome, block),
-            )
+            outcome = simulate(many, block, draws[block], candidate, every_size[::alike])
+            percent[c, :, b] = np.repeat(100 * outcome.frequencies, alike, axis=0)
+            likely[c, :, b] = np.repeat(passing_log_likelihood(outcome, block), alike)
             on_progress((c + (b + 1) / len(published.BLOCKS)) / len(candidates))
     return {"percent": percent, "log_likelihood": likely}
 

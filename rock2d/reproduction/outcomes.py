@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rock2d.engines.point_mass import FACET
-from rock2d.records.columns import AT_VX, AT_VY, BEFORE_INSTANT, I_ZONE, N_INSTANT, TIME
+from rock2d.records.columns import AT_VX, AT_VY, BEFORE_INSTANT, I_ZONE, N_INSTANT, TIME, VY, Y
 from rock2d.reproduction.hypotheses import (
     ZONES,
     KnownSetup,
@@ -17,6 +17,7 @@ from rock2d.reproduction.hypotheses import (
     contact_table,
     hypothesis_cross_section,
     incident_distributions,
+    table_4,
 )
 from rock2d.reproduction.published import LINES
 from rock2d.scene.world import World
@@ -59,8 +60,7 @@ class Outcome:
     @property
     def by_last_line(self) -> Array:
         """(k, lines + 1) releases by the last line they passed."""
-        last = (self.crossed * np.arange(1, self.crossed.shape[-1] + 1)).max(axis=-1)
-        return (last[..., None] == np.arange(self.crossed.shape[-1] + 1)).sum(axis=1)
+        return by_last_line(self.crossed)
 
     @property
     def frequencies(self) -> Array:
@@ -76,6 +76,12 @@ class Outcome:
         return (self.first_zone == zone).sum(axis=1)
 
 
+def by_last_line(crossed: Array) -> Array:
+    """(k, lines + 1) releases by the last line they passed, from whether they passed each (k, n, lines)."""
+    last = (crossed * np.arange(1, crossed.shape[-1] + 1)).max(axis=-1)
+    return (last[..., None] == np.arange(crossed.shape[-1] + 1)).sum(axis=1)
+
+
 def deterministic_outcome(
     known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
@@ -83,40 +89,70 @@ def deterministic_outcome(
 
     `change` adds a candidate effect to the world of a hypothesis.
     """
-    return _contact_model_outcome(known, values, block_name, draws, change, lines=True)
+    outcome = deterministic_first_impacts(known, values, block_name, draws, change)
+    possible = np.flatnonzero(outcome.possible)
+    crossings = np.full((*outcome.first_zone.shape, len(LINES), N_INSTANT), np.nan)
+    crossings[possible] = _crossings(known, values, block_name, draws, change, possible)
+    return replace(outcome, **_passings(crossings))
+
+
+def deterministic_crossed(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
+) -> Array:
+    """(k, n, lines) whether a release passes each line, as `deterministic_outcome`; all hypotheses are taken as
+    possible."""
+    every = np.arange(len(values["slope_deg"]))
+    return np.isfinite(_crossings(known, values, block_name, draws, change, every)[..., TIME])
 
 
 def deterministic_first_impacts(
     known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None = None
 ) -> Outcome:
-    """As `deterministic_outcome`, but up to the first impact: no line counts as passed."""
-    return _contact_model_outcome(known, values, block_name, draws, change, lines=False)
+    """As `deterministic_outcome`, but up to the first impact: no line counts as passed.
 
-
-def _contact_model_outcome(
-    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None, lines: bool
-) -> Outcome:
+    A release is followed until the first impact must have begun: when its centroid would be below all ground. How it
+    begins does not depend on the contact law; that of Table 4 is taken.
+    """
+    values = table_4(values)
     block, n = known.blocks[block_name], len(draws)
     begin = incident_distributions(values, block, known.gravity_m_s2)
-    every, tables = begin.states(draws), contact_table(values)
+    every = begin.states(draws)
+    height, rise = every[..., Y], every[..., VY]
+    falls_s = (rise + np.sqrt(rise**2 + 2.0 * known.gravity_m_s2 * height)) / known.gravity_m_s2
     parts = []
-    for chosen in _chunks(len(begin.mean), n):
-        worlds = []
-        for i in chosen:
-            ground = hypothesis_cross_section(values, i, known)
-            world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
-            worlds.append(world if change is None else change(world, i))
-        states = every[chosen]
-        result = _simulate(worlds, block_name, states, impact_limit=1, impact_room=1)
+    for chosen in _chunks(np.arange(len(every)), n):
+        result = _simulate(
+            _worlds(known, values, chosen, change), block_name, every[chosen], impact_limit=1, impact_room=1,
+            time_limit_s=falls_s[chosen].ravel(),
+        )  # fmt: skip
         zones, before = result.impacts[:, 0, I_ZONE], result.impacts[:, 0, BEFORE_INSTANT]
         possible = begin.possible[chosen] & _past_slope(zones, n)
-        crossings = np.full((len(chosen), n, len(LINES), N_INSTANT), np.nan)
-        if lines and possible.any():
-            remaining = [world for world, useful in zip(worlds, possible, strict=True) if useful]
-            result = _simulate(remaining, block_name, states[possible], stop_when_spent=True)
-            crossings[possible] = result.crossings.reshape(-1, n, len(LINES), N_INSTANT)
-        parts.append(_outcome(crossings, zones, before, values["facing_deg"][chosen], possible))
+        nowhere = np.full((len(chosen), n, len(LINES), N_INSTANT), np.nan)
+        parts.append(_outcome(nowhere, zones, before, values["facing_deg"][chosen], possible))
     return _joined(parts)
+
+
+def _crossings(
+    known: KnownSetup, values: Values, block_name: str, draws: Array, change: WorldChange | None,
+    hypotheses: Array,
+) -> Array:  # fmt: skip
+    """(k', n, lines, 7) time and state at the first crossing of each line, for some of the hypotheses."""
+    every = incident_distributions(values, known.blocks[block_name], known.gravity_m_s2).states(draws)
+    parts = [np.empty((0, len(draws), len(LINES), N_INSTANT))]
+    for chosen in _chunks(hypotheses, len(draws)):
+        worlds = _worlds(known, values, chosen, change)
+        result = _simulate(worlds, block_name, every[chosen], stop_when_spent=True, time_limit_s=TIME_LIMIT_S)
+        parts.append(result.crossings.reshape(-1, *parts[0].shape[1:]))
+    return np.concatenate(parts)
+
+
+def _worlds(known: KnownSetup, values: Values, hypotheses: Array, change: WorldChange | None) -> list[World]:
+    tables, worlds = contact_table(values), []
+    for i in hypotheses:
+        ground = hypothesis_cross_section(values, i, known)
+        world = World(known.blocks, ground, tables[i : i + 1], known.gravity_m_s2)
+        worlds.append(world if change is None else change(world, i))
+    return worlds
 
 
 def _simulate(worlds: list[World], block: str, states: Array, **options: Any) -> BatchResult:
@@ -132,7 +168,7 @@ def _simulate(worlds: list[World], block: str, states: Array, **options: Any) ->
     )
     return run_batch(
         ensemble, states.reshape(-1, 6), block_ids=block_ids[ids], cross_section_ids=ids, table_ids=ids,
-        gravity_m_s2=worlds[0].gravity_m_s2, time_limit_s=TIME_LIMIT_S, **options,
+        gravity_m_s2=worlds[0].gravity_m_s2, **options,
     )  # fmt: skip
 
 
@@ -174,9 +210,14 @@ def probabilistic_outcome(
     return _joined(parts)
 
 
-def _chunks(hypotheses: int, releases: int) -> list[Array]:
+def probabilistic_crossed(known: KnownSetup, values: Values, block_name: str, draws: Array) -> Array:
+    """(k, n, lines) whether a release passes each line, as `probabilistic_outcome` without slope reductions."""
+    return probabilistic_outcome(known, values, block_name, draws).crossed
+
+
+def _chunks(hypotheses: Array, releases: int) -> list[Array]:
     step = max(1, RELEASES_PER_CALL // releases)
-    return [np.arange(a, min(a + step, hypotheses)) for a in range(0, hypotheses, step)]
+    return [hypotheses[a : a + step] for a in range(0, len(hypotheses), step)]
 
 
 def _past_slope(zones: Array, n: int) -> Array:
@@ -192,9 +233,18 @@ def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, p
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])
     return Outcome(
-        np.isfinite(crossings[..., TIME]), np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
-        np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), crossings[:, :, LINES.index("line_2")], possible,
+        first_zone=np.where(np.isfinite(zones), zones, -1).astype(int).reshape(k, n),
+        off_normal_deg=np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), possible=possible,
+        **_passings(crossings),
     )  # fmt: skip
+
+
+def _passings(crossings: Array) -> dict[str, Array]:
+    """What an Outcome knows of crossings (k, n, lines, 7)."""
+    return {
+        "crossed": np.isfinite(crossings[..., TIME]),
+        "at_line_2": crossings[:, :, LINES.index("line_2")],
+    }
 
 
 def _joined(parts: list[Outcome]) -> Outcome:

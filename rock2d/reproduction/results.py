@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
-from rock2d.reproduction.arrival_results import ArrivalResults, arrival_results
+from rock2d.reproduction.arrival_results import ArrivalResults, ArrivalStages, arrival_results
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, PROBABILISTIC_SPACE, KnownSetup, Values
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SPACES = {"deterministic": DETERMINISTIC_SPACE, "probabilistic": PROBABILISTIC_SPACE}
-PREDICTION_RELEASES = 200  # of each block and hypothesis
+PREDICTION_RELEASES = 128  # of each block and hypothesis
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,12 @@ class Results:
 
 def evaluate(
     known: KnownSetup, samples: dict[str, Sample], slope_reduction_deg: dict[str, Array],
-    without_block: dict[str, Sample], arrivals: tuple[Sample, Mapping[str, Mapping[str, Array]]],
+    without_block: dict[str, Sample], arrivals: ArrivalStages,
     stream: np.random.SeedSequence, seed: int,
 ) -> Results:  # fmt: skip
     """Predictions of all calibrations with errors and conclusions.
 
-    `without_block`: held-out block -> posterior of the deterministic model with candidate effects; `arrivals`:
-    posterior with the arrivals of the paper's simulations, and what was computed of the candidates on them.
+    `without_block`: held-out block -> posterior of the deterministic model with candidate effects.
     """
     draw_seed, floor_seed = stream.spawn(2)
     draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)
@@ -95,7 +94,7 @@ def evaluate(
         held_out.append(HeldOutBlock(own, predicted, block))
     cells = summary.cells_table(held_out)
     rng = np.random.default_rng(floor_seed)
-    with_arrivals = arrival_results(known, *arrivals, draws, seed)
+    with_arrivals = arrival_results(known, arrivals, draws, seed)
     results = Results(
         known, seed, samples, outcomes, slope_reduction_deg, held_out,
         summary.passing_table(outcomes["deterministic"], outcomes["probabilistic"]),

@@ -10,7 +10,7 @@ cells count the same 50 releases; their likelihoods are multiplied as if the rel
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,14 +30,22 @@ from rock2d.reproduction.hypotheses import (
     SETUP_QUANTITIES,
     KnownSetup,
     Values,
-    arrival_quantities,
 )
-from rock2d.reproduction.likelihood import first_impact_log_likelihood, passing_log_likelihood
+from rock2d.reproduction.likelihood import (
+    first_impact_log_likelihood,
+    highest_log_counts,
+    log_counts,
+    passing_log_likelihood,
+    published_counts,
+)
 from rock2d.reproduction.outcomes import (
     Outcome,
     WorldChange,
+    by_last_line,
+    deterministic_crossed,
     deterministic_first_impacts,
     deterministic_outcome,
+    probabilistic_crossed,
     probabilistic_outcome,
 )
 from rock2d.scene.world import World
@@ -45,9 +53,9 @@ from rock2d.scene.world import World
 Array = np.ndarray
 Draws = Mapping[str, Array]  # block -> (releases, 6) standard normal draws
 OnProgress = Callable[[float], None]
-ModelFunction = Callable[[KnownSetup, Values, str, Array], Outcome]
 
-PRIOR_DRAWS_PER_HYPOTHESIS = 4  # draws of the prior for each hypothesis of the posterior
+# Few releases tell well enough what to do with a low power of the likelihood: this share of them, up to this power.
+COARSE_SHARE, COARSE_UP_TO = 0.25, 0.1
 NO_CANDIDATE = "none"
 # effects of the catalogue that change an impact and depend neither on the camera nor on the order of the releases
 CANDIDATES = (
@@ -74,14 +82,16 @@ class Effort:
 
     Attributes
     ----------
-    hypotheses : of each posterior; half of them come from each of two independent runs
-    releases : of each block, simulated for each hypothesis
-    moves : rounds of moves of all hypotheses at each step of the sampler
+    hypotheses : of each posterior, in multiples of twice the moves; half of them come from each of two independent runs
+    releases : of each block, simulated for each hypothesis; powers of 2 spread evenly
+    moves : rounds of moves at each step of the sampler
+    prior_draws : draws of the prior for each hypothesis
     """
 
-    hypotheses: int = 448
-    releases: int = 40
+    hypotheses: int = 384
+    releases: int = 64
     moves: int = 3
+    prior_draws: int = 4
 
 
 @dataclass(frozen=True)
@@ -90,14 +100,17 @@ class Model:
 
     Attributes
     ----------
-    outcome : simulates the releases of a block for hypotheses of `space`
-    first_impacts : the same up to the first impact, for blocks without cells in the likelihood
+    first_impacts : first impacts of the releases of a block, for hypotheses of `space`; they do not depend on the law
+    crossed : (k, n, lines) whether these releases pass each line
     space : the unknowns
     """
 
-    outcome: ModelFunction
-    first_impacts: ModelFunction
+    first_impacts: Callable[[KnownSetup, Values, str, Array], Outcome]
+    crossed: Callable[[KnownSetup, Values, str, Array], Array]
     space: Space
+
+
+DETERMINISTIC_MODEL = Model(deterministic_first_impacts, deterministic_crossed, DETERMINISTIC_SPACE)
 
 
 def calibrate(
@@ -106,20 +119,23 @@ def calibrate(
 ) -> Sample:  # fmt: skip
     """Posterior over a space, given the factors of a likelihood that simulates releases from standard normal draws.
 
-    Half of the hypotheses come from one run of the sampler, half from another with other releases.
+    Half of the hypotheses come from one run of the sampler, half from another with other releases. Each begins with a
+    share of the releases.
     """
     width, half = len(space.quantities), effort.hypotheses // 2
-    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn))
+    moves = Moves(effort.moves, redrawn=redrawn, groups=_groups(space, redrawn), every_round=True)
     runs: list[Sample] = []
     for own in seed.spawn(2):
         draws = standard_normal_draws(effort.releases, own)
+        few = {block: d[: max(1, round(COARSE_SHARE * effort.releases))] for block, d in draws.items()}
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
             on_progress((len(runs) + power) / 2)
 
-        prior = prior_draws(PRIOR_DRAWS_PER_HYPOTHESIS * half, width, rng)
-        runs.append(posterior(factors(draws), prior, half, rng, moves, on_progress=halfway))
+        prior = prior_draws(effort.prior_draws * half, width, rng)
+        finer = COARSE_UP_TO, factors(draws)
+        runs.append(posterior(factors(few), prior, half, rng, moves, finer=finer, on_progress=halfway))
     return Sample.joined(runs)
 
 
@@ -129,8 +145,8 @@ def setup_columns(space: Space) -> Array:
 
 
 def arrival_columns(space: Space, block: str) -> Array:
-    """Columns of the unknowns of a block's arrival."""
-    return space.columns([q.name for q in arrival_quantities(block)])
+    """Columns of the unknowns of a block's arrival; none if the space has not this block."""
+    return space.columns([q.name for q in space.quantities if q.name.startswith(f"{block}.")])
 
 
 def law_columns(space: Space) -> Array:
@@ -139,48 +155,73 @@ def law_columns(space: Space) -> Array:
     return np.setdiff1d(np.arange(len(space.quantities)), np.concatenate(others))
 
 
+def choice_columns(space: Space) -> Array:
+    """Columns of the choice among candidates and of their sizes."""
+    return space.columns([q.name for q in space.quantities if q.name.startswith("candidate")])
+
+
 def _groups(space: Space, redrawn: Array | None) -> list[Array]:
     """What moves together: the arrival of a block concerns few factors, the set-up all of them."""
     arrivals = [arrival_columns(space, block) for block in published.BLOCKS]
     law = np.setdiff1d(law_columns(space), [] if redrawn is None else redrawn)
-    return [setup_columns(space), *arrivals, law]
+    return [group for group in (setup_columns(space), *arrivals, law) if len(group)]
+
+
+def first_impacts_factor(known: KnownSetup, model: Model, block: str, draws: Draws) -> Factor:
+    """The statements on the first impacts of a block."""
+
+    def log_likelihood(u: Array) -> Array:
+        outcome = model.first_impacts(known, model.space.values(u), block, draws[block])
+        return first_impact_log_likelihood(outcome, block)
+
+    own = setup_columns(model.space), arrival_columns(model.space, block), choice_columns(model.space)
+    return Factor(log_likelihood, np.concatenate(own), highest=0.0)
+
+
+def cells_factor(
+    known: KnownSetup, model: Model, block: str, draws: Draws, percent: Array | None = None
+) -> Factor:
+    """The cells of a block in a table (blocks, lines) of Table 2, by default the experiment's, of hypotheses that its
+    first impacts do not exclude."""
+    counts = published_counts(published.EXPERIMENT if percent is None else percent, block)
+
+    def log_likelihood(u: Array) -> Array:
+        return log_counts(
+            by_last_line(model.crossed(known, model.space.values(u), block, draws[block])), counts
+        )
+
+    own = setup_columns(model.space), arrival_columns(model.space, block), law_columns(model.space)
+    return Factor(log_likelihood, np.concatenate(own), highest_log_counts(counts))
 
 
 def _factors(
     known: KnownSetup, model: Model, blocks_with_cells: Sequence[str]
 ) -> Callable[[Draws], list[Factor]]:
-    """One factor for each block: its statements on first impacts, and its cells if they count."""
-    space = model.space
-
-    def of_block(block: str, draws: Array) -> Factor:
-        with_cells = block in blocks_with_cells
-        simulate = model.outcome if with_cells else model.first_impacts
-
-        def log_likelihood(u: Array) -> Array:
-            outcome = simulate(known, space.values(u), block, draws)
-            total = first_impact_log_likelihood(outcome, block)
-            return total + passing_log_likelihood(outcome, block) if with_cells else total
-
-        own = setup_columns(space), arrival_columns(space, block), law_columns(space)
-        return Factor(log_likelihood, np.concatenate(own))
-
-    return lambda draws: [of_block(block, draws[block]) for block in published.BLOCKS]
+    """The statements on the first impacts of each block, and the cells of those that count."""
+    return lambda draws: [
+        *(first_impacts_factor(known, model, block, draws) for block in published.BLOCKS),
+        *(cells_factor(known, model, block, draws) for block in blocks_with_cells),
+    ]
 
 
 def calibrate_deterministic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
     """The deterministic model on the sphere's cells: DETERMINISTIC_SPACE."""
-    model = Model(deterministic_outcome, deterministic_first_impacts, DETERMINISTIC_SPACE)
-    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
+    factors = _factors(known, DETERMINISTIC_MODEL, ["sphere"])
+    return calibrate(DETERMINISTIC_SPACE, factors, effort, seed, on_progress)
 
 
 def calibrate_probabilistic(
     known: KnownSetup, effort: Effort, seed: np.random.SeedSequence, on_progress: OnProgress
 ) -> Sample:
-    """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE."""
-    model = Model(probabilistic_outcome, probabilistic_outcome, PROBABILISTIC_SPACE)
-    return calibrate(model.space, _factors(known, model, ["sphere"]), effort, seed, on_progress)
+    """The probabilistic model on the sphere's cells: PROBABILISTIC_SPACE.
+
+    Its posterior has several regions, so it takes more hypotheses to find all of them; a point mass is cheap.
+    """
+    effort = replace(effort, hypotheses=2 * effort.hypotheses, prior_draws=2 * effort.prior_draws)
+    model = Model(probabilistic_outcome, probabilistic_crossed, PROBABILISTIC_SPACE)
+    return calibrate(PROBABILISTIC_SPACE, _factors(known, model, ["sphere"]), effort, seed, on_progress)
 
 
 def calibrate_candidates(
@@ -188,8 +229,8 @@ def calibrate_candidates(
 ) -> Sample:
     """The deterministic model with one candidate effect or none, on the cells of the other blocks: CANDIDATE_SPACE."""
     others = [block for block in published.BLOCKS if block != held_out]
-    choice = np.arange(len(DETERMINISTIC_SPACE.quantities), len(CANDIDATE_SPACE.quantities))
-    model = Model(candidate_outcome, candidate_first_impacts, CANDIDATE_SPACE)
+    model = Model(candidate_first_impacts, candidate_crossed, CANDIDATE_SPACE)
+    choice = choice_columns(CANDIDATE_SPACE)
     return calibrate(
         CANDIDATE_SPACE, _factors(known, model, others), effort, seed, on_progress, redrawn=choice
     )
@@ -246,6 +287,11 @@ def candidate_first_impacts(known: KnownSetup, values: Values, block: str, draws
     return deterministic_first_impacts(known, values, block, draws, _with_candidate(values))
 
 
+def candidate_crossed(known: KnownSetup, values: Values, block: str, draws: Array) -> Array:
+    """`deterministic_crossed` with the candidate effects of hypotheses of CANDIDATE_SPACE."""
+    return deterministic_crossed(known, values, block, draws, _with_candidate(values))
+
+
 def _with_candidate(values: Values) -> WorldChange:
     """The change of the world of each hypothesis by its candidate effect; ratios are drawn on a logarithmic scale."""
     from rock2d.effects import catalogue
@@ -268,8 +314,12 @@ def _with_candidate(values: Values) -> WorldChange:
 
 
 def standard_normal_draws(releases: int, seed: np.random.SeedSequence) -> dict[str, Array]:
-    """block -> (releases, 6) standard normal draws. All hypotheses share them, so that the likelihood is a function."""
+    """block -> (releases, 6) standard normal draws, evenly spread (Sobol). All hypotheses share them, so that the
+    likelihood is a function."""
+    from scipy.special import ndtri
+
+    seeds = zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
+    even = {name: prior_draws(releases, 6, np.random.default_rng(own)) for name, own in seeds}
     return {
-        name: np.random.default_rng(child).standard_normal((releases, 6))
-        for name, child in zip(published.BLOCKS, seed.spawn(len(published.BLOCKS)), strict=True)
-    }
+        name: ndtri(0.5 + (1.0 - 1e-9) * (u - 0.5)) for name, u in even.items()
+    }  # 0 and 1 would be infinite

@@ -40,6 +40,7 @@ def result_tables(results: Results) -> dict[str, pd.DataFrame]:
         "paper_column": results.arrivals.paper_column,
         "predicted_with_arrivals": results.arrivals.passing,
         "missing_effects": results.arrivals.missing_effects,
+        "table_3_readings": results.arrivals.table_3_readings,
     }
     if results.held_out:
         tables |= {"candidates": results.candidates, "cells": results.cells}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ class Block:
         taken = np.sqrt((1 - cos_turn) / (1 + cos_turn))  # tan(turn / 2): what a corner takes of each face
         return float((length / (taken + np.roll(taken, -1))).min())
 
-    @property
+    @cached_property
     def area_m2(self) -> float:
         """Area of the profile."""
         if self.smooth:

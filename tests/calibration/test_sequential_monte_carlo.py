@@ -74,15 +74,15 @@ def test_values_of_a_space():
         space.columns(["c"])
 
 
-def factors(asked):
-    """The same Gaussian in two factors; `asked` gets the number of the factor at each call."""
+def factors(asked, highest=np.inf):
+    """The same Gaussian in two factors; `asked` gets the number of the factor of each hypothesis at each call."""
 
     def factor(k, columns):
         def log_likelihood(u):
-            asked.append(k)
+            asked.extend([k] * len(u))
             return -0.5 * (((u[:, columns] - MEAN[columns]) / SD[columns]) ** 2).sum(axis=1)
 
-        return Factor(log_likelihood, np.array(columns))
+        return Factor(log_likelihood, np.array(columns), highest)
 
     return [factor(0, [0, 1]), factor(1, [2])]
 
@@ -100,7 +100,18 @@ def test_a_group_computes_only_the_factors_that_depend_on_it():
     asked = []
     rng = np.random.default_rng(5)
     posterior(factors(asked), prior_draws(400, 3, rng), 100, rng, Moves(3, groups=[np.array([2])]))
-    assert asked.count(0) == 1 and asked.count(1) > 3
+    assert asked.count(0) == 400 and asked.count(1) > 400 + 3 * 100
+
+
+def test_a_bound_refuses_the_same_proposals_and_computes_less():
+    found, asked = [], []
+    for highest in (np.inf, 0.0):
+        rng = np.random.default_rng(5)
+        counted: list[int] = []
+        found.append(posterior(factors(counted, highest), prior_draws(400, 3, rng), 100, rng, Moves(3)).u)
+        asked.append([counted.count(k) for k in range(2)])
+    assert (found[0] == found[1]).all()
+    assert asked[1][0] == asked[0][0] and asked[1][1] < 0.8 * asked[0][1]
 
 
 def test_hypotheses_that_one_factor_excludes_reach_no_further_one():
@@ -115,3 +126,26 @@ def test_hypotheses_that_one_factor_excludes_reach_no_further_one():
     found = posterior([half, Factor(later, np.array([0, 1]))], prior_draws(400, 2, rng), 100, rng, Moves(3))
     assert min(seen) >= 0.5 and found.u[:, 0].min() >= 0.5
     assert found.log_evidence == pytest.approx(np.log(0.5), abs=1e-2)
+
+
+def test_the_hypotheses_of_every_round_are_the_posterior_too():
+    """A third of the moves of as many hypotheses; the number is a multiple of the rounds."""
+    rng = np.random.default_rng(8)
+    moves = Moves(4, groups=[np.array([0, 1]), np.array([2])], every_round=True)
+    found = posterior(factors([]), prior_draws(4000, 3, rng), 2002, rng, moves)
+    assert len(found.u) == 2000
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(6 * SD.max() / np.sqrt(500)))
+    assert found.u.std(axis=0) == pytest.approx(SD, rel=0.15)
+    assert found.log_evidence == pytest.approx(np.log(np.prod(SD * np.sqrt(2 * np.pi))), abs=0.3)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+
+
+def test_finer_factors_decide_whatever_the_coarse_ones_were():
+    rng, asked = np.random.default_rng(9), []
+    shifted = Factor(lambda u: gaussian(np.abs(u - 0.1)), np.arange(3))
+    finer = 0.2, factors(asked)
+    found = posterior([shifted], prior_draws(4000, 3, rng), 1000, rng, Moves(6), finer=finer)
+    assert np.abs(found.u.mean(axis=0) - MEAN) == pytest.approx(0, abs=float(4 * SD.max() / np.sqrt(1000)))
+    assert found.log_evidence == pytest.approx(np.log(np.prod(SD * np.sqrt(2 * np.pi))), abs=0.3)
+    assert found.log_likelihood == pytest.approx(gaussian(found.u))
+    assert 0 < asked.count(0) < 1000 * 100

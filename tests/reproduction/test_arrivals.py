@@ -9,11 +9,13 @@ from rock2d.calibration.sequential_monte_carlo import prior_draws
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import arrivals, published
+from rock2d.reproduction.arrival_results import cells_table
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
     PROBABILISTIC_SPACE,
     contact_table,
     known_setup,
+    table_4,
 )
 from rock2d.reproduction.likelihood import published_counts
 from rock2d.reproduction.missing_effects import (
@@ -22,6 +24,7 @@ from rock2d.reproduction.missing_effects import (
     held_out_score,
     point_mass_with,
 )
+from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.stages import (
     CANDIDATE_SPACE,
     CANDIDATES,
@@ -40,7 +43,7 @@ def test_table_4_replaces_the_law_and_nothing_else():
     values = DETERMINISTIC_SPACE.values(
         prior_draws(8, len(DETERMINISTIC_SPACE.quantities), np.random.default_rng(1))
     )
-    paper = arrivals.table_4(values)
+    paper = table_4(values)
     assert contact_table(paper)[:, 0, :5] == pytest.approx(
         np.tile([1e4, 6e4, 2.5e3, np.tan(np.radians(30.0)), 0.025], (8, 1))
     )
@@ -63,7 +66,7 @@ def test_every_unknown_moves_and_each_factor_hears_of_its_own():
         assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
     factors = arrivals.factors(KNOWN, {block: np.zeros((1, 6)) for block in published.BLOCKS})
     law = set(law_columns(DETERMINISTIC_SPACE))
-    assert [bool(law & set(f.columns)) for f in factors] == [False, False, False, True]
+    assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
 
 
 def test_arrivals_have_the_same_bits_for_the_same_seed_and_learn_nothing_from_the_validation(monkeypatch):
@@ -112,3 +115,18 @@ def test_the_score_of_a_candidate_is_the_mean_probability_of_what_it_did_not_see
     assert score.effective == pytest.approx(groups / 2 * SIZES)
     none = held_out_score(found, 0, ["sphere"], ["cube"], seed=1)
     assert none.over_none == 0.0 and none.error == 0.0
+
+
+def test_cells_stand_beside_those_of_the_table_that_they_are_for():
+    """Of 100 releases of each of two hypotheses all pass line 1 and none the others."""
+    crossed = np.zeros((2, 100, 3), bool)
+    crossed[:, :, 0] = True
+    nothing = np.full((2, 100, 7), np.nan)
+    outcome = Outcome(crossed, np.zeros((2, 100), int), nothing[..., 0], nothing, np.ones(2, bool))
+    for percent in (published.DETERMINISTIC, published.EXPERIMENT):
+        table = cells_table([outcome] * 3, percent)
+        assert table["published"].tolist() == percent.ravel().tolist()
+        assert table["predicted"].tolist() == [100.0, 0.0, 0.0] * 3
+        assert (table["published"].between(table["published_low95"], table["published_high95"])).all()
+    excluded = table.set_index(["block", "line"])["p"]
+    assert excluded["sphere", "line_1"] > 0.5 and excluded["sphere", "line_2"] < 1e-3

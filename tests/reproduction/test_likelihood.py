@@ -11,6 +11,7 @@ from rock2d.reproduction import published, summary
 from rock2d.reproduction.likelihood import (
     filmed_counts,
     first_impact_log_likelihood,
+    highest_log_counts,
     log_counts,
     log_counts_without_line,
 )
@@ -71,6 +72,15 @@ def test_many_simulated_releases_give_the_multinomial():
     counts = np.array([1, 4, 3, 2])
     exact = 12600 * np.prod(share**counts)  # 10! / (1! 4! 3! 2!)
     assert np.exp(log_counts(1e9 * share[None], counts)) == pytest.approx(exact, rel=1e-6)
+
+
+def test_no_simulated_counts_make_the_filmed_ones_likelier_than_their_own_frequencies():
+    for counts in (np.array([1, 4, 3, 2]), np.array([0, 7, 22, 21])):
+        assert highest_log_counts(counts) == pytest.approx(
+            log_counts(1e6 * counts[None], counts)[0], abs=1e-3
+        )
+        every = np.array([c for c in product(range(0, 41, 2), repeat=4) if sum(c) == 40])
+        assert log_counts(every, counts).max() < highest_log_counts(counts)
 
 
 def test_words_are_fulfilled_or_not():

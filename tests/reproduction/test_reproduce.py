@@ -21,7 +21,8 @@ FILES = {
     "table_2.csv", "table_3.csv", "table_4.csv", "assumptions.csv", "candidates.csv", "cells.csv",
     "deterministic.yaml", "probabilistic.yaml",
     "figure_1.png", "figure_2.png", "figure_3.png", "passing.png", "identified.png", "report.md", "reproduction.json",
-    "paper_column.csv", "predicted_with_arrivals.csv", "missing_effects.csv", "arrivals.png",
+    "paper_column.csv", "predicted_with_arrivals.csv", "missing_effects.csv", "table_3_readings.csv",
+    "arrivals.png",
 }  # fmt: skip
 
 

@@ -22,7 +22,13 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
-from rock2d.diagnosis.inclusion import BesideLearnt, inclusion, inclusion_statistics, outside_statistics
+from rock2d.diagnosis.inclusion import (
+    BesideLearnt,
+    explained_away,
+    inclusion,
+    inclusion_statistics,
+    outside_statistics,
+)
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
@@ -188,9 +194,10 @@ def _attribution(search: Search) -> Attribution:
     numbers = statistics(candidates, best, regressed.base, regressed.best, found.of(base.fit), left)
     numbers["causes"] = inclusion_statistics(search, found.of(search.best.fit)[0], beside_learnt)
     numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
-    chances = probabilities(numbers)
+    included = inclusion(numbers["causes"])
+    chances = explained_away(probabilities(numbers), included)
     likeliest = max(chances, key=lambda name: chances[name])
-    named = frozenset(name for name, p in inclusion(numbers["causes"]).items() if p >= NAMED_PROBABILITY)
+    named = frozenset(name for name, p in included.items() if p >= NAMED_PROBABILITY)
     named |= {likeliest} & candidates.keys()
     if named != search.best.names:
         search.best = search.joint(named)

@@ -22,6 +22,7 @@ from rock2d.diagnosis.significance import Gain
 
 INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
 LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must explain alone
+SMALLEST_INCLUSION = 0.01  # an effect keeps a chance where no effect is included
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
 
 
@@ -53,6 +54,16 @@ def inclusion(
     own."""
     question = (weights() if known is None else known)[INCLUDED]
     return {name: chance(question, values) for name, values in causes.items()}
+
+
+def explained_away(chances: Mapping[str, float], included: Mapping[str, float]) -> dict[str, float]:
+    """Probabilities of the single answers, from those that the gains alone give and the inclusion probabilities: an
+    effect whose gain other effects explain gives its share to them. "none" and "unknown" keep theirs."""
+    likely = {
+        name: p * (included[name] + SMALLEST_INCLUSION) for name, p in chances.items() if name in included
+    }
+    share = sum(chances[name] for name in likely) / sum(likely.values())
+    return {name: share * likely[name] if name in likely else p for name, p in chances.items()}
 
 
 def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None) -> float:

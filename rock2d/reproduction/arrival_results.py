@@ -134,7 +134,8 @@ class ArrivalResults:
         listed = ", ".join(f"{name} {gain[name]:+.1f} ± {error[name]:.1f}" for name in better[:3])
         return (
             f"Missing in the {model} model, log-probability of one angular block above that of no effect, calibrated "
-            f"on the other: {listed or 'no candidate is better than none'}."
+            f"on the other: {listed or 'no candidate is better than none'}. The errors are of this run; another seed "
+            "may order the candidates otherwise."
         )
 
 

@@ -5,12 +5,13 @@ The *gap* of a model is the geometric mean of that over all impacts and flights 
 impacts do not decide it, and the units of a segment cancel in every share.
 
 Causes that overlap share what they close: the share of each is the mean over all orders in which they can be added
-(Shapley 1953), told with the range over these orders. Intervals are bootstraps over releases.
+(Shapley 1953), told with the range over these orders. Intervals are bootstraps over releases. They also hold how well
+the floor is known: a small gap over a floor that is known to 7 % says little about shares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
@@ -25,6 +26,9 @@ from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResidu
 Array = np.ndarray
 
 BOOTSTRAPS = 1000
+# what the true law would leave over the floor: median, and standard deviation of its logarithm; measured on films with
+# null twins (`blind.true_closure`)
+TRUE_FLOOR, TRUE_FLOOR_SD = 0.97, 0.07
 LARGEST_SD = 30.0  # of a residual; a larger one, or an impact that cannot be simulated, counts as this
 SMALLEST_SD = 1e-3  # of a segment
 GAP_UNIT = "typical residual: geometric mean over impacts and flights, in standard deviations of noise and soil scatter"
@@ -47,7 +51,7 @@ class Budget:
     Attributes
     ----------
     base, named, learnt : gap of the base law, with the named causes, and with the learnt changes too
-    regression, replicates : floors; `used`: the lower one
+    regression, replicates : floors; `used`: what the true law would leave, estimated from the lower one
     causes : name -> share that it closes
     outside : share that depends on something without a name
     closed_by_learnt : share that the learnt changes close
@@ -107,11 +111,18 @@ class Draws:
 
     def __init__(self, sizes: Sizes, seed: int) -> None:
         n = len(sizes.count)
-        own, self._seed = np.random.SeedSequence(seed).spawn(2)
+        own, self._seed, floor_seed = np.random.SeedSequence(seed).spawn(3)
         rng = np.random.default_rng(own)
         weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)
         self._weights = np.vstack([np.ones(n), weights])
         self._count = np.maximum(self._weights @ sizes.count, 1.0)
+        doubt = TRUE_FLOOR_SD * np.random.default_rng(floor_seed).normal(size=BOOTSTRAPS)
+        self._true_floor = TRUE_FLOOR * np.exp(np.concatenate([[0.0], doubt]))
+
+    def floor(self, floors: Sequence[Array], models: Sequence[Array]) -> Array:
+        """(1 + draws,) what the true law would leave: from the lowest of floors and models, and not above a model."""
+        known = self._true_floor * np.minimum.reduce([*floors, *models])
+        return np.asarray(np.minimum.reduce([known, *models]))
 
     def reduced(self, logs: Array, impacts: Array, ratio: Ratio) -> Array:
         """The same if the mean square of the impacts, as many as `impacts` (releases,), were reduced to a ratio."""
@@ -142,7 +153,7 @@ def budget(
     """
     gaps = {names: draws.gap(logs) for names, logs in sets.items()}
     base, with_named, with_learnt = gaps[frozenset()], gaps[named], draws.gap(learnt)
-    floor = np.minimum.reduce([*floors, with_learnt, with_named])
+    floor = draws.floor(floors, [with_learnt, with_named])
     open_gap = base - floor
 
     def share(closed: Array, spread: tuple[Array, Array] | None = None) -> Share:

@@ -1,7 +1,7 @@
 """The sim-to-real gap: which share of it each model closes, and where it lies, on held-out releases.
 
-How large a gap is, `budget` says. Its floor is the lower one of two: what remains once a flexible regression has
-subtracted all that it can predict, and what near-replicates leave (`replicates`).
+How large a gap is, `budget` says. Its floor follows from the lower one of two: what remains once a flexible regression
+has subtracted all that it can predict, and what near-replicates leave (`replicates`).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Gaps:
         gap = self._draws.gap
         floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
         self._base, self._flexible = gap(base), gap(sizes.remaining(found.base_regressed))
-        self._floor = np.minimum.reduce([*floors, self._flexible, self._base])
+        self._floor = self._draws.floor([*floors, self._flexible], [self._base])
         sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.budget import Budget, Draws, Sizes, budget
+from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD, Budget, Draws, Sizes, budget
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.replicates import replicate_ratio
 
@@ -55,26 +55,39 @@ def found(gaps: dict[str, float], learnt: float, floor: float) -> Budget:
 
 def test_causes_that_overlap_share_what_they_close_and_the_range_tells_the_orders():
     own = found({"": 4.0, "a": 2.0, "b": 2.0, "ab": 1.0}, learnt=1.0, floor=1.0)
+    whole = 4.0 - TRUE_FLOOR
     for name in "ab":
-        assert own.causes[name].closes == pytest.approx(0.5)
-        assert own.causes[name].range == pytest.approx((1 / 3, 2 / 3))
-    assert own.closed.closes == pytest.approx(1.0)
+        assert own.causes[name].closes == pytest.approx(1.5 / whole)
+        assert own.causes[name].range == pytest.approx((1.0 / whole, 2.0 / whole))
+    assert own.closed.closes == pytest.approx(3.0 / whole)
+
+
+def test_a_small_gap_over_the_floor_says_little_about_shares():
+    """What the true law would leave is known to some per cent only: of a gap of 10 % over it, a model that reaches the
+    floor closes perhaps half, perhaps all; of a gap four times as large as the floor nearly all."""
+    small = found({"": 1.10, "a": 1.0}, learnt=1.0, floor=1.0).closed
+    large = found({"": 4.0, "a": 1.0}, learnt=1.0, floor=1.0).closed
+    lowest = TRUE_FLOOR * np.exp(-1.96 * TRUE_FLOOR_SD)
+    assert small.ci95 == pytest.approx((0.10 / (1.10 - lowest), 1.0), abs=0.03)
+    assert large.ci95 == pytest.approx((3.0 / (4.0 - lowest), 1.0), abs=0.01)
+    assert small.ci95[0] < small.closes < small.ci95[1]
 
 
 def test_shares_of_three_causes_sum_to_what_they_close_together():
     gaps = {"": 9.0, "a": 6.0, "b": 8.0, "c": 7.0, "ab": 5.5, "ac": 3.0, "bc": 6.5, "abc": 2.0}
     own = found(gaps, learnt=1.5, floor=1.0)
-    assert sum(share.closes for share in own.causes.values()) == pytest.approx(7.0 / 8.0)
+    whole = 9.0 - TRUE_FLOOR
+    assert sum(share.closes for share in own.causes.values()) == pytest.approx(7.0 / whole)
     # the mean over the six orders of a, b, c
-    assert own.causes["a"].closes == pytest.approx((2 * 3.0 + 2.5 + 4.0 + 2 * 4.5) / 6 / 8.0)
-    assert own.closed_by_learnt.closes == pytest.approx(0.5 / 8.0)
+    assert own.causes["a"].closes == pytest.approx((2 * 3.0 + 2.5 + 4.0 + 2 * 4.5) / 6 / whole)
+    assert own.closed_by_learnt.closes == pytest.approx(0.5 / whole)
 
 
 def test_the_first_and_the_last_place_count_where_not_all_orders_are_known():
     gaps = {"": 9.0, "a": 7.0, "b": 7.0, "c": 7.0, "d": 7.0, "bcd": 3.0, "acd": 3.0, "abd": 3.0, "abc": 3.0,
             "abcd": 1.0}  # fmt: skip
     own = found(gaps, learnt=1.0, floor=1.0)
-    assert all(share.closes == pytest.approx(0.25) for share in own.causes.values())
+    assert all(share.closes == pytest.approx(2.0 / (9.0 - TRUE_FLOOR)) for share in own.causes.values())
 
 
 def test_without_a_gap_nothing_closes():

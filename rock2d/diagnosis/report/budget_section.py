@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
 from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.bar_charts import Axis, Mark, chart, scale
 from rock2d.graphics.downloads import download
@@ -92,5 +93,6 @@ def _sentence(content: Mapping[str, Any]) -> str:
     return (
         f"The typical residual of the base law is {gap['base']:.2f} standard deviations of noise and soil. "
         f"A perfect model would leave {floor['used']:.2f} (near-replicates say {floor['replicates']:.2f}, a regression "
-        f"says {floor['regression']:.2f}; the lower one counts, here {lower}). The difference is the gap, 100 %."
+        f"says {floor['regression']:.2f}; the lower one less {100 * (1 - TRUE_FLOOR):.0f} % counts, here {lower}, "
+        f"and is known to {100 * TRUE_FLOOR_SD:.0f} %). The difference is the gap, 100 %."
     )

@@ -21,6 +21,7 @@ from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import Gain
 
 INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
+LARGEST_MISSED = 0.1  # of what a learnt change explains that it may miss of its cause
 LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must explain alone
 SMALLEST_INCLUSION = 0.01  # an effect keeps a chance where no effect is included
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
@@ -43,8 +44,11 @@ class BesideLearnt:
 
     @property
     def needless(self) -> bool:
-        """Whether it adds nothing, and what is learnt in its place explains much more."""
-        return not self.added.significant and self.alone.total < LEAST_OF_LEARNT * self.instead.total
+        """Whether what is learnt in its place explains much more, and it adds no more than the learnt change may miss:
+        that is smooth, where the cause need not be."""
+        missed = LARGEST_MISSED * self.instead.total
+        adds = self.added.significant and self.added.total > missed
+        return not adds and self.alone.total < LEAST_OF_LEARNT * self.instead.total
 
 
 def inclusion(
@@ -86,6 +90,9 @@ def inclusion_statistics(
         gain, fitted = _with_over_without(search, name)
         alone = search.alone[name].gain(search.base)
         beside = beside_learnt.get(name, BesideLearnt(gain, gain, gain))
+        if beside.needless:  # what it explains, the learnt change explains, too
+            gain = Gain(np.zeros_like(gain.gain))
+            beside = BesideLearnt(gain, beside.alone, beside.instead)
         found[name] = {
             "z": float(np.clip(gain.significance, LEAST_Z, LARGEST_Z)),
             "log_gain": signed_log(gain.total),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from rock2d.diagnosis.inclusion import explained_away
+from rock2d.diagnosis.inclusion import BesideLearnt, explained_away
+from rock2d.diagnosis.significance import Gain
 
 CHANCES = {"geometry_error": 0.6, "air_drag": 0.1, "camera_tilt": 0.1, "none": 0.05, "unknown": 0.15}
 
@@ -21,3 +23,22 @@ def test_what_other_effects_explain_gives_its_share_to_them():
 def test_equal_inclusion_changes_nothing(same):
     included = dict.fromkeys(("geometry_error", "air_drag", "camera_tilt"), same)
     assert explained_away(CHANCES, included) == pytest.approx(CHANCES)
+
+
+def gain(total, releases=40):
+    return Gain(np.full(releases, total / releases))
+
+
+@pytest.mark.parametrize(
+    ("added", "alone", "instead", "needless"),
+    [
+        (0.0, 20.0, 100.0, True),  # the learnt change explains it
+        (200.0, 50.0, 5000.0, True),  # what a smooth curve misses of a push that begins at a height
+        (200.0, 50.0, 300.0, False),  # more than a curve misses
+        (200.0, 4000.0, 5000.0, False),  # the learnt change does what the effect does
+    ],
+)
+def test_an_effect_beside_a_learnt_change_must_explain_more_than_that_may_miss(
+    added, alone, instead, needless
+):
+    assert BesideLearnt(gain(added), gain(alone), gain(instead)).needless == needless

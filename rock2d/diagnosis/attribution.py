@@ -192,7 +192,7 @@ def _attribution(search: Search) -> Attribution:
     regressed = _regressed(search, final, learnt)
     left = found.of(final.fit)
     numbers = statistics(candidates, best, regressed.base, regressed.best, found.of(base.fit), left)
-    numbers["causes"] = inclusion_statistics(search, found.of(search.best.fit)[0], beside_learnt)
+    numbers["causes"] = inclusion_statistics(search, beside_learnt)
     numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
     included = inclusion(numbers["causes"])
     chances = explained_away(probabilities(numbers), included)

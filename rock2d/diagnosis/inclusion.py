@@ -76,37 +76,24 @@ def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None)
 
 
 def inclusion_statistics(
-    search: Search, left: Discrepancy, beside_learnt: Mapping[str, BesideLearnt]
+    search: Search, beside_learnt: Mapping[str, BesideLearnt]
 ) -> dict[str, dict[str, float]]:
     """Effect -> name of a statistic -> value.
 
-    `left`: the strongest dependence in the residuals of the best set; `beside_learnt`: what members add beside the
-    learnt changes, where there are any.
+    `beside_learnt`: what members add beside the learnt changes, where there are any.
     """
-    segments = len(search.data.impact_release) + len(search.data.flight_release)
-    explained = max(search.best.gain(search.base).total, 1.0)
     found = {}
     for name, effect in search.effects.items():
-        gain, fitted = _with_over_without(search, name)
-        alone = search.alone[name].gain(search.base)
+        gain = _with_over_without(search, name)
         beside = beside_learnt.get(name, BesideLearnt(gain, gain, gain))
+        added = beside.added
         if beside.needless:  # what it explains, the learnt change explains, too
-            gain = Gain(np.zeros_like(gain.gain))
-            beside = BesideLearnt(gain, beside.alone, beside.instead)
+            gain = added = Gain(np.zeros_like(gain.gain))
         found[name] = {
             "z": float(np.clip(gain.significance, LEAST_Z, LARGEST_Z)),
             "log_gain": signed_log(gain.total),
-            "share": float(np.clip(gain.total / explained, -1.0, 1.0)),
-            "log_gain_per_segment": signed_log(100.0 * gain.total / segments),
-            "left_over_gain": signed_log(left.total) - signed_log(gain.total),
-            "left_z": float(np.clip(left.significance, 0.0, LARGEST_Z)),
-            "beside_learnt_z": float(np.clip(beside.added.significance, LEAST_Z, LARGEST_Z)),
-            "beside_learnt_log": signed_log(beside.added.total),
-            "learnt_instead": signed_log(beside.instead.total) - signed_log(beside.alone.total),
-            "alone_z": float(np.clip(alone.significance, LEAST_Z, LARGEST_Z)),
-            "fitted": float(fitted),
+            "beside_learnt_z": float(np.clip(added.significance, LEAST_Z, LARGEST_Z)),
             "scatter": float(effect.scatter),
-            "causes": float(len(search.best.names)),
         }
     return found
 
@@ -137,19 +124,17 @@ def outside_statistics(
     }
 
 
-def _with_over_without(search: Search, name: str) -> tuple[Gain, bool]:
-    """Gain of the best model with an effect over the best one without it; whether the former was fitted, or only
-    expected by screening."""
+def _with_over_without(search: Search, name: str) -> Gain:
+    """Gain of the best model with an effect over the best one without it. Where the former was not fitted, screening
+    says what to expect of it."""
     scores: dict[bool, list[Any]] = {True: [], False: []}
     for names, own in search.known.items():
-        scores[name in names].append((own.held_out.score, True))
+        scores[name in names].append(own.held_out.score)
     for names, expected in search.expected.items():
         if name in expected and names | {name} not in search.known:
-            scores[True].append((search.known[names].held_out.score + expected[name].gain, False))
-    (best, fitted), (other, _) = (
-        max(scores[k], key=lambda pair: float(pair[0].sum())) for k in (True, False)
-    )
-    return Gain(best - other), fitted
+            scores[True].append(search.known[names].held_out.score + expected[name].gain)
+    best, other = (max(scores[k], key=lambda score: float(score.sum())) for k in (True, False))
+    return Gain(best - other)
 
 
 def signed_log(value: float) -> float:

@@ -59,12 +59,16 @@ def slopes(
         first = known.impacts.shape[-1]
         by_impacts[..., :first], by_flights[..., :first] = known.impacts, known.flights
     fixed = {*scatters(model), *discrete(model)}
-    for k in sorted(set(range(first, size)) - fixed):
+    for k in sorted(set(range(first, model.named_size)) - fixed):
         step = DIFFERENCE_STEP if p[k] + DIFFERENCE_STEP <= high[k] else -DIFFERENCE_STEP
         ahead = model.residuals(p + step * (np.arange(size) == k), data)
         by_impacts[..., k] = (ahead.impacts - at.impacts) / step
         by_flights[..., k] = (ahead.flights - at.flights) / step
-    columns = [by_impacts[..., : len(BASE_WIDTH)]]
+    by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
+    if first < size:
+        further = model.further_slopes(p, data, at, by_law)
+        by_impacts[..., named:], by_flights[..., named:] = further.impacts, further.flights
+    columns = [by_law]
     for i, effect in enumerate(model.effects):
         if effect.scatter:  # differentiated by the same amount at every impact
             amounts = [list(v) for v in model.values(p)]

@@ -16,7 +16,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Fit, fit
-from rock2d.diagnosis.levers import Answer, Levers
+from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
 from rock2d.diagnosis.significance import Gain, OverReleases
@@ -63,10 +63,8 @@ class LearntModel(Model):
         """See `Model.residuals`."""
         world = self.world(p, data.impact_order, amounts)
         moved = np.zeros((len(data.impact_release), STATE_SIZE)) if shift is None else shift
-        coefficients = np.split(
-            p[len(p) - len(self.widths) :] * self.widths, np.cumsum([a.size for a in self.answers])
-        )
-        for answer, own in zip(self.answers, coefficients, strict=False):
+        coefficients = self._coefficients(p)
+        for answer, own in zip(self.answers, coefficients, strict=True):
             if answer.law is not None:
                 world = with_changed_law(world, answer.law @ own)
             if answer.slope is not None:
@@ -74,12 +72,26 @@ class LearntModel(Model):
             if answer.shift is not None:
                 moved = moved + answer.shift @ own
         found = data.residuals(world, moved)
-        for answer, own in zip(self.answers, coefficients, strict=False):
+        for answer, own in zip(self.answers, coefficients, strict=True):
             if answer.impacts is not None:
                 found.impacts = found.impacts + answer.impacts @ own
             if answer.flights is not None:
                 found.flights = found.flights + answer.flights @ own
         return found
+
+    def _coefficients(self, p: Array) -> list[Array]:
+        """Of each answer."""
+        ends = np.cumsum([answer.size for answer in self.answers])[:-1]
+        return np.split(p[self.named_size :] * self.widths, ends) if self.answers else []
+
+    def further_slopes(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+        """See `Model.further_slopes`. By the chain rule: a change of many coefficients moves few numbers."""
+        answering = Answering(self, p, data, at, by_law)
+        found = [by_coefficients(answer, answering) for answer in self.answers]
+        return Residuals(
+            np.concatenate([own.impacts for own in found], axis=-1) * self.widths,
+            np.concatenate([own.flights for own in found], axis=-1) * self.widths,
+        )
 
 
 @dataclass
@@ -152,7 +164,7 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
 
 
 def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: float) -> Fit:
-    """The fit with one more change. The derivatives by everything else stay as they are."""
+    """The fit with one more change."""
     widths = np.full(answer.size, width)
     model = old.model
     known, before = (model.answers, model.widths) if isinstance(model, LearntModel) else ((), np.empty(0))
@@ -171,7 +183,7 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
         old.slope.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), keep_slopes=True)
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope))
 
 
 def _changes(fitted: Fit, kept: Sequence[tuple[Discrepancy, Array, Array]]) -> list[Change]:

@@ -17,7 +17,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, response
-from rock2d.diagnosis.model import BASE_WIDTH
+from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.quantities import (
     FLIGHT_DEPENDENCES,
     FRAME_DEPENDENCES,
@@ -30,6 +30,7 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -64,6 +65,57 @@ class Answer:
     shift: Array | None = None
     impacts: Array | None = None
     flights: Array | None = None
+
+
+class Answering:
+    """How the residuals of a model at parameters p answer to a change of the levers of every impact.
+
+    `at`: residuals there; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
+    """
+
+    def __init__(self, model: Model, p: Array, data: Data, at: Residuals, by_law: Array) -> None:
+        self.model, self.p, self.data, self.at, self.by_law = model, p, data, at, by_law
+
+    @cached_property
+    def by_slope(self) -> Array:
+        """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
+        setup = self.model.setup
+        tilted = replace(self.model, setup=replace(setup, slope_rad=setup.slope_rad + SLOPE_STEP_RAD))
+        return self._change(tilted.residuals(self.p, self.data)) / SLOPE_STEP_RAD
+
+    @cached_property
+    def by_state(self) -> Array:
+        """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
+        setup, columns = self.model.setup, []
+        for k, unit in enumerate(STATE_STEP * state_units(setup)):
+            shift = unit * (np.arange(STATE_SIZE) == k)
+            columns.append(self._change(self.model.residuals(self.p, self.data, shift)) / unit)
+        return np.stack(columns, axis=-1)
+
+    def _change(self, ahead: Residuals) -> Array:
+        return np.nan_to_num(ahead.impacts - self.at.impacts)
+
+
+def by_coefficients(answer: Answer, answering: Answering) -> Residuals:
+    """The derivatives of all residuals by the coefficients of a change, by the chain rule."""
+    at = answering.at
+    impacts, flights = (np.zeros((*own.shape, answer.size)) for own in (at.impacts, at.flights))
+    if answer.law is not None:
+        impacts += answering.by_law @ answer.law
+    if answer.slope is not None:
+        impacts += answering.by_slope[..., None] * answer.slope[:, None]
+    if answer.shift is not None:
+        impacts += answering.by_state @ answer.shift
+    if answer.impacts is not None:
+        impacts += answer.impacts
+    return Residuals(impacts, flights if answer.flights is None else answer.flights)
+
+
+def state_units(world: World) -> Array:
+    """(6,) natural units of a state: the size of the blocks and √(gravity × size)."""
+    size = world.mean_size_m / 2.0
+    pace = np.sqrt(world.gravity_m_s2 * size)
+    return np.array([size, size, 1.0, pace, pace, pace / size])
 
 
 class Levers:
@@ -109,7 +161,7 @@ class Levers:
         spread = np.sqrt(np.median(np.diagonal(self._fit.covariance(), axis1=1, axis2=2), axis=0))
         return {
             LAW: np.ones(len(BASE_WIDTH)),
-            STATE: np.array([size, size, 1.0, pace, pace, pace / size]),
+            STATE: state_units(self.world),
             OUTCOME: spread,
             SLOPE: np.ones(1),
             FRAME: np.array([pace, pace, pace / size, 1.0]),
@@ -141,20 +193,14 @@ class Levers:
 
     def columns(self, answer: Answer) -> Residuals:
         """The derivatives of all residuals by the coefficients."""
-        own = self._fit.residuals
-        impacts, flights = (
-            np.zeros((*own.impacts.shape, answer.size)),
-            np.zeros((*own.flights.shape, answer.size)),
+        return by_coefficients(answer, self._answering)
+
+    @cached_property
+    def _answering(self) -> Answering:
+        own = self._fit
+        return Answering(
+            own.model, own.p, self._data, own.residuals, own.slope.impacts[..., : len(BASE_WIDTH)]
         )
-        if answer.law is not None:
-            impacts += self._fit.slope.impacts[..., : len(BASE_WIDTH)] @ answer.law
-        if answer.slope is not None:
-            impacts += self._by_slope[..., None] * answer.slope[:, None]
-        if answer.shift is not None:
-            impacts += self._by_state @ answer.shift
-        if answer.impacts is not None:
-            impacts += answer.impacts
-        return Residuals(impacts, flights if answer.flights is None else answer.flights)
 
     def _of_flights(self, basis: Basis, units: Array) -> Answer:
         data = self._data
@@ -174,26 +220,6 @@ class Levers:
                 state[:, c, own], state[:, POSE_SIZE + c, own] = units[c] * place, units[c] * rate
         outcome = -_along_ground(data.tangent, measured)
         return Answer(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
-
-    @cached_property
-    def _by_slope(self) -> Array:
-        """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
-        ahead, behind = (
-            self._data.residuals(replace(self.world, slope_rad=self.world.slope_rad + step))
-            for step in (SLOPE_STEP_RAD, -SLOPE_STEP_RAD)
-        )
-        return np.nan_to_num((ahead.impacts - behind.impacts) / (2.0 * SLOPE_STEP_RAD))
-
-    @cached_property
-    def _by_state(self) -> Array:
-        """(n, d, 6) derivatives of the residuals of impacts by the states before them."""
-        fit, data = self._fit, self._data
-        columns = []
-        for k, unit in enumerate(STATE_STEP * self.units[STATE]):
-            shift = unit * (np.arange(STATE_SIZE) == k)
-            ahead, behind = (fit.model.residuals(fit.p, data, s) for s in (shift, -shift))
-            columns.append((ahead.impacts - behind.impacts) / (2.0 * unit))
-        return np.nan_to_num(np.stack(columns, axis=-1))
 
 
 def _spread_out(features: Array, units: Array) -> Array:

@@ -46,8 +46,14 @@ class Model:
         return [[p.at(size, self.setup.gravity_m_s2) for p in e.parameters] for e in self.effects]
 
     @property
-    def size(self) -> int:
+    def named_size(self) -> int:
+        """Number of the parameters of the base law and the effects."""
         return len(BASE_WIDTH) + sum(map(len, self.parameters))
+
+    @property
+    def size(self) -> int:
+        """Number of all parameters."""
+        return self.named_size
 
     @property
     def scatter_effects(self) -> list[Effect]:
@@ -102,6 +108,13 @@ class Model:
     ) -> Residuals:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts` as above."""
         return data.residuals(self.world(p, data.impact_order, amounts), shift)
+
+    def further_slopes(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+        """Derivatives of the residuals by the parameters after the named ones, of which this model has none.
+
+        `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
+        """
+        return Residuals(np.empty((*at.impacts.shape, 0)), np.empty((*at.flights.shape, 0)))
 
 
 def with_changed_law(world: World, change: Array) -> World:

@@ -16,6 +16,10 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
+# of the inverse of the lens: a step this small, relative to the largest distance, is the last; Newton's error is then
+# its square
+LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30
+
 
 @dataclass(frozen=True)
 class View:
@@ -59,9 +63,12 @@ class View:
         if self.lens_per_m2:
             far = np.hypot(dx, dy)
             near = far
-            for _ in range(30):  # Newton on r (1 + k r²) = far
+            for _ in range(MOST_LENS_STEPS):  # Newton on r (1 + k r²) = far
                 swollen = near * (1 + self.lens_per_m2 * near**2) - far
-                near = near - swollen / (1 + 3 * self.lens_per_m2 * near**2)
+                step = swollen / (1 + 3 * self.lens_per_m2 * near**2)
+                near = near - step
+                if np.abs(step).max(initial=0.0) <= LENS_TOLERANCE * far.max(initial=0.0):
+                    break
             shrink = np.divide(near, far, out=np.ones_like(far), where=far > 0)
             dx, dy = dx * shrink, dy * shrink
         c, s = np.cos(self.tilt_rad) / self.scale, np.sin(self.tilt_rad) / self.scale

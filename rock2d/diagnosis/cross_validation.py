@@ -2,8 +2,8 @@
 
 The releases are split into folds. For each fold, one Newton step takes the model from its fit to all releases to the
 fit without that fold. The parameters change little, so one step is accurate enough. The model is then simulated on the
-fold. Where the releases determine the parameters poorly and the step is too long, it is halved until its cost on the
-other folds is small.
+fold. Where the releases determine the parameters poorly and the step is too long, it is shortened until its cost on
+the other folds is small.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ Array = np.ndarray
 
 FOLDS = 4
 ACCEPTED_COST = 1.0  # log likelihood that a step may cost the folds that it is fitted to
-MOST_HALVINGS = 6  # of a step; without success no step is taken
+MOST_SHORTENED = 3  # lengths of a step that are tried; without success no step is taken
+SHORTENED = 0.25  # factor from one length to the next
 
 
 @dataclass
@@ -64,12 +65,12 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
         grad[discrete(fit.model)] = 0.0  # a scan chose them
         step = newton_step(curve + np.diag(tight), grad, fit.p, low, high)
         before = _cost(fit.residuals, covariance, keep, fit.p - centre, tight)
-        for _ in range(MOST_HALVINGS):
+        for _ in range(MOST_SHORTENED):
             p = np.clip(fit.p - step, low, high)
             own = fit.model.residuals(p, data)
             if _cost(own, covariance, keep, p - centre, tight) < before + ACCEPTED_COST:
                 break
-            step = step / 2
+            step = SHORTENED * step
         else:
             own = fit.residuals
         residuals.impacts[~keep[0]] = own.impacts[~keep[0]]

@@ -134,7 +134,7 @@ def _check_effects(checked: _Diagnosis, path: Path) -> None:
                 message = f"{key}: no effect {key_shown(name)} in the catalogue"
                 raise InputError(message, path, code="unknown_name", name=name)
             for parameter in known[name].parameters:
-                if parameter.name not in parameters:
+                if parameter.name not in parameters and not parameter.implied:
                     message = f"{name}: missing parameter {parameter.name!r}"
                     raise InputError(message, path, code="missing_key", key=parameter.name)
 

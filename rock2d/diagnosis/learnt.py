@@ -29,6 +29,7 @@ TRIED_AT_ONCE = 2  # dependences that are fitted before the best is kept
 # log likelihood that the linear model must expect; it expects too little where the scatter has swallowed a dependence
 LEAST_EXPECTED_GAIN = 3.0
 LEAST_GAIN, LEAST_GAIN_Z = 5.0, 3.0  # log likelihood, and standard errors, that a change must gain
+CONVERGED_GAIN = 1.0  # log likelihood of a step below which a fit has converged
 LARGEST_COEFFICIENT = 10.0  # in units of its prior's standard deviation
 
 
@@ -183,7 +184,7 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
         old.slope.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope))
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=CONVERGED_GAIN)
 
 
 def _changes(fitted: Fit, kept: Sequence[tuple[Discrepancy, Array, Array]]) -> list[Change]:

@@ -42,15 +42,19 @@ COLUMNS = ("release", "block", "segment", "t_s", "x_m", "y_m", "theta_rad")
 def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_only: bool) -> World:
     """The world of a diagnosis: the base law, or the law with all effects that were found."""
     known = catalogue()
-    law, values = (content["base"], {}) if base_only else _found(content)
+    law, effects = (content["base"], {}) if base_only else _found(content)
     rows = setup.contact.copy()
     rows[..., [K_L, K_UL, K_T, K_R]] = [law["k_l_N_m"], law["k_ul_N_m"], law["k_t_N_m"], law["k_r_Nm_rad"]]
     rows[..., MU] = np.tan(np.deg2rad(law["friction_angle_deg"]))
     rows[..., INDENTATION] = float(content.get("law", {}).get("rolling_in_indentation", False))
     world = replace(setup, contact=rows, order=order)
-    for name, own in values.items():
+    for name, own in effects.items():
         if not known[name].scatter:  # a scatter shifts no mean
-            world = known[name].apply(world, [own[q.name]["value"] for q in known[name].parameters])
+            values = [
+                q.neutral if q.implied and q.name not in own else own[q.name]["value"]
+                for q in known[name].parameters
+            ]
+            world = known[name].apply(world, values)
     return world
 
 

@@ -35,6 +35,11 @@ class Parameter:
     length: int = 0
     time: int = 0
 
+    @property
+    def implied(self) -> bool:
+        """Whether a file may leave it out: a choice that has a neutral one."""
+        return self.neutral in self.choices
+
     def called(self, value: float) -> str | None:
         """Name of a choice; None for a quantity."""
         return dict(zip(self.choices, self.choice_names, strict=False)).get(value)

@@ -1,4 +1,4 @@
-"""The embankment's soil differs from the ditch's."""
+"""The embankment's soil, or that of its face alone, differs from the ditch's."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ import numpy as np
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.laws.contact import K_L, K_UL, MU
-from rock2d.scene.cross_section import embankment_facets, facet_zones
+from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
 from rock2d.scene.world import World
+
+EMBANKMENT, FACE = range(2)
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """On the embankment: k_l × stiffness, k_ul × stiffness / restitution², tan φ × friction; so e = √(k_l / k_ul) is
-    multiplied by restitution."""
-    stiffness, restitution, friction = values
-    zones = facet_zones(world.cross_section, embankment_facets(world.cross_section))
+    """On the embankment or its face: k_l × stiffness, k_ul × stiffness / restitution², tan φ × friction; so
+    e = √(k_l / k_ul) is multiplied by restitution. `values[3]` is a choice: 0 the embankment, 1 its face."""
+    stiffness, restitution, friction, where = values
+    facets = face_facets if round(float(where)) == FACE else embankment_facets
+    zones = facet_zones(world.cross_section, facets(world.cross_section))
     world = with_scaled_columns(world, (K_L,), stiffness, zones)
     world = with_scaled_columns(world, (K_UL,), stiffness / restitution**2, zones)
     world = with_scaled_columns(world, (MU,), friction, zones)
@@ -32,9 +35,19 @@ EFFECT = Effect(
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the embankment's zones over that of the others"),
+        Parameter("stiffness", "1", 1.0, 0.1, 10.0, "k_l of the zones over that of the others"),
         Parameter("restitution", "1", 1.0, 0.4, 2.5, "normal restitution there over that of the others"),
         Parameter("friction", "1", 1.0, 0.4, 2.5, "tan φ there over that of the others"),
+        Parameter(
+            "place",
+            "choice",
+            float(EMBANKMENT),
+            float(EMBANKMENT),
+            float(FACE),
+            "where the soil differs (0 the embankment, 1 its face)",
+            choices=(float(EMBANKMENT), float(FACE)),
+            choice_names=("embankment", "face"),
+        ),
     ),
     apply=apply,
 )

@@ -164,6 +164,8 @@ class _Reader:
 
         out = {}
         for parameter in catalogue()[effect].parameters:
+            if parameter.implied and parameter.name not in given:
+                given = {**given, parameter.name: ValuePart(value=parameter.neutral)}
             if parameter.name not in given:
                 message = f"{effect}: missing parameter {parameter.name!r}"
                 raise self.document.error(message, *place, at="key", code="missing_key", key=parameter.name)

@@ -235,6 +235,15 @@ def embankment_facets(cross_section: CrossSection) -> Array:
     return found
 
 
+def face_facets(cross_section: CrossSection) -> Array:
+    """(n,) bool, the facets of the embankment's left flank: the face that blocks run up. None on a floor or a plain
+    slope."""
+    found = np.zeros(len(cross_section.zones), bool)
+    if cross_section.embankment is not None:
+        found[cross_section.embankment.left : cross_section.embankment.crest] = True
+    return found
+
+
 def ditch_facets(cross_section: CrossSection) -> Array:
     """(n,) bool, the facets of the ditch: the level ground at the foot of the embankment's left flank, if any."""
     found = np.zeros(len(cross_section.zones), bool)

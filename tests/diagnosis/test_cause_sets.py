@@ -18,7 +18,7 @@ from tests.kinematics.synthetic_films import film, series_order, world
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
-HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0]}
+HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, 0.0]}
 
 
 def searched(hidden: dict[str, list[float]]) -> Search:

@@ -179,15 +179,21 @@ def test_the_stated_cross_section_is_that_of_the_effect(points):
     assert "lower" in text and ("steeper" if len(points) > 2 else "up to the right") in text
 
 
-def test_the_stated_soil_of_the_embankment_is_that_of_the_effect():
+@pytest.mark.parametrize(
+    ("place", "zones"),
+    [(0.0, "`uphill_face`, `crest`, `downhill_face`"), (1.0, "the face of the embankment its own soil")],
+)
+def test_the_stated_soil_of_the_embankment_is_that_of_the_effect(place, zones):
     world = setup_world(EXPERIMENT)
     world.contact[..., [K_L, K_UL, MU]] = 1.1e4, 7.0e4, np.tan(np.deg2rad(32.0))
-    row = catalogue()["zone_contrast"].apply(world, [2.0, 0.8, 1.2]).contact[0, ZONES.index("crest")]
-    text = said("zone_contrast", 2.0, 0.8, 1.2)
+    rows = catalogue()["zone_contrast"].apply(world, [2.0, 0.8, 1.2, place]).contact[0]
+    row = rows[ZONES.index("uphill_face")]
+    assert (rows[ZONES.index("crest"), K_L] == row[K_L]) == (place == 0.0)
+    text = said("zone_contrast", 2.0, 0.8, 1.2, place)
     assert number("k_l_N_m: {}", text) == pytest.approx(row[K_L], rel=1e-3)
     assert number("k_ul_N_m: {}", text) == pytest.approx(row[K_UL], rel=1e-3)
     assert np.tan(np.deg2rad(number("friction_angle_deg: {}", text))) == pytest.approx(row[MU], rel=1e-2)
-    assert "`uphill_face`, `crest`, `downhill_face`" in text
+    assert zones in text
 
 
 def known_keys() -> set[str]:

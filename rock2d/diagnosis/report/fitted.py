@@ -38,7 +38,8 @@ class Fitted:
         cls, effect: Effect, parameters: Mapping[str, Any], law: Mapping[str, float], experiment: Experiment
     ) -> Fitted:
         """From the `parameters` of an effect as diagnosis.json has them."""
-        values = {key: float(entry["value"]) for key, entry in parameters.items()}
+        values = {p.name: p.neutral for p in effect.parameters if p.implied}
+        values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
         return cls(effect, values, half, law, experiment)
 

@@ -10,7 +10,8 @@ import numpy as np
 from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.fitted import Fitted, plain
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2
-from rock2d.scene.cross_section import embankment_facets, facet_zones
+from rock2d.effects.zone_contrast import FACE
+from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
 
 AIR_KG_M3 = 1.2  # density of air
 
@@ -78,16 +79,19 @@ def geometry_error(fitted: Fitted) -> str:
 
 
 def zone_contrast(fitted: Fitted) -> str:
-    """The law of the embankment's zones, as a scenario states it."""
+    """The law of the embankment's zones, or of its face alone, as a scenario states it."""
     stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
     section, law = fitted.experiment.cross_section, fitted.law
-    embankment = facet_zones(section, embankment_facets(section))
-    zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, embankment, strict=True) if own)
+    where, facets = "embankment", embankment_facets
+    if round(fitted.values["place"]) == FACE:
+        where, facets = "face of the embankment", face_facets
+    differ = facet_zones(section, facets(section))
+    zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, differ, strict=True) if own)
     k_l = law["k_l_N_m"] * stiffness
     k_ul = max(k_l, law["k_ul_N_m"] * stiffness / restitution**2)
     angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))
     return (
-        f"Give the embankment its own soil in the scenario: `k_l_N_m: {plain(k_l)}`, `k_ul_N_m: {plain(k_ul)}`, "
+        f"Give the {where} its own soil in the scenario: `k_l_N_m: {plain(k_l)}`, `k_ul_N_m: {plain(k_ul)}`, "
         f"`friction_angle_deg: {angle:.3g}` for the zones {zones} under `deterministic`, and `k_l_N_m: "
         f"{plain(law['k_l_N_m'])}`, `k_ul_N_m: {plain(law['k_ul_N_m'])}`, `friction_angle_deg: "
         f"{law['friction_angle_deg']:.3g}` under `default`. To check, drop blocks vertically on both soils and "

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
 from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
@@ -67,6 +67,22 @@ def test_what_was_learnt_gains_on_releases_that_were_held_out(hardened):
     data, base, learnt = hardened
     gain = learnt.held_out.score - cross_validate(base, data).score
     assert gain.sum() > 3.0 * gain.std() * np.sqrt(len(gain))
+
+
+def test_every_fold_is_predicted_by_coefficients_that_were_fitted_without_it(hardened):
+    data, _, learnt = hardened
+    moved = np.abs(learnt.held_out.residuals.impacts - learnt.fit.residuals.impacts).max(axis=1)
+    assert all(moved[folds(data)[data.impact_release] == k].any() for k in range(FOLDS))
+
+
+def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):
+    data, _, learnt = hardened
+    found, step = learnt.fit, 1e-3
+    for k in range(found.model.named_size, found.model.size):
+        ahead = found.model.residuals(found.p + step * (np.arange(found.model.size) == k), data)
+        slope = (ahead.impacts - found.residuals.impacts) / step
+        error = np.abs(found.slope.impacts[..., k] - slope)
+        assert np.quantile(error, 0.9) < 0.05 * np.quantile(np.abs(slope), 0.9)
 
 
 def test_a_prediction_uses_what_was_learnt(hardened):

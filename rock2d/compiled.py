@@ -2,6 +2,9 @@
 
 numba keys its cache by the file of the outer function alone, so an edited law would live on inside a cached
 engine. Here the cache folder carries a hash of every compiled source file of the package: any edit compiles anew.
+
+Numba also optimizes each function together with all that it calls, and makes machine code of it, once more in every
+caller. Here compiled functions are parts, which are optimized in the functions that Python calls.
 """
 
 from __future__ import annotations

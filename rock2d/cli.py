@@ -16,7 +16,7 @@ from rock2d.schemas import SCHEMAS, file_schema
 from rock2d.site_commands import ON_SCHEDULER, SITE_COMMANDS
 
 LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
-COMPILING = "compiling, once for this version (up to two minutes)"
+COMPILING = "compiling, once for this version (about a minute)"
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

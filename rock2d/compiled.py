@@ -1,7 +1,10 @@
-"""`njit` for the laws and engines, with a disk cache that can never be stale.
+"""`njit` for the laws and engines: nothing is compiled twice, and the disk cache can never be stale.
 
 numba keys its cache by the file of the outer function alone, so an edited law would live on inside a cached
 engine. Here the cache folder carries a hash of every compiled source file of the package: any edit compiles anew.
+
+Numba also optimizes each function together with all that it calls, and makes machine code of it, once more in every
+caller. Here compiled functions are parts, which are optimized in the functions that Python calls.
 """
 
 from __future__ import annotations
@@ -14,17 +17,26 @@ import shutil
 import stat
 import sys
 import tempfile
-from functools import partial
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property, partial
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core import event
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 
 from rock2d import compiling
 from rock2d.files.folders import cache_root
 
 _PACKAGE = Path(__file__).resolve().parent
+_parts = count()
+PARTS_PER_THREAD = 16  # of the releases: the slowest keep no thread waiting for long
 _KEPT = 4  # older caches are removed, newest first
 
 
@@ -98,7 +110,100 @@ class _Compiling(event.Listener):
 
 event.register("numba:compile", _Compiling())
 
-njit: Any = partial(numba.njit, cache=True, error_model="numpy")
+
+class _PartLibrary(JITCodeLibrary):
+    """Code that is not optimized, nor made machine code: both happen once, in each function that Python calls."""
+
+    def finalize(self):
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+    def get_pointer_to_function(self, name):
+        return 0
+
+    @property
+    def codegen(self):
+        return _NoEnvironment
+
+
+class _NoEnvironment:
+    """Of code that does not run by itself."""
+
+    @staticmethod
+    def set_env(name, env):
+        pass
+
+
+class _PartCompiler(Compiler):
+    """Compiles a function as a part of others."""
+
+    def __init__(self, typingctx, targetctx, library, args, return_type, flags, locals):
+        flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
+        codegen = self.state.targetctx.codegen()
+        self.state.library = _PartLibrary(codegen, f"part{next(_parts)}")
+
+
+class _Whole(CPUDispatcher):
+    """A function that Python calls. One process compiles it; others wait for the code and read it."""
+
+    def compile(self, sig):
+        with _alone(f"{self.py_func.__module__}.{self.py_func.__qualname__}"):
+            return super().compile(sig)
+
+
+@contextlib.contextmanager
+def _alone(name: str) -> Iterator[None]:
+    """Hold the lock `name` of the folder of compiled code, which ends with the process at the latest. Parts have no
+    locks of their own, so no process waits while it holds one that another waits for."""
+    handle = None
+    # on no POSIX system, or in a folder without locks, two processes may compile the same function
+    with contextlib.suppress(ImportError, OSError):
+        import fcntl
+
+        path = Path(getattr(numba.config, "CACHE_DIR")) / f"{name}.lock"  # noqa: B009 (made at run time)
+        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            compiling.begins()
+            fcntl.flock(handle, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+class _Compiled(CPUDispatcher):
+    """A function that compiled code takes as a part, and that Python calls as a whole, with all its parts."""
+
+    def __call__(self, *args):
+        return self.whole(*args)
+
+    def like(self, *given):
+        """The function for arguments of the types of these, which no call looks up again: that can take longer than the
+        function. Other types are undefined behaviour."""
+        return self.whole.compile(tuple(map(numba.typeof, given)))
+
+    @cached_property
+    def whole(self):
+        """The function for Python, with its code on disk."""
+        made = numba.jit(self.py_func, cache=True, **self.targetoptions)
+        made.__class__ = _Whole
+        return made
+
+
+def njit(function: Any = None, **options: Any) -> Any:
+    """Decorator of compiled functions, with numba's options."""
+    if function is None:
+        return partial(njit, **options)
+    made = numba.njit(error_model="numpy", pipeline_class=_PartCompiler, **options)(function)
+    made.__class__ = _Compiled
+    return made
+
+
 # For code that allocates no arrays: without reference counts, which numba keeps for every view and tuple of arrays by
 # calls and atomic instructions that take longer than the arithmetic of a contact step.
 kernel: Any = partial(njit, _nrt=False)
@@ -109,3 +214,20 @@ def copy(source, target):
     """Copy a vector; the slice assignment of compiled code would allocate."""
     for i in range(source.size):
         target[i] = source[i]
+
+
+def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> None:
+    """Do work(low, high, *given) for parts of range(n) on the threads of numba; `work` is compiled without the lock of
+    the interpreter (nogil). Below `least` jobs on one thread."""
+    threads = numba.get_num_threads()
+    if threads == 1 or n < max(least, 2):
+        work(0, n, *given)
+        return
+    work(0, 0, *given)  # compiled before it is shared
+    ends = np.linspace(0, n, min(n, PARTS_PER_THREAD * threads) + 1).astype(int).tolist()
+    pool = ThreadPoolExecutor(threads)
+    try:
+        for done in [pool.submit(work, low, high, *given) for low, high in pairwise(ends)]:
+            done.result()
+    finally:
+        pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the parts at hand alone

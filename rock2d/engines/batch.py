@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
@@ -222,24 +221,23 @@ def run_batch(
     times = np.empty((1, 0)) if times_s is None else np.array(np.atleast_2d(times_s), float, order="C")
     packed = pack(ensemble)
     steps = _contact_steps(ensemble.blocks, packed.tables, ids[0], ids[2], step_fraction)
-    written = _Written(
-        np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64),
-        np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
-        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)),
-    )  # fmt: skip
-    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(until_m))
-    starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
     if held is None:
         room = max(map(contact_state.contact_count, ensemble.blocks)) if np.isfinite(until_m) else 0
         held = np.full((n, room, contact_state.N_HELD), np.nan)
     held = np.array(held, float, order="C")
-    _run_ensemble(packed, starts, float(gravity_m_s2), rules, written, held)
+    written = _Written(
+        np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64),
+        np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
+        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)), held, np.empty((0, N_KNOT)),
+    )  # fmt: skip
+    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(until_m))
+    starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
+    in_threads(_run_releases, n, (packed, starts, float(gravity_m_s2), rules, written))
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    return BatchResult(
-        *written[:-1], energy_balances(masses, states, written.ends[:, AT], written.audit), held
-    )
+    balances = energy_balances(masses, states, written.ends[:, AT], written.audit)
+    return BatchResult(*written[:6], balances, held)
 
 
 def run_batch_track(
@@ -255,39 +253,36 @@ def run_batch_track(
     step_fraction: float = BATCH_STEP_FRACTION,
 ) -> Track:
     """One release of the batch engine as a track, every contact step a knot."""
-    ensemble = Ensemble([block], [cross_section], [table])
-    packed = pack(ensemble)
+    packed = pack(Ensemble([block], [cross_section], [table]))
     steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
-    rules = StopRules(float(time_limit_s), impact_limit, False, False, np.inf)
-    no_contacts = np.empty((0, contact_state.N_HELD))
+    none = np.zeros(1, np.int64)
+    starts = _Starts(
+        np.array(state, float)[None], none, none, none, np.array([steps]), np.array([float(time_limit_s)]),
+        np.empty((1, 0)),
+    )  # fmt: skip
+    rules = StopRules(0.0, impact_limit, False, False, np.inf)
     room = FIRST_KNOTS
     while True:
-        impacts = np.full((max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT), N_IMPACT), np.nan)
-        recorder = Recorder(
-            LineRecord(packed.lines[0], np.full((packed.lines.shape[1], N_INSTANT), np.nan)),
-            SampleRecord(np.empty(0), np.empty((0, N_POSE))), impacts, np.zeros(N_AUDIT), np.empty((room, N_KNOT)),
+        most = max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT)
+        written = _Written(
+            np.zeros(1, np.int64), np.empty((1, N_INSTANT)), np.zeros(1, np.int64),
+            np.full((1, most, N_IMPACT), np.nan), np.full((1, packed.lines.shape[1], N_INSTANT), np.nan),
+            np.empty((1, 0, N_POSE)), np.zeros((1, N_AUDIT)), np.empty((1, 0, contact_state.N_HELD)),
+            np.empty((room, N_KNOT)),
         )  # fmt: skip
-        stop, _, count, used = release_kernel(
-            packed,
-            np.array(state, float),
-            (0, 0, 0),
-            float(gravity_m_s2),
-            steps,
-            rules,
-            recorder,
-            no_contacts,
-        )
-        if used <= room and count <= len(impacts):
+        used = _run_releases(0, 1, packed, starts, float(gravity_m_s2), rules, written)
+        count = int(written.impact_count[0])
+        if used <= room and count <= most:
             break
         room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
     rows: list[dict[str, Any]] = []
-    for row in impacts[:count]:
+    for row in written.impacts[0, :count]:
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
-    knots = recorder.knots[:used]
+    knots = written.knots[:used]
     return Track(
-        release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[stop], gravity_m_s2,
-        energy_balance(block, cross_section, gravity_m_s2, knots[0, AT], knots[-1, AT], recorder.audit),
+        release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[written.stop[0]],
+        gravity_m_s2, energy_balance(block, cross_section, gravity_m_s2, knots[0, AT], knots[-1, AT], written.audit[0]),
     )  # fmt: skip
 
 
@@ -325,27 +320,28 @@ class _Written(NamedTuple):
     crossings: Array
     samples: Array
     audit: Array  # (n, N_AUDIT)
+    held: Array  # (n, contacts, N_HELD)
+    knots: Array  # (room, N_KNOT) of one release; without room none are written
 
 
-@njit(parallel=True)
-def _run_ensemble(packed, starts, gravity, rules, written, held):
-    # numba's parallel loop takes arrays, but not records of arrays
-    states, block_ids, cross_section_ids, table_ids, step_sizes, time_limits, times = starts
-    stop, ends, impact_count, impacts, crossings, samples, audit = written
-    no_knots = np.empty((0, N_KNOT))
-    rows = np.int64(times.shape[0])
-    for k in numba.prange(len(states)):
-        i = np.int64(k)
-        q = states[i].copy()
+@njit(nogil=True)
+def _run_releases(low, high, packed, starts, gravity, rules, written):
+    """The releases from `low` to `high` - 1; returns the number of knots of the last, those without room included."""
+    used = np.int64(0)
+    rows = np.int64(starts.times.shape[0])
+    for i in range(low, high):
+        q = starts.states[i].copy()
         recorder = Recorder(
-            LineRecord(packed.lines[cross_section_ids[i]], crossings[i]),
-            SampleRecord(times[min(i, rows - 1)], samples[i]), impacts[i], audit[i], no_knots,
+            LineRecord(packed.lines[starts.cross_section_ids[i]], written.crossings[i]),
+            SampleRecord(starts.times[min(i, rows - 1)], written.samples[i]), written.impacts[i], written.audit[i],
+            written.knots,
         )  # fmt: skip
-        own = StopRules(time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.until)
-        ids = (block_ids[i], cross_section_ids[i], table_ids[i])
-        steps = (step_sizes[i, 0], step_sizes[i, 1])
-        code, t, count, _ = release_kernel(packed, q, ids, gravity, steps, own, recorder, held[i])
-        stop[i] = code
-        ends[i, TIME] = t
-        ends[i, AT] = q
-        impact_count[i] = count
+        own = StopRules(starts.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.until)
+        ids = (starts.block_ids[i], starts.cross_section_ids[i], starts.table_ids[i])
+        steps = (starts.step_sizes[i, 0], starts.step_sizes[i, 1])
+        code, t, count, used = release_kernel(packed, q, ids, gravity, steps, own, recorder, written.held[i])
+        written.stop[i] = code
+        written.ends[i, TIME] = t
+        copy(q, written.ends[i, AT])  # a slice assignment takes 3 s to compile
+        written.impact_count[i] = count
+    return used

@@ -79,9 +79,13 @@ def new_contacts(count):
 @kernel
 def clear(contacts):
     """Empty the memory of all contacts."""
-    contacts.ints[:, :], contacts.reals[:, :] = 0, 0.0
-    contacts.ints[:, KEY] = -1
-    contacts.reals[:, DEPTH] = NOWHERE
+    ints, reals = contacts.ints, contacts.reals
+    for j in range(ints.shape[0]):  # slice assignments take seconds to compile
+        for k in range(N_INTS):
+            ints[j, k] = 0
+        for k in range(N_REALS):
+            reals[j, k] = 0.0
+        ints[j, KEY], reals[j, DEPTH] = -1, NOWHERE
 
 
 @kernel
@@ -260,7 +264,7 @@ def _smooth_features(pose, reach, near, world, memory, found):
                 _keep_vertex(j, pose, world, memory, found)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _is_spike(f, x, y, facets):
     """Whether the ground turns by more than a right angle behind facet f, with (x, y) before the next facet."""
     v = f + 1

@@ -230,7 +230,7 @@ def _lose_stored(j, depth, p, memory, audit):
     reals[j, DEPTH] = NOWHERE
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _touches(depth, rate, block):
     """Whether a contact begins: at the surface to rounding, if it goes in."""
     return depth > 0.0 or (depth > -SURFACE_TOLERANCE * block.radius and rate >= 0.0)
@@ -305,7 +305,7 @@ def look_again(q, near, world, memory, found):
             ints[j, KEY] = found_i[j, KEY] if found_r[j, DEPTH] != NOWHERE else -1
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _trial(q, direction, h, body, contacts, scratch, effects):
     """A step of h into `scratch.state`; its works into `scratch.shares`. Returns (energy that it made in J, energy that
     this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act: of them,

@@ -47,7 +47,7 @@ from rock2d.laws.contact import (
 )
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def note_outcome(a, loaded, effects):
     """Note in the row of the trial step what that step leaves of the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
 

@@ -107,7 +107,7 @@ class Horizon(NamedTuple):
     )
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _follow_run(loaded, a, facets, index, q, direction, audit):
     """Load the facet of its run that a contact has moved to at state q, whose direction is (cos θ, sin θ); returns the
     facet's index."""
@@ -152,14 +152,14 @@ def _load_facet(loaded, a, facet, q, pose, audit):
     trial[a, RATE_0] = -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def floats(depth, rate, step):
     """Whether a contact point at this depth below its indentation's bottom does not press, and will not press
     within a hundredth of the step. Rounding can stop a landing that far above the bottom; such a step presses."""
     return depth <= 0.0 and depth + 0.01 * rate * step < 0.0
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def goes_deeper(depth, rate, step):
     """Whether a contact in first loading does not turn back at once: then the stiffer unloading sets the step."""
     return rate * step > LEAST_EVENT * depth
@@ -195,7 +195,7 @@ def _plain(q, t, limits, anchor, world, contacts, log, active):
     return _series(q, t, limits, anchor, world, contacts, log, active, runge_kutta, False)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects):
     """`fast_contact_steps` with `active` contacts loaded; advance: the Runge-Kutta step; effects: whether it is the one
     with effects. Ten parameters: it is written once and compiled for both."""
@@ -289,7 +289,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     return t, done, left, why
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _branches(active, rows, trial, sizes, effects):
     """(every contact goes deeper in first loading, none presses or will within a step of `sizes.floating`)."""
     loading, unpressed = True, True
@@ -302,7 +302,7 @@ def _branches(active, rows, trial, sizes, effects):
     return loading, unpressed
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _first_event(h, whole, active, rows, trial, effects):
     """Time in (0, h] of the first event of the law in the trial step; h if there is none. `whole`: see
     `event_detection.first_event`."""
@@ -322,7 +322,7 @@ def _first_event(h, whole, active, rows, trial, effects):
     return first
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _commit(active, loaded, works, audit):
     """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth).
 

@@ -13,7 +13,7 @@ STRIDE_SHARE = (
 )
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def in_air(block):
     """Whether air acts on the block."""
     return block.air.size > 0

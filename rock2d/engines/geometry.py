@@ -158,13 +158,13 @@ class Body(NamedTuple):
     gravity: float  # m/s²
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def pose_of(q):
     """(x in m, y in m, cos θ, sin θ) of a state."""
     return q[X], q[Y], np.cos(q[THETA]), np.sin(q[THETA])
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def is_ball(block):
     """Whether the block looks the same at any angle."""
     round_about = block.centre_x == 0.0 and block.centre_y == 0.0
@@ -316,7 +316,7 @@ def contact_point(kind, index, part, pose, block, ground):
     return place_feature(kind, load_feature(kind, index, part, block, ground.facets), pose)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def load_feature(kind, index, part, block, facets):
     """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: of a corner its centre,
     its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
@@ -346,7 +346,7 @@ def vertex_side(facets, v):
     return -1.0 if turn < 0.0 else 1.0
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def place_feature(kind, feature, pose):
     """`contact_point` of a loaded feature."""
     x, y, c, s = pose

@@ -91,7 +91,7 @@ def guard_distance(q, allowance, near, world, memory):
     return max(guard, 0.0)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _within_run(px, py, own, facets):
     """How far in m a point may move along the ground before it leaves the run of facet `own`."""
     first, last = int(facets[own, RUN_FIRST]), int(facets[own, RUN_LAST])

@@ -113,7 +113,7 @@ def load_active(world, memory, loaded):
     return active
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def note_pressed(active, loaded, h):
     """Note on which contacts the ground presses in a step of h (s) that begins at DEPTH_0 and RATE_0.
 
@@ -135,14 +135,14 @@ def effects_act(block, active, rows):
     return act
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def placed(rows, a, pose):
     """`contact_point` of the a-th loaded contact."""
     feature = (rows[a, 0], rows[a, 1], rows[a, 2], rows[a, 3], rows[a, 4], rows[a, 5], rows[a, 6], rows[a, 7])
     return place_feature(int(rows[a, L_KIND]), feature, pose)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     """Force (x, y) and moment of one contact, the slip velocity and the spin that wind its springs (none while
     unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
-from rock2d.compiled import njit
+from rock2d.compiled import in_threads, njit
 from rock2d.engines.parabola_intersection import make_surface
 from rock2d.engines.point_mass import Releases, descend, kernel_inputs, line_rows, new_written
 from rock2d.laws.rebound import ReboundParameters
@@ -80,18 +79,13 @@ def run_point_mass_batch(
     lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
     written = new_written(n, impact_room, len(lines))
     releases = Releases(states, np.ascontiguousarray(given, np.uint64))
-    threads = numba.get_num_threads()
-    numba.set_num_threads(threads if n > MOST_ON_ONE_THREAD else 1)
-    try:
-        _run_ensemble(releases, inputs, surface, lines, written)
-    finally:
-        numba.set_num_threads(threads)
+    in_threads(_run_releases, n, (releases, inputs, surface, lines, written), MOST_ON_ONE_THREAD + 1)
     return PointMassBatch(
         written.stop, written.ends[:, 1].copy(), written.impact_count, written.crossings, written.impacts
     )
 
 
-@njit(parallel=True)
-def _run_ensemble(releases, inputs, surface, lines, written):
-    for k in numba.prange(len(releases.states)):
-        descend(np.int64(k), releases, inputs, surface, lines, written)
+@njit(nogil=True)
+def _run_releases(low, high, releases, inputs, surface, lines, written):
+    for i in range(low, high):
+        descend(i, releases, inputs, surface, lines, written)

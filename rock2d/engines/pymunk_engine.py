@@ -2,9 +2,9 @@
 
 What pymunk does: it holds the bodies and shapes, finds which facets a block comes near, and steps. What is
 replaced: its impulses (`process_collision = False`), by the elasto-plastic law, and its first-order
-integration of gravity, by the exact parabola. The handler only records the facets met; forces are then applied
-once a step, in a fixed order, so that a run is bit-identical wherever it runs. Exceptions inside callbacks,
-which pymunk swallows, are kept and raised after the step.
+integration of gravity, by the exact parabola. The handlers only record the facets met; forces are then applied
+once a step, in a fixed order and in one compiled call, so that a run is bit-identical wherever it runs. Exceptions
+inside callbacks, which pymunk swallows, are kept and raised after the step.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from rock2d.effects.columns import engine_rows
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
-from rock2d.engines.geometry import Body, WorldArrays, block_arrays, facet_range, ground_arrays, point_depth
+from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
 from rock2d.engines.impact_log import Departure, ImpactLog, Knot
-from rock2d.engines.recording import end_impact
+from rock2d.engines.pymunk_stride import (
+    N_ROW,
+    ROOM,
+    Stride,
+    advance,
+    first_zone,
+    look_round,
+)
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
+    AT,
     EFFECTS,
     ELASTIC,
     N_AUDIT,
-    N_IMPACT,
     N_STATE,
-    OMEGA,
-    RECOIL,
     STATE_NAMES,
-    THETA,
     VX,
     VY,
     X,
@@ -88,8 +92,12 @@ class PymunkRelease:
         count = contact_state.contact_count(block)
         self._memory, self._found = contact_state.new_contacts(count), contact_state.new_contacts(count)
         self._contacts = (self._memory, self._found, contact_step.new_scratch(count))
-        self._near: list[int] = []
-        self._met: list[int] = []
+        self._rows = np.empty((ROOM, N_ROW))
+        self._reach = block.reach_m
+        self._met: set[int] = set()  # facets that pymunk has near, and their range at the last step
+        self._near: tuple[int, int] | None = None
+        self._watch = np.empty(rest.N_WATCH)
+        rest.forget_rest(self._watch)
         self._error: BaseException | None = None
         self._events: list[Knot] = []
         self._zone = -1  # of the impact that is open
@@ -97,6 +105,12 @@ class PymunkRelease:
         self._start = self.q.copy()
         self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
         self._feel_ground()
+        stride = Stride(0.0, 0.0, 0.0, 0, 0)
+        held = self._world, self._contacts, self.audit
+        self._advance = advance.like(self.q, stride, *held, 0, self._rows)
+        self._look_round = look_round.like(self.q, 0.0, False, self._world, self._reach, self._watch)
+        self._growth = contact_energy.step_growth.like(0.0, self._block, self._memory, self.table)
+        self.centroid_depth_m, self.at_rest = self._look(False)
 
     def _build_space(self) -> None:
         margin = MARGIN * self.block.radius_m
@@ -118,9 +132,8 @@ class PymunkRelease:
         shape.collision_type = BLOCK
         shape.filter = pymunk.ShapeFilter(group=1)
         body.position_func = self._guarded(self._move)
-        body.velocity_func = self._guarded(self._set_velocity)
         space.add(body, shape, *self._facet_of)
-        space.on_collision(BLOCK, GROUND, pre_solve=self._guarded(self._meet))
+        space.on_collision(BLOCK, GROUND, begin=self._guarded(self._meet), separate=self._guarded(self._part))
         self.space, self.body, self._shape = space, body, shape
         self._write_body()
 
@@ -136,85 +149,69 @@ class PymunkRelease:
         return call
 
     def _meet(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        """Handler of block against facet: no impulse of pymunk's, only note which facet is near."""
+        """Block and facet come near: no impulse of pymunk's, only note which facet it is."""
         arbiter.process_collision = False
-        self._met.append(self._facet_of[arbiter.shapes[1]])
+        self._met.add(self._facet_of[arbiter.shapes[1]])
+
+    def _part(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        """Block and facet are no longer near."""
+        self._met.discard(self._facet_of[arbiter.shapes[1]])
 
     def _move(self, body: pymunk.Body, dt: float) -> None:
-        """Position update: free flight, the contact law near the ground."""
-        if self._near:
+        """Position update: free flight, the contact law near the ground. Without gravity or impulses of its own, pymunk
+        leaves the velocities as they are."""
+        if self._near is not None:
             self._advance_contact(dt)
         else:
             self.audit[EFFECTS] += fly(self.q, dt, self.gravity, self._block)
-        if not np.isfinite(self.q).all():
+        if not math.isfinite(sum(self.q.tolist())):
             raise FloatingPointError(f"the state is no longer finite at t = {self.time:.6f} s: {self.q}")
-        body.position = float(self.q[X]), float(self.q[Y])
-        body.angle = float(self.q[THETA])
-
-    def _set_velocity(self, body: pymunk.Body, gravity: Any, damping: float, dt: float) -> None:
-        """Velocity update: what the law and gravity left, nothing of the solver's."""
-        body.velocity = float(self.q[VX]), float(self.q[VY])
-        body.angular_velocity = float(self.q[OMEGA])
+        self._write_body()
 
     # ------------------------------------------------------------------------------------------------------
 
     def _write_body(self) -> None:
-        self.body.position = float(self.q[X]), float(self.q[Y])
-        self.body.angle = float(self.q[THETA])
-        self.body.velocity = float(self.q[VX]), float(self.q[VY])
-        self.body.angular_velocity = float(self.q[OMEGA])
+        x, y, theta, vx, vy, omega = self.q.tolist()
+        self.body.position, self.body.angle = (x, y), theta
+        self.body.velocity, self.body.angular_velocity = (vx, vy), omega
 
     def _feel_ground(self) -> None:
         """Facets near the starting pose, asked of pymunk, and the depths of the contact points there."""
         self.space.reindex_shapes_for_body(self.body)
-        near = [self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape]
-        self._near = sorted(near)
-        if near:
-            contact_step.begin(self.q, self._range(), self._world, self._memory, self._found)
+        near = {self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape}
+        self._near = _range(near)
+        if self._near is not None:
+            contact_step.begin(self.q, self._near, self._world, self._memory, self._found)
 
     def _advance_contact(self, dt: float) -> None:
-        ints = self._memory.ints
+        assert self._near is not None
         gone = 0.0
         while dt - gone > 1e-12 * dt:
-            gone += contact_step.step(
-                self.q, dt - gone, self._range(), self._world, self._contacts, self.audit, False
+            stride = Stride(self.time, dt, gone, *self._near)
+            used, gone, self._zone = self._advance(
+                self.q, stride, self._world, self._contacts, self.audit, self._zone, self._rows
             )
-            knot = self.knot_now()._replace(time=self.time + gone)
-            if knot.active and self._zone < 0:
-                self._zone = int(ints[np.flatnonzero(ints[:, contact_state.ACTIVE])[0], contact_state.ZONE])
-            elif not knot.active and self._zone >= 0:
-                knot = knot._replace(departure=self._depart())
-            self._events.append(knot)
-            if not np.array_equal(self.q, knot.q):  # velocities that change at once
-                self._events.append(Knot(knot.time, self.q.copy()))
-
-    def _depart(self) -> Departure:
-        """Let the block depart from the impact that has just ended."""
-        departure = Departure(self.table[self._zone], float(self.audit[RECOIL]))
-        if end_impact(self.q, np.zeros(N_IMPACT), departure.row, self._block, self.audit):
-            contact_step.look_again(self.q, self._range(), self._world, self._memory, self._found)
-        self._zone = -1
-        return departure
-
-    def _range(self) -> tuple[int, int]:
-        """First and one past the last index of the facets that the block is near."""
-        return self._near[0], self._near[-1] + 1
+            for k in range(used):
+                row = self._rows[k].copy()
+                t, *_, active, force, depth, ended, recoil = row.tolist()
+                departure = Departure(self.table[int(ended)], recoil) if ended >= 0 else None
+                self._events.append(Knot(t, row[AT], int(active), force, depth, departure))
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
-        if self._near:
-            growth = contact_energy.step_growth(self._start_kinetic, self._block, self._memory, self.table)
+        if self._near is not None:
+            growth = self._growth(self._start_kinetic, self._block, self._memory, self.table)
             return self.contact_step * float(growth)
         longest, extra = air_stride(self.q, self.gravity, self._block)
         limit = min(longest, LONGEST_FLIGHT_STRIDE * math.sqrt(self.block.radius_m / max(self.gravity, 1e-3)))
         margin = MARGIN * self.block.radius_m
         speed = math.hypot(self.q[VX], self.q[VY])
-        far = limit * (speed + 0.5 * (self.gravity + extra) * limit) + 2 * self.block.reach_m
+        far = limit * (speed + 0.5 * (self.gravity + extra) * limit) + 2 * self._reach
         hit = self.space.point_query_nearest((self.q[X], self.q[Y]), far, pymunk.ShapeFilter(group=1))
         if hit is None:
             return limit
         # distance to the facets' margin, minus a tenth: the handler must be called in time
-        clear = hit.distance - self.block.reach_m + 0.9 * margin
+        clear = hit.distance - self._reach + 0.9 * margin
         if clear <= 0:
             return self.contact_step
         g = max(self.gravity + extra, 1e-9)
@@ -226,7 +223,6 @@ class PymunkRelease:
         Raises CallbackError from whatever failed inside a pymunk callback.
         """
         dt = self.stride()
-        self._met.clear()
         self._events.clear()
         self.space.step(dt)
         if self._error is not None:
@@ -236,13 +232,18 @@ class PymunkRelease:
             raise CallbackError(f"in a pymunk callback at t = {self.time:.6f} s: {error}") from error
         knots = self._events.copy() or [Knot(self.time + dt, self.q.copy())]
         self.time += dt
-        self._near = sorted(set(self._met))
+        self._near = _range(self._met)
+        self.centroid_depth_m, self.at_rest = self._look(knots[-1].active > 0)
         return knots
+
+    def _look(self, touching: bool) -> tuple[float, bool]:
+        """(depth of the centroid below the surface nearby in m, whether the block has come to rest)."""
+        return self._look_round(self.q, self.time, touching, self._world, self._reach, self._watch)
 
     @property
     def flying(self) -> bool:
         """No facet near: the next step is a free flight."""
-        return not self._near
+        return self._near is None
 
     def pressure(self) -> tuple[float, float, int]:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
@@ -253,22 +254,20 @@ class PymunkRelease:
         force, depth, active = self.pressure()
         return Knot(self.time, self.q.copy(), active, force, depth)
 
-    def centroid_depth_m(self) -> float:
-        """Depth of the centroid below the surface nearby; beyond 0 the law has lost its meaning."""
-        facets, reach = self._ground.facets, 2.0 * self.block.reach_m
-        first, last = facet_range(self._ground, self.q[X] - reach, self.q[X] + reach)
-        return float(point_depth(self.q[X], self.q[Y], facets, first, last)[0])
-
     def first_zone(self) -> str:
         """Zone of the first active contact."""
-        ints = self._memory.ints
-        active = np.flatnonzero(ints[:, contact_state.ACTIVE])
-        return self.cross_section.zone_names[ints[active[0], contact_state.ZONE]] if len(active) else ""
+        zone = first_zone(self._memory)
+        return self.cross_section.zone_names[zone] if zone >= 0 else ""
 
     def energy_balance(self) -> dict[str, float]:
         """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balance`."""
         self.audit[ELASTIC] = contact_energy.stored_energy(self._memory, self.table)
         return energy_balance(self.block, self.cross_section, self.gravity, self._start, self.q, self.audit)
+
+
+def _range(facets: set[int]) -> tuple[int, int] | None:
+    """First and one past the last index of facets; None if there are none."""
+    return (min(facets), max(facets) + 1) if facets else None
 
 
 def run_pymunk(
@@ -303,30 +302,28 @@ def run_pymunk(
     flight: list[bool] = []
     log = ImpactLog(sim.first_zone)
     log.add(sim.knot_now())
-    knots.append(np.concatenate([[0.0], sim.q]))
-    watch = np.empty(rest.N_WATCH)
-    rest.forget_rest(watch)
-    stop, airy, body = "time", bool(in_air(sim._block)), Body(sim._block, sim.gravity)
-    if sim.centroid_depth_m() > 0:
+    knots.append(sim.q.copy())
+    times = [0.0]
+    stop, airy = "time", bool(in_air(sim._block))
+    if sim.centroid_depth_m > 0:
         stop, time_limit_s = "buried", 0.0
     while sim.time < time_limit_s:
         free = sim.flying
         for knot in sim.step():
             flight.append((free or (knot.active == 0 and not log.open)) and not airy)
-            knots.append(np.concatenate([[knot.time], knot.q]))
+            knots.append(knot.q)
+            times.append(knot.time)
             log.add(knot)
         if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
-        if not sim.flying and sim.centroid_depth_m() > 0:
+        if not sim.flying and sim.centroid_depth_m > 0:
             stop = "buried"
             break
         if impact_limit is not None and len(log.impacts) >= impact_limit:
             stop = "impacts"
             break
-        if not log.open:
-            rest.forget_rest(watch)
-        elif rest.watch_rest(watch, sim.time, sim.q, body):
+        if sim.at_rest:
             stop = "rest"
             break
     log.close()
@@ -334,7 +331,7 @@ def run_pymunk(
     return Track(
         release,
         block.name,
-        np.array(knots),
+        np.column_stack([times, np.array(knots)]),
         np.array(flight),
         log.impacts,
         stop,

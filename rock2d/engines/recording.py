@@ -203,6 +203,12 @@ def knot(knots, used, t, q, flight):
 
 
 @kernel
+def _forget(values):
+    for i in range(values.size):
+        values[i] = np.nan
+
+
+@kernel
 def open_impact(current, t, q, memory):
     """Begin the record of an impact at time t, in the zone of the first active contact."""
     ints = memory.ints
@@ -213,7 +219,7 @@ def open_impact(current, t, q, memory):
             break
     current[I_TIME] = t
     copy(q, current[BEFORE])
-    current[AFTER_INSTANT] = np.nan
+    _forget(current[AFTER_INSTANT])
     current[I_PENETRATION], current[I_FORCE] = 0.0, 0.0
 
 
@@ -258,5 +264,5 @@ def close_impact(current, left, impacts, count):
     if count < len(impacts):
         copy(current, impacts[count])
         if not left:
-            impacts[count, AFTER_INSTANT] = np.nan
+            _forget(impacts[count, AFTER_INSTANT])
     return count + 1

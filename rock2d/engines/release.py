@@ -339,7 +339,7 @@ def _reach(q, h, world, memory):
     return span * (np.sqrt(2.0 * held / world.block.mass) + abs(world.gravity) * span)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
     return (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + gravity * h) * h + 1.1 * radius

@@ -20,7 +20,7 @@ from rock2d.engines.loaded_contacts import (
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _turned(c, s, angle):
     """(cos, sin) of a direction turned by a small angle in rad: series to rounding below a tenth, else exact."""
     if abs(angle) > 0.1:
@@ -55,7 +55,7 @@ def runge_kutta_with_effects(q, direction, h, body, contacts, q1):
     return _four_stages(q, direction, h, body, contacts, q1, True)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _four_stages(q, direction, h, body, contacts, q1, effects):
     """`runge_kutta` with and without effects."""
     block, gravity = body

@@ -65,7 +65,7 @@ def facet_tree(points):
     return tree
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def safe_time(distance, speed, gravity):
     """Time in which a point that starts at `speed` and gains at most gravity × time covers `distance`."""
     if distance <= 0.0:
@@ -75,7 +75,7 @@ def safe_time(distance, speed, gravity):
     return 2.0 * distance / (speed + np.sqrt(speed * speed + 2.0 * gravity * distance))
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _fall_time(gap, rate, pull):
     """First time at which gap + rate t - ½ pull t² is no longer positive (0 if it is not now, NO_BOX if never)."""
     if gap <= 0.0:
@@ -89,7 +89,7 @@ def _fall_time(gap, rate, pull):
     return (root + rate) / pull if pull > 0.0 else NO_BOX
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _line_time(line, q, pose, pulls, block):
     """Lower bound of the time until a point of the block comes down to the line n · p = offset.
 
@@ -193,7 +193,7 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
     return soonest
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def time_aloft(q, extra, world, tree, stack, h_contact):
     """Time in s for which the flying block surely stays clear of the ground.
 

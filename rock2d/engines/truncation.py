@@ -30,7 +30,7 @@ LEAST_ERROR = 1e-7  # of the kinetic energy: less may always wait
 POSE_ROUNDING = 2e-15  # of positions and of arms times angles: several times the spacing of numbers
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def step_error(q, q1, h, works, body, active, loaded):
     """(energy in J that a step of h (s) from q to q1 has made, energy in J that it should be small against, whether the
     step is too long, work in J that tangential springs took, and rolling springs).
@@ -71,7 +71,7 @@ def step_error(q, q1, h, works, body, active, loaded):
     return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic, rounding), work_t, work_r
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def _gain(q, q1, h, body):
     """Energy in J per share that is added to the impulse of a step of h (s) from q to q1, to first order."""
     block = body.block
@@ -79,7 +79,7 @@ def _gain(q, q1, h, body):
     return block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def keep_energy(q, q1, h, error, scale, body, audit):
     """Take the error of a step of h (s) from q to q1 out of the impulse that the contacts gave: what they leave alone,
     as the momentum along a smooth plane, stays as it is.

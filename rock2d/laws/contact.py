@@ -88,13 +88,13 @@ def contact_rows(
     return parameters if isinstance(parameters, np.ndarray) else parameter_table(parameters, zone_names)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
     return force_at(delta, delta_max, residual(delta_max, k_l, k_ul), k_l, k_ul)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def force_at(delta, delta_max, bottom, k_l, k_ul):
     """`normal_force` in N where δp = `bottom` is known already."""
     if delta <= 0.0:
@@ -104,13 +104,13 @@ def force_at(delta, delta_max, bottom, k_l, k_ul):
     return max(0.0, min(k_l * delta, k_ul * (delta - bottom)))
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def residual(delta_max, k_l, k_ul):
     """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
     return delta_max * (1.0 - k_l / k_ul)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def tangential_force(displacement, force_n, k_t, mu):
     """Force of the tangential spring in N, along the tangential displacement s: k_t s, at most tan φ F_n."""
     force = k_t * displacement
@@ -122,7 +122,7 @@ def tangential_force(displacement, force_n, k_t, mu):
     return min(max(force, -limit), limit)
 
 
-@kernel(inline="always")
+@kernel(forceinline=True)
 def rolling_moment(rotation, force_n, arm, k_r, cap, indentation):
     """Moment of the rolling spring along +rotation in N m: k_r ρ while pressed, or, with `indentation`, as long as the
     contact lasts; cap: at most arm × F_n."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +31,36 @@ from rock2d.engines.point_mass_batch import run_point_mass_batch
 law = scenario.rebound_parameters(block)
 print(run_point_mass_batch(block, ground, law, states, np.arange(10), time_limit_s=3.0).ends[0])
 """
+
+PYMUNK = """
+from rock2d.engines.pymunk_engine import run_pymunk
+print(run_pymunk(block, ground, scenario.contact_parameters(block), states[0], time_limit_s=0.1).stop)
+"""
+
+
+@pytest.mark.parametrize(
+    ("what", "program"),
+    [("batch engine", BATCH), ("point-mass ensemble", POINT_MASS), ("pymunk engine", PYMUNK)],
+    ids=["batch", "point_mass", "pymunk"],
+)
+def test_compiling(benchmark, what, program, tmp_path):
+    """Processor time of the first result with an empty cache, and what of it the second start does not need."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def processor_s():
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(
+            [sys.executable, "-c", FIRST + program], env=environment, check=True, capture_output=True
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    first, second = benchmark.pedantic(lambda: (processor_s(), processor_s()), rounds=1)
+    benchmark.extra_info["rows"] = [
+        row(f"{what}: first start, processor time", [first], "s"),
+        row(f"{what}: compiling, processor time", [first - second], "s"),
+    ]
 
 
 @pytest.mark.parametrize(

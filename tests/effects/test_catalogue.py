@@ -223,7 +223,8 @@ row[column("stiffer_N_m")] = 3e4
 row = engine_rows(row)
 depth, rate, slip, peak, bottom, force_n = 1e-3, 0.5, 0.1, 1e-3, 8e-4, 10.0
 whole, factor, drag = forces.ground_forces(row, forces.FIRST, (depth, rate, slip, peak, bottom), force_n)
-print(whole, factor, drag, row[forces.ACTS], len(catalogue()), sum(forces.ground_forces.stats.cache_hits.values()))
+hits = forces.ground_forces.whole.stats.cache_hits
+print(whole, factor, drag, row[forces.ACTS], len(catalogue()), sum(hits.values()))
 """
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.engines import contact_step, pymunk_engine
+from rock2d.engines import contact_step
 from rock2d.engines.pymunk_engine import CallbackError, PymunkRelease, run_pymunk
 from rock2d.laws import closed_forms
 from rock2d.laws.contact import ContactParameters, parameter_table
@@ -378,11 +378,10 @@ def test_an_error_inside_a_pymunk_callback_comes_to_light_with_its_cause(monkeyp
 
 
 def test_a_state_that_is_no_longer_a_number_stops_the_run(monkeypatch):
-    def poisoned(q, h, *rest):
-        q[4] = np.nan
-        return h
+    def poisoned(self, dt):
+        self.q[4] = np.nan
 
-    monkeypatch.setattr(pymunk_engine.contact_step, "step", poisoned)
+    monkeypatch.setattr(PymunkRelease, "_advance_contact", poisoned)
     with pytest.raises(CallbackError, match="no longer finite"):
         run_pymunk(SPHERE, FLOOR, LAW, [0, 0.05, 0, 0, -2, 0])
     with pytest.raises(ValueError, match="six finite"):

@@ -180,9 +180,7 @@ class _Follower:
         self.release, self._marks, self.chain = self._new_release(self._next_block()), Marks(), chain
 
     def _new_release(self, name: str) -> FollowedRelease:
-        looks = self.looks[name]
-        sure = looks.kind == "outline" and looks.bias_px is not None
-        return FollowedRelease(name, [], 1.0 if sure else SLOW_ERROR_FACTOR, looks.bias_px or 0.0)
+        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, self.looks[name].bias_px)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""

@@ -20,9 +20,7 @@ TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
 SEARCH_RADII = 0.8  # around the expected place in which the learned picture is looked for
 
-SLOW_ERROR_FACTOR = (
-    1.75  # errors of edges and pictures over those that a fit shows, measured on films with a truth
-)
+SLOW_ERROR_FACTOR = 1.75  # errors over those that a fit shows, measured on films with a truth
 
 Kind = Literal["outline", "edge", "picture"]
 
@@ -61,8 +59,9 @@ class Looks:
     outline : its outline in the size in which it is seen
     size, size_error : size that was seen over the size stated, and its standard error
     picture : difference from the background that was learned, float32; only of kind "picture"
-    bias_px : of a coordinate found by the outline, if it is so fitted: its distance from the one found by the edge;
-        None if no edge confirms the outline
+    centre_px : (2,) from the middle of this picture to the centroid
+    bias_px : 1 sigma of a coordinate that all frames share: for an outline, its distance from the one found by the
+        edge; for a picture, the error of its centre
     scatter_px : of the places that correlation found about their arcs
     """
 
@@ -73,7 +72,8 @@ class Looks:
     size_error: float = np.inf
     picture: Array | None = None
     scatter_px: float = 0.0
-    bias_px: float | None = 0.0
+    bias_px: float = 0.0
+    centre_px: tuple[float, float] = (0.0, 0.0)
 
 
 def plain_looks(outline: Outline) -> Looks:

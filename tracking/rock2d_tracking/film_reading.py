@@ -199,7 +199,7 @@ def _brightness_first(frame: av.VideoFrame) -> bool:
 def _plane(frame: av.VideoFrame, k: int) -> Array:
     """(height, line) uint8, the lines as long as they are in memory."""
     plane = frame.planes[k]
-    return np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: plane.height]
+    return np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
 
 
 def _colourless(frame: av.VideoFrame) -> bool:
@@ -213,13 +213,12 @@ def _picture(frame: av.VideoFrame, colourless: bool) -> Array:
     """(height, width) or (height, width, 3) uint8, turned as it is to be shown."""
     import cv2
 
-    if not colourless:
-        image = frame.to_ndarray(format="bgr24")
-    elif _brightness_first(frame):
-        image = _plane(frame, 0)[:, : frame.width]
+    if colourless and _brightness_first(frame):
+        plane = _plane(frame, 0)[:, : frame.width]
         full = frame.format.name.startswith(("yuvj", "gray")) or frame.color_range == FULL_RANGE
-        image = image.copy() if full else cv2.LUT(image, STUDIO_TO_FULL)
+        image: Array = plane.copy() if full else np.asarray(cv2.LUT(plane, STUDIO_TO_FULL))
     else:
-        image = np.ascontiguousarray(frame.to_ndarray(format="bgr24")[..., 0])
+        image = frame.to_ndarray(format="bgr24")
+        image = np.ascontiguousarray(image[..., 0]) if colourless else image
     turns = round(frame.rotation / 90) % 4
     return np.ascontiguousarray(np.rot90(image, turns)) if turns else np.asarray(image)

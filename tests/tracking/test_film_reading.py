@@ -87,3 +87,21 @@ def test_a_film_that_ends_early_is_refused(tmp_path):
     (tmp_path / "half.mkv").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="ends early"):
         list(FilmFile(tmp_path / "half.mkv").frames())
+
+
+def test_a_film_of_an_upright_phone_is_turned(tmp_path):
+    corner = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    corner[:32, :48] = 250
+    path = written(tmp_path / "a.mp4", [corner] * 3, [0, 33, 66])
+    one, no = (1 << 16).to_bytes(4, "big"), bytes(4)
+    upright = one + no * 3 + one
+    turned = no + one + no + (-(1 << 16)).to_bytes(4, "big", signed=True) + no  # clockwise by a quarter
+    stored = path.read_bytes()
+    at = stored.index(upright, stored.index(b"tkhd"))
+    path.write_bytes(stored[:at] + turned + stored[at + len(turned) :])
+    film = FilmFile(path)
+    assert film.size_px == (HEIGHT, WIDTH)
+    [first, *_] = film.frames()
+    assert first.shape == (WIDTH, HEIGHT)
+    assert first[10, HEIGHT - 10] > 240  # from the left to the right upper corner
+    assert first[10, 10] < 10 and first[WIDTH - 10, 10] < 10

@@ -176,7 +176,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
         if looks.kind == "picture":
             remarks.append(
                 f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
-                f"to about {looks.scatter_px:.2f} px, without its turn, and perhaps some pixels beside its centroid"
+                f"without its turn; its centroid in this picture is known to {looks.bias_px:.2f} px"
             )
     return remarks
 

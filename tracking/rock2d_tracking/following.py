@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.fitting import Fitter, above_ground
+from rock2d_tracking.fitting import TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import FEWEST_SHOTS, SEEN_TO_START, Shots, learned_looks, shots_of
 from rock2d_tracking.looks import SLOW_ERROR_FACTOR, Looks, View, best_view, plain_looks
 from rock2d_tracking.marks import Marks
@@ -27,9 +27,6 @@ FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in n
 FOREGROUND_GREY = 8.0  # and in grey levels
 SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
 SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
-TRUSTED_OVER_SEEN = (
-    1.25  # confidence of an outline that is trusted, over the share with which a block is followed
-)
 CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
 LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun

@@ -9,8 +9,8 @@ from itertools import islice
 import numpy as np
 
 from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit, edge_points
-from rock2d_tracking.fitting import SURE_FIT, Fitter, start_angles
-from rock2d_tracking.looks import LEAST_MATCH, Looks, learned_picture, matched
+from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
+from rock2d_tracking.looks import Looks, learned_picture
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.sights import Sight
 
@@ -30,7 +30,6 @@ SIZE_ROUNDS, SIZE_CONVERGED = 5, 0.002
 WIDE_PICTURE = 1.5  # of a learned picture with enough around the block to see its edge, over the usual one
 UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over the reach of the block
 CENTRE_STEP_PX = 0.25  # of the places that are tried
-SMALLEST_PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, at least
 
 
 def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
@@ -56,12 +55,13 @@ def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) ->
     """The looks of a block in its shots: size, and the kind of fit that works; `looks`: those that are stated."""
     sized, turns = _sized(fitter, looks, shots)
     by_outline = _sights(fitter, looks, shots, turns)
-    if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline) >= LEAST_OUTLINES:
+    trusted = TRUSTED_OVER_SEEN * fitter.least_seen
+    if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         looks = replace(looks, size=sized.size, size_error=sized.size_error)
     elif sized is not looks:
         looks, by_outline = sized, _sights(fitter, sized, shots, turns)
     by_edge = _sights(fitter, replace(looks, kind="edge"), shots, turns)
-    if _share_seen(by_outline) >= LEAST_OUTLINES:
+    if _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         better, apart = _better(by_edge, by_outline, motion)
         return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
@@ -71,14 +71,8 @@ def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) ->
     picture = learned_picture(pairs, still, looks.outline.reach_px)
     if picture is None:
         return replace(looks, kind="edge")
-    places = [matched(i.astype(np.float32), still, picture, p, looks.outline.reach_px) for i, p in pairs]
-    off = [m[0] - p for m, (_, p) in zip(places, pairs, strict=True) if m is not None and m[1] > LEAST_MATCH]
-    scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
     centre, error = _centre_of_picture(fitter, looks, pairs)
-    return replace(
-        looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX),
-        centre_px=centre, bias_px=error,
-    )  # fmt: skip
+    return replace(looks, kind="picture", picture=picture, centre_px=centre, bias_px=error)
 
 
 def _centre_of_picture(
@@ -129,8 +123,8 @@ def _sights(fitter: Fitter, looks: Looks, shots: Shots, turns: list[Array]) -> l
     ]
 
 
-def _share_seen(sights: list[Sight]) -> float:
-    return float(np.mean([not s.reason for s in sights]))
+def _share_seen(sights: list[Sight], least: float = 0.0) -> float:
+    return float(np.mean([not s.reason and s.confidence >= least for s in sights]))
 
 
 def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tuple[bool, float | None]:

@@ -1,4 +1,4 @@
-"""A video file, read from its first frame to its last, never by seeking: in bounded memory; and its time stamps.
+"""A video file, read from its first frame to its last, never by seeking, in bounded memory; and its time stamps.
 
 A film is read several times. If its frames fit in `KEPT_BYTES`, they are decoded once and kept. FFmpeg decodes ahead in
 threads of its own. Of a film without colour only the brightness is read.
@@ -22,12 +22,10 @@ Array = np.ndarray
 KEPT_BYTES = 2_000_000_000  # of decoded frames that are kept; a longer film is decoded anew for each reading
 FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 235
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
-STAMP_SHARE, STAMP_TICKS = (
-    0.1,
-    1.01,
-)  # by which a time between frames may be off: of the usual one, and of the clock
+# by which a time between frames may be off: share of the usual one, and ticks of the clock
+STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
-BRIGHTNESS_FIRST = ("yuv", "nv12", "nv21", "gray")  # formats of 8 bits whose first plane is the brightness
+BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
 UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 

@@ -61,10 +61,13 @@ class Clip:
         start, end = max(start_s, float(self.t_s[0])), min(end_s, float(self.t_s[-1]))
         if end <= start:
             return []
-        t = np.concatenate([[start], self.t_s[(self.t_s > start) & (self.t_s < end)], [end]])
+        inside = slice(np.searchsorted(self.t_s, start, side="right"), np.searchsorted(self.t_s, end))
+        t = np.concatenate([[start], self.t_s[inside], [end]])
+        points = np.column_stack([np.interp(t, self.t_s, self.x_m), np.interp(t, self.t_s, self.y_m)])
+        if not np.isfinite(self.max_gap_s):
+            return [points]
         i = np.clip(np.searchsorted(self.t_s, 0.5 * (t[:-1] + t[1:]), side="right") - 1, 0, len(self.t_s) - 2)
         lost = self.t_s[i + 1] - self.t_s[i] > self.max_gap_s
-        points = np.column_stack([np.interp(t, self.t_s, self.x_m), np.interp(t, self.t_s, self.y_m)])
         pieces = np.split(np.arange(len(t)), np.flatnonzero(lost) + 1)
         shown = [p for p in pieces if len(p) > 1]
         return [points[p] for p in shown]

@@ -27,6 +27,8 @@ from rock2d.scene.cross_section import CrossSection
 Array = np.ndarray
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
+SHADES = 64  # of a tone, from the surface to the deep ground
+
 
 def zone_tones(cross_section: CrossSection) -> dict[str, str]:
     """A muted tone for each zone."""
@@ -41,38 +43,40 @@ def ground_image(
 
     By nearest facet, so that vertical facings and overhangs are tinted as well as slopes.
     """
-    fine = 2  # supersampled, then averaged: cv2 fills have no anti-aliased edge between tones
-    pad = int(fine * 1.8 * depth_px) + 2
-    high, wide = fine * view.height_px, fine * view.width_px
-    surface = (view.pixels(cross_section.points_m) + 0.5) * fine - 0.5 + pad
-    canvas = (high + 2 * pad, wide + 2 * pad)
-    ids = np.full(canvas, len(cross_section.zone_names), np.int32)
+    pad = int(1.8 * depth_px) + 2
+    surface = view.pixels(cross_section.points_m) + pad
+    canvas = (view.height_px + 2 * pad, view.width_px + 2 * pad)
+    seen = np.s_[pad : pad + view.height_px, pad : pad + view.width_px]
+    zones = zone_tones(cross_section)
+    ids = np.full(canvas, len(zones), np.int32)
     for i, zone in enumerate(cross_section.zone_ids):
         cv2.polylines(
             ids, [fixed_point(surface[i : i + 2])], False, (int(zone),), 1, cv2.LINE_8, PIXEL_FRACTION_BITS
         )
-    empty = (ids == len(cross_section.zone_names)).astype(np.uint8)
-    if empty.all():
-        near, depth = np.zeros(canvas, np.int32), np.full(canvas, 1e9, np.float32)
-    else:
-        depth, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-        on_line = empty == 0
+    on_line = ids < len(zones)
+    if on_line.any():
+        depth, label = cv2.distanceTransformWithLabels(
+            (~on_line).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+        )
         zone_of = np.zeros(int(label.max()) + 1, np.int32)
         zone_of[label[on_line]] = ids[on_line]
-        near = zone_of[label]
-    seen = np.s_[pad : pad + high, pad : pad + wide]
+        near, depth = zone_of[label[seen]], depth[seen]
+    else:
+        near, depth = np.zeros(ids[seen].shape, np.int32), np.full(ids[seen].shape, np.inf, np.float32)
 
     floor = np.array([[surface[-1, 0], canvas[0] + pad], [surface[0, 0], canvas[0] + pad]])
     inside = np.zeros(canvas, np.uint8)
     cv2.fillPoly(inside, [fixed_point(np.vstack([surface, floor]))], 1, cv2.LINE_8, PIXEL_FRACTION_BITS)
-    solid = inside[seen].astype(bool)
 
-    tones = np.array([bgr(t) for t in zone_tones(cross_section).values()], np.float32)
-    share = np.clip(1.6 - depth[seen] / (fine * depth_px), 0.0, 1.0)[..., None]
-    earth = share * tones[near[seen]] + (1 - share) * np.array(bgr(DEEP_GROUND), np.float32)
-    image = np.where(solid[..., None], earth, np.array(bgr(SKY), np.float32)).astype(np.uint8)
-    size = (view.width_px, view.height_px)
-    image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    # a table of colours: those of each zone by depth, then the sky's
+    level = np.clip((1.6 - depth / depth_px) * (SHADES - 1), 0, SHADES - 1).astype(np.int32)
+    share = np.linspace(0.0, 1.0, SHADES)[:, None]
+    shades = [share * bgr(tone) + (1 - share) * bgr(DEEP_GROUND) for tone in zones.values()]
+    colours = np.rint(np.vstack([*shades, bgr(SKY)])).astype(np.uint8)
+    image = colours[np.where(inside[seen], near * SHADES + level, len(colours) - 1)]
+    image = np.asarray(
+        cv2.GaussianBlur(image, (3, 3), 0), np.uint8
+    )  # edges between tones; the line hides the rest
     polyline(image, view.pixels(cross_section.points_m), INK, surface_px)
     return image
 

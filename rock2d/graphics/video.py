@@ -39,7 +39,7 @@ def render_video(
     simulated. `progress(done, all)` is called after each picture.
 
     Written beside `path` and renamed when whole. Raises InputError if the suffix is neither .webm nor .mp4,
-    the codec is missing, nothing is to be shown, or a clip's block is unknown; ValueError on bad sizes.
+    nothing is to be shown, or a clip's block is unknown; ValueError on bad sizes.
     """
     scenes = _with_labels(_scenes(series), blocks)
     layout = Layout(options.size_px, 1)
@@ -115,9 +115,7 @@ def panel_views(
 
 
 def _write(path: str | Path, frames: Frames, options: VideoOptions, progress: Progress | None) -> Path:
-    return write_video(
-        path, frames, len(frames), options.fps_video, options.size_px, progress, quick=options.quick
-    )
+    return write_video(path, frames, len(frames), options.fps_video, options.size_px, progress)
 
 
 def _scenes(series: Sequence[Clip] | Sequence[Sequence[Clip]]) -> list[list[Clip]]:

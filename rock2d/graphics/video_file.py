@@ -1,14 +1,20 @@
-"""A video file, written whole or not at all (VP9 in WebM, which browsers play; MPEG-4 if asked by suffix)."""
+"""A video file, written whole or not at all: VP9 in WebM, which browsers play; H.264 in MP4 if asked by suffix.
+
+Pictures are drawn by one thread and encoded by another, so that both take part of the time of the other.
+"""
 
 from __future__ import annotations
 
 import errno
-import os
-import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from fractions import Fraction
 from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
 
+import av
 import cv2
 import numpy as np
 
@@ -18,89 +24,145 @@ from rock2d.files.folders import atomic_file
 Array = np.ndarray
 Progress = Callable[[int, int], None]
 
-CODECS = {".webm": ("VP90", "VP9"), ".mp4": ("mp4v", "MPEG-4")}
-QUICK_CODEC = ("VP80", "VP8")
+ENCODER_THREADS = 2  # a fixed number: the file must not depend on the machine
+WAITING_PICTURES = 4  # drawn and not yet encoded, at most
+LARGEST_DENOMINATOR = 1001  # of a frame rate as a fraction: 30000/1001 is that of television
+
+
+class Encoder(NamedTuple):
+    """An encoder of FFmpeg and its options."""
+
+    name: str
+    options: dict[str, str]
+
+
+ENCODERS = {
+    # crf: quality, lower is better; cpu-used: 0 slow to 8 fast
+    ".webm": Encoder(
+        "libvpx-vp9",
+        {
+            "deadline": "realtime",
+            "cpu-used": "8",
+            "row-mt": "1",
+            "tile-columns": "2",
+            "lag-in-frames": "0",
+            "crf": "26",
+        },
+    ),
+    ".mp4": Encoder("libx264", {"preset": "veryfast", "crf": "20"}),
+}
+
+
+class VideoWriter:
+    """Writes a video picture by picture; a context manager that closes the file.
+
+    The suffix of the path chooses the encoder. Raises InputError if it is neither .webm nor .mp4.
+    """
+
+    def __init__(self, path: str | Path, fps: float, size_px: tuple[int, int]) -> None:
+        """A file of `fps` pictures a second, each `size_px` (width, height), which must be even."""
+        self._path, self._shape = Path(path), (int(size_px[1]), int(size_px[0]), 3)
+        encoder = encoder_of(self._path)
+        try:
+            self._container = av.open(str(self._path), "w", options={"fflags": "+bitexact"})
+        except av.FFmpegError as error:
+            raise self._failed(error) from None
+        rate = Fraction(fps).limit_denominator(LARGEST_DENOMINATOR)
+        stream = self._container.add_stream(encoder.name, rate=rate, options=encoder.options)
+        assert isinstance(stream, av.VideoStream)
+        self._stream = stream
+        self._stream.height, self._stream.width = self._shape[:2]
+        self._stream.pix_fmt = "yuv420p"
+        context = self._stream.codec_context
+        context.bit_rate = 0  # no limit: quality alone decides
+        context.thread_count = ENCODER_THREADS
+        context.colorspace, context.color_range = 6, 1  # BT.601, 16 to 235, as OpenCV converts
+        self._thread = ThreadPoolExecutor(1)
+        self._waiting: deque[Future[None]] = deque()
+        self._number = 0
+
+    def write(self, picture: Array) -> None:
+        """Add a picture (height, width, 3), BGR uint8; it may be changed afterwards. Raises OSError if those before
+        could not be written, ValueError if it has another size."""
+        if picture.shape != self._shape:
+            raise ValueError(f"expected pictures of shape {self._shape}, got {picture.shape}")
+        self._waiting.append(self._thread.submit(self._encode, cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)))
+        if len(self._waiting) > WAITING_PICTURES:
+            self._waiting.popleft().result()
+
+    def close(self) -> None:
+        """Finish the file; OSError if it is not whole."""
+        try:
+            if self._waiting:
+                self._waiting.append(self._thread.submit(self._mux, None))
+            for future in self._waiting:
+                future.result()
+        finally:
+            self._thread.shutdown()
+            try:
+                self._container.close()
+            except av.FFmpegError as error:
+                raise self._failed(error) from None
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except OSError:
+            if error is None:  # else what ended the block says more
+                raise
+
+    def _encode(self, picture: Array) -> None:
+        frame = av.VideoFrame.from_ndarray(picture, format="yuv420p")
+        frame.pts = self._number
+        self._number += 1
+        self._mux(frame)
+
+    def _mux(self, frame: av.VideoFrame | None) -> None:
+        """Encode a picture, or what is left if None, and write it."""
+        try:
+            self._container.mux(self._stream.encode(frame))
+        except av.FFmpegError as error:
+            raise self._failed(error) from None
+
+    def _failed(self, error: Exception) -> OSError:
+        number = getattr(error, "errno", None) or errno.EIO
+        return OSError(number, getattr(error, "strerror", None) or str(error), str(self._path))
+
+
+def encoder_of(path: Path) -> Encoder:
+    """The encoder for a suffix; InputError if there is none."""
+    if path.suffix.lower() not in ENCODERS:
+        raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
+    return ENCODERS[path.suffix.lower()]
 
 
 def write_video(
     path: str | Path,
-    frames: Iterable[Array],
+    pictures: Iterable[Array],
     count: int,
     fps: float,
     size_px: tuple[int, int],
     progress: Progress | None = None,
-    *,
-    quick: bool = False,
 ) -> Path:
-    """Write `count` BGR `frames` (height, width, 3) of `size_px` (width, height) and return the path.
+    """Write `count` BGR `pictures` (height, width, 3) of `size_px` (width, height) and return the path.
 
-    `quick`: a WebM as VP8, five times as fast to write as OpenCV's VP9, a little larger; browsers play both.
-
-    Written beside `path` and renamed at the end. Raises InputError if the suffix is neither .webm nor .mp4,
-    or the codec is missing from this OpenCV.
+    Written beside `path` and renamed at the end. Raises InputError if the suffix is neither .webm nor .mp4 or there
+    are no pictures, OSError if not all could be written.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in CODECS:
-        raise InputError(f"{path}: expected a video as .webm or .mp4, found {path.suffix or 'no suffix'!r}")
-    code, codec = QUICK_CODEC if quick and suffix == ".webm" else CODECS[suffix]
-    other = next(s for s in CODECS if s != suffix)
+    encoder_of(path)
+    done = 0
     with atomic_file(path) as part:
-        writer = opened(part, code, fps, size_px)
-        done = 0
-        try:
-            if not writer.isOpened():
-                raise InputError(f"{path}: this OpenCV cannot write {codec} video; try {other}")
-            for done, frame in enumerate(frames, 1):
-                writer.write(frame)
+        with VideoWriter(part, fps, size_px) as writer:
+            for done, picture in enumerate(pictures, 1):
+                writer.write(picture)
                 if progress:
                     progress(done, count)
-        finally:
-            writer.release()
         if not done:
             raise InputError(f"{path}: nothing could be written")
-        check_frames(part, done)
     return path
-
-
-def check_frames(path: Path, count: int) -> None:
-    """OSError unless a video holds `count` pictures: OpenCV goes on when the disk is full."""
-    with without_stderr():
-        video = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        video.set(cv2.CAP_PROP_FORMAT, -1)  # packets as they are: counted, not decoded
-        found = 0
-        while video.grab():
-            found += 1
-        video.release()
-    if found < count:
-        raise OSError(
-            errno.ENOSPC, f"only {found} of {count} pictures could be written; is the disk full?", str(path)
-        )
-
-
-def opened(path: Path, code: str, fps: float, size_px: tuple[int, int]) -> cv2.VideoWriter:
-    """A writer, opened without stderr: OpenCV warns about the tag of VP9 in WebM, which is right, and prints a page
-    about a missing codec, which `isOpened` reports as well."""
-    quiet_about_frames()
-    with without_stderr():
-        size = (int(size_px[0]), int(size_px[1]))
-        return cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), float(fps), size)
-
-
-def quiet_about_frames() -> None:
-    """Let OpenCV print no line for each picture that it cannot write: `check_frames` says it once."""
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
-
-
-@contextmanager
-def without_stderr() -> Iterator[None]:
-    """Let what libraries print to stderr in the block go nowhere."""
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)

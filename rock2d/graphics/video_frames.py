@@ -18,7 +18,7 @@ PAPER = "#ffffff"
 
 
 class Frames:
-    """The pictures of a video, in order."""
+    """The pictures of a video, in order; each is valid until the next one is drawn over it."""
 
     def __init__(self, layout: Layout, options: VideoOptions) -> None:
         fps_video, slow_motion, hold_s = options.fps_video, options.slow_motion, options.hold_s
@@ -41,17 +41,21 @@ class Frames:
         return sum(len(times) for *_, times, _ in self.scenes)
 
     def __iter__(self) -> Iterator[Array]:
+        grounds: dict[Viewport, Array] = {}
         for panels, clips, times, title in self.scenes:
             sheet = self._sheet(panels[0].view, clips, len(panels), title)
             for panel in panels:
-                panel.prepare(self.layout)
+                if panel.view not in grounds:
+                    grounds[panel.view] = panel.ground(self.layout)
+                panel.prepare(self.layout, grounds[panel.view])
             milliseconds = times[-1] - times[0] < 2.0
+            frame, lay = sheet.copy(), self.layout
+            below = lay.top + lay.panel_height
             for t in times:
-                frame = sheet.copy()
-                for left, panel in zip(self.layout.lefts, panels, strict=True):
-                    high, wide = self.layout.panel_height, self.layout.panel_width
-                    frame[self.layout.top : self.layout.top + high, left : left + wide] = panel.draw(
-                        t, self.fresh_s, self.trail
+                frame[: lay.top], frame[below:] = sheet[: lay.top], sheet[below:]
+                for left, panel in zip(lay.lefts, panels, strict=True):
+                    panel.draw(
+                        frame[lay.top : below, left : left + lay.panel_width], t, self.fresh_s, self.trail
                     )
                 clock = f"{1e3 * t:.0f} ms" if milliseconds else f"{t:.2f} s"
                 self._right(frame, clock, 24, 8, bold=True)

@@ -21,7 +21,6 @@ class VideoOptions:
     view : x_min, x_max, y_min, y_max in m; without it the motion is in view
     trail : whether the ways of the centroids are drawn
     hold_s : time for which the last picture of a scene stays
-    quick : as in `write_video`
     """
 
     fps_video: float = 25
@@ -31,7 +30,6 @@ class VideoOptions:
     view: Limits | None = None
     trail: bool = True
     hold_s: float = 1.0
-    quick: bool = False
 
 
 DEFAULT_OPTIONS = VideoOptions()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
+import cv2
 import numpy as np
 
 from rock2d.graphics.canvas import Viewport, draw_text, fill, polyline, text_size
@@ -22,6 +23,8 @@ from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
+
+LINE_TOLERANCE_PX = 0.1  # by which a way may be drawn off
 
 
 class Layout:
@@ -57,12 +60,17 @@ class Panel:
         self.all_clips = all_clips  # names keep off the ways of the other panel too: the same place in both
         self.view, self.label, self.drawn_s = view, label, -np.inf
 
-    def prepare(self, layout: Layout) -> None:
-        """Draw what stays the same: ground, measure lines, names, label; find the place of the magnifier."""
-        view, unit = self.view, layout.unit
-        self.unit = unit
-        self.background = ground_image(self.cross_section, view, 34 * unit, surface_px=2.2 * unit)
-        draw_measure_lines(self.background, self.cross_section, view, 2 * unit)
+    def ground(self, layout: Layout) -> Array:
+        """What stays the same over all scenes of a view: ground and measure lines."""
+        image = ground_image(self.cross_section, self.view, 34 * layout.unit, surface_px=2.2 * layout.unit)
+        draw_measure_lines(image, self.cross_section, self.view, 2 * layout.unit)
+        return image
+
+    def prepare(self, layout: Layout, ground: Array) -> None:
+        """Draw what stays the same over the scene: names and label onto a copy of `ground`; find the place of the
+        magnifier."""
+        view, self.unit = self.view, layout.unit
+        self.background = ground.copy()
         ways = [view.pixels(p) for c in self.all_clips for p in c.path(-np.inf, np.inf)]
         busy = np.vstack(ways) if ways else None
         names = placed_names(self.cross_section, view, layout.small, busy)
@@ -71,21 +79,20 @@ class Panel:
             _chip(self.background, self.label, self.clips[0].colour, layout)
         self.inset = self._inset([n.box for n in names], layout)
 
-    def draw(self, t_s: float, fresh_s: float, trail: bool) -> Array:
-        """The panel at a time; the last `fresh_s` of the way is drawn strong."""
+    def draw(self, image: Array, t_s: float, fresh_s: float, trail: bool) -> None:
+        """Draw the panel at a time onto an image of its size; the last `fresh_s` of the way is drawn strong."""
         if trail:
             for clip in self.clips:
                 for piece in clip.path(self.drawn_s, t_s):
                     pale = mixed(clip.colour, SKY, 0.6)
-                    polyline(self.background, self.view.pixels(piece), pale, 2 * self.unit)
+                    polyline(self.background, _few_points(self.view.pixels(piece)), pale, 2 * self.unit)
             self.drawn_s = t_s
-        image = self.background.copy()
+        image[:] = self.background
         if trail:
             self._fresh_trail(image, t_s, fresh_s)
         self._blocks(image, self.view, t_s)
         if self.inset:
             self._draw_inset(image, t_s)
-        return image
 
     def _fresh_trail(self, image: Array, t_s: float, fresh_s: float) -> None:
         ages = np.linspace(1.0, 0.0, 9)
@@ -93,7 +100,8 @@ class Panel:
             for old, new in pairwise(ages):
                 for piece in clip.path(t_s - old * fresh_s, t_s - new * fresh_s):
                     colour = mixed(clip.colour, SKY, 0.6 * old)
-                    polyline(image, self.view.pixels(piece), colour, (2 + 2 * (1 - old)) * self.unit)
+                    line = _few_points(self.view.pixels(piece))
+                    polyline(image, line, colour, (2 + 2 * (1 - old)) * self.unit)
 
     def _body(self, clip: Clip) -> Block:
         return clip.body or self.blocks[clip.block]
@@ -153,6 +161,12 @@ class Panel:
         half = 0.5 * side / px_per_m * self.view.px_per_m
         centre = self.view.pixels(np.array(pose[:2]))[0]
         polyline(image, centre + (edge / side * 2 - 1) * half, "#8a8a8a", 1, closed=True)
+
+
+def _few_points(line_px: Array) -> Array:
+    """A line (n, 2) without the points that lie on it: each one costs as much to draw as a long line."""
+    found = cv2.approxPolyDP(line_px.astype(np.float32), LINE_TOLERANCE_PX, closed=False)
+    return np.asarray(found, float).reshape(-1, 2)
 
 
 def _chip(image: Array, label: str, colour: str, layout: Layout) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from rock2d_tracking.synthetic.real_looks import LOOK_KINDS, drawn_look, path_of, real_film
+from rock2d_tracking.synthetic.compression import compressed
+from rock2d_tracking.synthetic.real_looks import LOOK_KINDS, MILDEST_CRF, drawn_look, path_of, real_film
 
 SIZE_PX = (320, 200)
 
@@ -26,6 +29,25 @@ def test_severity_changes_what_spoils_the_film_and_not_what_it_shows():
     )
     assert mild.noise < severe.noise and mild.quality > severe.quality and mild.untidy < severe.untidy
     assert abs(mild.stated_size - 1) < abs(severe.stated_size - 1) <= 0.03
+
+
+def test_half_of_the_films_are_h264_which_is_worse_where_severity_is_higher():
+    looks = [(drawn_look(i, "mild"), drawn_look(i, "severe")) for i in range(40)]
+    assert all((mild.crf == 0.0) == (severe.crf == 0.0) for mild, severe in looks)
+    both = [(mild.crf, severe.crf) for mild, severe in looks if mild.crf]
+    assert 10 < len(both) < 30
+    assert all(MILDEST_CRF < mild < severe for mild, severe in both)
+
+
+def test_h264_keeps_the_pictures_and_loses_more_at_a_higher_rate_factor():
+    look = next(look for look in (drawn_look(i, "moderate") for i in range(40)) if look.crf)
+    drawn = [f.image for f in real_film(replace(look, crf=0.0, quality=100), SIZE_PX, 12)]
+    lost = []
+    for crf in (18.0, 34.0):
+        seen = list(compressed(drawn, crf))
+        assert len(seen) == len(drawn)
+        lost.append(np.abs(np.array(seen, float) - drawn).mean())
+    assert 0 < lost[0] < lost[1] < 12
 
 
 def test_looks_of_every_kind_are_drawn():

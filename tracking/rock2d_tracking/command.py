@@ -121,11 +121,15 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
 
             followed = follow(frames, setup, film.size_px, on_progress, film.promised)
         seen = Seen(frames, followed.motion, followed, setup)
+        stamps = frames.stamps()
+        for sight in (s for release in followed.releases for s in release.sights):
+            sight.frame = int(stamps.numbers[sight.frame])
         try:
             try:
                 found = tracked_film(followed.releases, setup, film.size_px)
             except ValueError as error:
                 raise InputError(str(error), film.path) from None
+            found.remarks.extend([stamps.remark] if stamps.remark else [])
             found.remarks.extend(_remarks_on_looks(followed))
             found.remarks.extend(_check_sanity(found.experiment, setup))
         except InputError as error:
@@ -172,7 +176,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
         if looks.kind == "picture":
             remarks.append(
                 f"the outline of block {name} cannot be fitted; it was tracked by its learned picture, "
-                f"to about {looks.scatter_px:.2f} px, without its turn, and perhaps some pixels beside its centroid"
+                f"without its turn; its centroid in this picture is known to {looks.bias_px:.2f} px"
             )
     return remarks
 

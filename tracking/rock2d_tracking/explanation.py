@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.files.folders import write_whole
-from rock2d.graphics.video_file import opened
+from rock2d.graphics.video_file import VideoWriter
 from rock2d_tracking.following import Followed
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.setup_file import Setup
@@ -111,34 +112,40 @@ def keys_to_try(seen: Seen) -> list[str]:
 def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
     import cv2
 
-    writer, still = None, None
+    still: Array | None = None
     stride = max(1, len(motion.candidates) // PICTURES)
-    for number, frame in enumerate(film):
-        if number % stride or number >= len(motion.candidates):
-            continue
-        scale = min(1.0, WIDTH_PX / frame.shape[1])
-        size = (int(frame.shape[1] * scale) // 2 * 2, int(frame.shape[0] * scale) // 2 * 2)
-        picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-        picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-        if writer is None:
-            writer, still = opened(folder / "candidates.webm", "VP80", PLAYED_FPS, size), picture.copy()
-            _draw_arcs(still, motion, scale)
-        for c in motion.candidates[number]:
-            radius = max(2, int(np.sqrt(c.area_px2 / np.pi) * scale) + 2)
-            at = (int(c.u_px * scale), int(c.v_px * scale))
-            cv2.circle(picture, at, radius, SHADOW_BGR if c.shadow else OTHER_BGR, 1, cv2.LINE_AA)
-        chain = motion.chain_at(number)
-        place = chain.at(number) if chain is not None else None
-        if place is not None:
-            cv2.drawMarker(
-                picture, (int(place[0] * scale), int(place[1] * scale)), BLOCK_BGR, cv2.MARKER_CROSS, 14, 1
+    with ExitStack() as stack:
+        for number, frame in enumerate(film):
+            if number % stride or number >= len(motion.candidates):
+                continue
+            scale = min(1.0, WIDTH_PX / frame.shape[1])
+            size = (int(frame.shape[1] * scale) // 2 * 2, int(frame.shape[0] * scale) // 2 * 2)
+            picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+            picture = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+            if still is None:
+                writer = stack.enter_context(VideoWriter(folder / "candidates.webm", PLAYED_FPS, size))
+                still = picture.copy()
+                _draw_arcs(still, motion, scale)
+            for c in motion.candidates[number]:
+                radius = max(2, int(np.sqrt(c.area_px2 / np.pi) * scale) + 2)
+                at = (int(c.u_px * scale), int(c.v_px * scale))
+                cv2.circle(picture, at, radius, SHADOW_BGR if c.shadow else OTHER_BGR, 1, cv2.LINE_AA)
+            chain = motion.chain_at(number)
+            place = chain.at(number) if chain is not None else None
+            if place is not None:
+                cv2.drawMarker(
+                    picture,
+                    (int(place[0] * scale), int(place[1] * scale)),
+                    BLOCK_BGR,
+                    cv2.MARKER_CROSS,
+                    14,
+                    1,
+                )
+            cv2.putText(
+                picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA
             )
-        cv2.putText(
-            picture, f"frame {number}", (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, OTHER_BGR, 1, cv2.LINE_AA
-        )
-        writer.write(picture)
-    if writer is not None and still is not None:
-        writer.release()
+            writer.write(picture)
+    if still is not None:
         cv2.imwrite(str(folder / "candidates.png"), still)
 
 

@@ -1,24 +1,31 @@
-"""A video file, read from its first frame to its last, never by seeking: images in bounded memory.
+"""A video file, read from its first frame to its last, never by seeking, in bounded memory; and its time stamps.
 
-A film is read several times. If its frames fit in `KEPT_BYTES`, they are decoded once and kept.
+A film is read several times. If its frames fit in `KEPT_BYTES`, they are decoded once and kept. FFmpeg decodes ahead in
+threads of its own. Of a film without colour only the brightness is read.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted
 
 if TYPE_CHECKING:
-    import cv2
+    import av
 
 Array = np.ndarray
 
 KEPT_BYTES = 2_000_000_000  # of decoded frames that are kept; a longer film is decoded anew for each reading
+FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 235
+STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
+# by which a time between frames may be off: share of the usual one, and ticks of the clock
+STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
+COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
+BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
 UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 
@@ -29,50 +36,79 @@ class FilmFile:
     ----------
     size_px : (width, height)
     promised : number of frames that the container states, 0 if it states none
+    played_fps, tick_s : frame rate at which it is played, and resolution of its time stamps
+    colourless : whether all colours of its first frame are grey
     """
 
     def __init__(self, path: str | Path) -> None:
         """Look at it; raises `InputError` if it does not exist, is no video, or needs a codec that is missing."""
-        import cv2
-
         self.path = Path(path)
         if not self.path.is_file():
             raise InputError("no such video file", self.path)
         if self.path.stat().st_size == 0:
             raise InputError("this video file is empty", self.path)
-        capture = self._opened()
-        self.size_px = (
-            int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
-            int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
-        )
-        self.promised = max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
-        self.played_fps = float(capture.get(cv2.CAP_PROP_FPS))
-        capture.release()
-
-    def _opened(self) -> cv2.VideoCapture:
-        import cv2
-
-        capture = cv2.VideoCapture(str(self.path))
-        if not capture.isOpened():
-            raise InputError(
-                "cannot be read: it is no video, is damaged, or needs a codec that this OpenCV lacks "
-                "(convert it to Motion-JPEG AVI or H.264 MP4)",
-                self.path,
+        with self._opened() as container:
+            stream = container.streams.video[0]
+            first = next(_decoded(container), None)
+            rate = float(stream.average_rate or 0.0)
+            lasts_s = (
+                float(stream.duration * stream.time_base) if stream.duration and stream.time_base else 0.0
             )
-        return capture
+            if not lasts_s and container.duration:
+                lasts_s = container.duration / 1e6
+            self.promised = stream.frames or round(lasts_s * rate)
+            self.played_fps, self.tick_s = rate, float(stream.time_base or 0.0)
+        if first is None:
+            raise InputError("this video holds no frame that can be read", self.path)
+        size = (first.width, first.height)
+        self.size_px = size[::-1] if first.rotation % 180 else size
+        self.colourless = _colourless(first)
+
+    def _opened(self) -> av.container.InputContainer:
+        import av
+
+        said = "cannot be read: it is no video, is damaged, or needs a codec that FFmpeg lacks"
+        try:
+            container = av.open(str(self.path))
+        except (av.FFmpegError, OSError, ValueError):
+            raise InputError(said, self.path) from None
+        if not container.streams.video or container.streams.video[0].codec_context is None:
+            container.close()
+            raise InputError(said, self.path)
+        container.streams.video[0].thread_type = "AUTO"
+        return container
 
     def frames(self, last: int | None = None) -> Frames:
         """Frames in turn as (height, width) or (height, width, 3) uint8, up to and without `last`."""
         return Frames(self, last)
 
 
+class Stamps(NamedTuple):
+    """What the time stamps of a film say.
+
+    Attributes
+    ----------
+    numbers : (n,) number of each frame as filmed; frames that are missing keep theirs to themselves
+    remark : for the user, "" if the frames follow one another at one rate
+    """
+
+    numbers: Array
+    remark: str
+
+
 class Frames:
-    """The frames of a film, which can be read again and again; they must not be changed."""
+    """The frames of a film, which can be read again and again; they must not be changed.
+
+    Attributes
+    ----------
+    times_s : time stamp of each frame that was read, NaN where the file has none
+    """
 
     def __init__(self, film: FilmFile, last: int | None) -> None:
         """`last`: number of frames after which to stop, None for all."""
         self._film, self._last = film, last
         self._kept: list[Array] | None = None
+        self.times_s: list[float] = []
 
     def __iter__(self) -> Iterator[Array]:
         """Read from the first frame on.
@@ -95,20 +131,14 @@ class Frames:
             self._kept = kept
 
     def _decoded(self) -> Iterator[Array]:
-        import cv2
-
-        capture, count, grey = self._film._opened(), 0, False
-        try:
-            while self._last is None or count < self._last:
-                done, image = capture.read()
-                if not done:
+        count, self.times_s = 0, []
+        with self._film._opened() as container:
+            for frame in _decoded(container):
+                if self._last is not None and count >= self._last:
                     break
-                if count == 0:  # codecs give grey films in three equal colours
-                    grey = image.ndim == 3 and not np.ptp(image, axis=2).any()
                 count += 1
-                yield cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if grey else image
-        finally:
-            capture.release()
+                self.times_s.append(np.nan if frame.time is None else frame.time)
+                yield _picture(frame, self._film.colourless)
         if count == 0:
             raise InputError("this video holds no frame that can be read", self._film.path)
         if self._last is None and count < (1.0 - UNREADABLE_SHARE) * self._film.promised - 1:
@@ -117,3 +147,76 @@ class Frames:
                 f"write --frames {count} to track these",
                 self._film.path,
             )
+
+    def stamps(self) -> Stamps:
+        """What the time stamps of the frames that were read say.
+
+        Between two frames lie one or more times the usual interval; more, where frames are missing. Where it is
+        otherwise, the frame rate varies, and the frames are counted.
+        """
+        counted_on = np.arange(len(self.times_s))
+        steps = np.diff(self.times_s)
+        if len(steps) < 2 or not np.isfinite(steps).all() or np.median(steps) <= 0.0:
+            return Stamps(counted_on, "")
+        usual_s = float(np.median(steps))
+        times = np.rint(steps / usual_s)
+        off = np.abs(steps - times * usual_s)
+        if times.min() < 1 or off.max() > max(STAMP_SHARE * usual_s, STAMP_TICKS * self._film.tick_s):
+            return Stamps(
+                counted_on,
+                f"the frame rate of this film varies: its time stamps are {1e3 * steps.min():.3g} to "
+                f"{1e3 * steps.max():.3g} ms apart. One rate is assumed, so times and speeds are rough",
+            )
+        missing = int(times.sum()) - len(steps)
+        said = f"{counted(missing, 'frame')} missing in the film by its time stamps" if missing else ""
+        return Stamps(np.concatenate([[0], np.cumsum(times)]).astype(int), said)
+
+
+def _decoded(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
+    """Frames in the order in which they are shown; packets that are damaged are left out."""
+    import av
+
+    try:
+        for packet in container.demux(video=0):
+            try:
+                frames = packet.decode()
+            except av.FFmpegError:
+                continue
+            for frame in frames:
+                assert isinstance(frame, av.VideoFrame)
+                yield frame
+    except av.FFmpegError:
+        return  # the file ends within a packet: the caller knows how many frames there should be
+
+
+def _brightness_first(frame: av.VideoFrame) -> bool:
+    parts = frame.format.components
+    return frame.format.name.startswith(BRIGHTNESS_FIRST) and all(part.bits == 8 for part in parts)
+
+
+def _plane(frame: av.VideoFrame, k: int) -> Array:
+    """(height, line) uint8, the lines as long as they are in memory."""
+    plane = frame.planes[k]
+    return np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
+
+
+def _colourless(frame: av.VideoFrame) -> bool:
+    if _brightness_first(frame):
+        colours = [_plane(frame, k)[:, : frame.planes[k].width] for k in range(1, len(frame.planes))]
+        return all(int(np.abs(c.astype(np.int16) - 128).max()) <= COLOURLESS for c in colours)
+    return not np.ptp(frame.to_ndarray(format="bgr24"), axis=2).any()
+
+
+def _picture(frame: av.VideoFrame, colourless: bool) -> Array:
+    """(height, width) or (height, width, 3) uint8, turned as it is to be shown."""
+    import cv2
+
+    if colourless and _brightness_first(frame):
+        plane = _plane(frame, 0)[:, : frame.width]
+        full = frame.format.name.startswith(("yuvj", "gray")) or frame.color_range == FULL_RANGE
+        image: Array = plane.copy() if full else np.asarray(cv2.LUT(plane, STUDIO_TO_FULL))
+    else:
+        image = frame.to_ndarray(format="bgr24")
+        image = np.ascontiguousarray(image[..., 0]) if colourless else image
+    turns = round(frame.rotation / 90) % 4
+    return np.ascontiguousarray(np.rot90(image, turns)) if turns else np.asarray(image)

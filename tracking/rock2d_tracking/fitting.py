@@ -8,7 +8,7 @@ from rock2d.scene.cross_section import CrossSection
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.edges import EdgeFit, fit_edges
-from rock2d_tracking.looks import LEAST_MATCH, Looks, matched
+from rock2d_tracking.looks import LEAST_MATCH, PICTURE_ERROR_PX, Looks, matched
 from rock2d_tracking.outline import (
     FIT_ANGLE,
     FIT_BLUR,
@@ -31,6 +31,9 @@ FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in g
 FAINTEST_CONTRAST_SHARE = 0.3  # of the usual contrast; what is fainter is dust or an afterimage
 LARGEST_ERROR_PX = 0.5  # standard error; a frame with a larger one is lost
 WINDOW_MARGIN_PX = 6.0
+# confidence of an outline that is trusted, over the share with which a block is followed
+TRUSTED_OVER_SEEN = 1.25
+SURE_FIT = 0.9  # confidence of a fit that no other start angle betters
 
 
 class Fitter:
@@ -65,14 +68,22 @@ class Fitter:
         )  # fmt: skip
 
     def fit_anywhere_turned(
-        self, number: int, frame: Array, looks: Looks, place: Array, least: float | None = None
+        self,
+        number: int,
+        frame: Array,
+        looks: Looks,
+        place: Array,
+        least: float | None = None,
+        turns: Array | None = None,
     ) -> Sight:
-        """The best fit from any angle at a place."""
+        """The best fit at a place from any of some angles (all if None); the first that is sure."""
         best: Sight | None = None
-        for turn in start_angles(looks.outline):
+        for turn in start_angles(looks.outline) if turns is None else turns:
             sight = self.fit(number, frame, looks, np.array([*place, turn]), None, least)
             if best is None or sight.confidence > best.confidence:
                 best = sight
+            if best.confidence > SURE_FIT:
+                break
         assert best is not None
         return best
 
@@ -128,13 +139,13 @@ class Fitter:
             image,
             self.background.grey[v0:v1, u0:u1],
             looks.picture,
-            start[:2] - [u0, v0],
+            start[:2] - looks.centre_px - [u0, v0],
             looks.outline.reach_px,
         )
         if found is None or found[1] < LEAST_MATCH:
             return lost_sight(number, "another picture")
-        pose = np.array([*(found[0] + [u0, v0]), start[2]])
-        return Sight(number, pose, np.array([looks.scatter_px, looks.scatter_px, np.nan]), found[1])
+        pose = np.array([*(found[0] + looks.centre_px + [u0, v0]), start[2]])
+        return Sight(number, pose, np.array([PICTURE_ERROR_PX, PICTURE_ERROR_PX, np.nan]), found[1])
 
     def _fit_outline(
         self,

@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.fitting import Fitter, above_ground
+from rock2d_tracking.fitting import TRUSTED_OVER_SEEN, Fitter, above_ground
 from rock2d_tracking.learning import FEWEST_SHOTS, SEEN_TO_START, Shots, learned_looks, shots_of
 from rock2d_tracking.looks import SLOW_ERROR_FACTOR, Looks, View, best_view, plain_looks
 from rock2d_tracking.marks import Marks
@@ -27,9 +27,6 @@ FOREGROUND_SIGMAS = 6.0  # least difference of a pixel from the background, in n
 FOREGROUND_GREY = 8.0  # and in grey levels
 SEARCH_RADIUS_PX = 6.0  # radius of the block in the coarse picture that is searched
 SEARCH_CANDIDATES = 4  # places of a picture at which a block is fitted
-TRUSTED_OVER_SEEN = (
-    1.25  # confidence of an outline that is trusted, over the share with which a block is followed
-)
 CANDIDATE_AREAS = (0.3, 2.5)  # smallest and largest, over the area of the block
 LONGEST_LOSS_S = 0.25  # for which a block may be lost within a release
 FRAMES_TO_START = 3  # in a row with a block: a release has begun
@@ -180,9 +177,7 @@ class _Follower:
         self.release, self._marks, self.chain = self._new_release(self._next_block()), Marks(), chain
 
     def _new_release(self, name: str) -> FollowedRelease:
-        looks = self.looks[name]
-        sure = looks.kind == "outline" and looks.bias_px is not None
-        return FollowedRelease(name, [], 1.0 if sure else SLOW_ERROR_FACTOR, looks.bias_px or 0.0)
+        return FollowedRelease(name, [], SLOW_ERROR_FACTOR, self.looks[name].bias_px)
 
     def end_release(self) -> None:
         """The release that is being followed is over."""

@@ -8,9 +8,9 @@ from itertools import islice
 
 import numpy as np
 
-from rock2d_tracking.edges import edge_points
-from rock2d_tracking.fitting import Fitter, start_angles
-from rock2d_tracking.looks import LEAST_MATCH, Looks, learned_picture, matched
+from rock2d_tracking.edges import JACKKNIFE_PARTS, EdgeFit, edge_points
+from rock2d_tracking.fitting import SURE_FIT, TRUSTED_OVER_SEEN, Fitter, start_angles
+from rock2d_tracking.looks import Looks, learned_picture
 from rock2d_tracking.motion import Motion
 from rock2d_tracking.sights import Sight
 
@@ -27,7 +27,9 @@ LEAST_SIZE_CHANGE = 0.012  # of the outline; below it the size that is stated is
 LARGEST_SIZE_CHANGE = 0.5
 LARGEST_SIZE_SPREAD = 0.08  # from frame to frame; a larger one is no outline
 SIZE_ROUNDS, SIZE_CONVERGED = 5, 0.002
-SMALLEST_PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, at least
+WIDE_PICTURE = 1.5  # of a learned picture with enough around the block to see its edge, over the usual one
+UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over the reach of the block
+CENTRE_STEP_PX = 0.25  # of the places that are tried
 
 
 def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
@@ -51,15 +53,17 @@ def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
 
 def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) -> Looks:
     """The looks of a block in its shots: size, and the kind of fit that works; `looks`: those that are stated."""
-    sized, by_outline = _sized(fitter, looks, shots), _sights(fitter, looks, shots)
-    if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline) >= LEAST_OUTLINES:
+    sized, turns = _sized(fitter, looks, shots)
+    by_outline = _sights(fitter, looks, shots, turns)
+    trusted = TRUSTED_OVER_SEEN * fitter.least_seen
+    if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         looks = replace(looks, size=sized.size, size_error=sized.size_error)
     elif sized is not looks:
-        looks, by_outline = sized, _sights(fitter, sized, shots)
-    by_edge = _sights(fitter, replace(looks, kind="edge"), shots)
-    if _share_seen(by_outline) >= LEAST_OUTLINES:
+        looks, by_outline = sized, _sights(fitter, sized, shots, turns)
+    by_edge = _sights(fitter, replace(looks, kind="edge"), shots, turns)
+    if _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         better, apart = _better(by_edge, by_outline, motion)
-        return replace(looks, kind="edge") if better else replace(looks, bias_px=apart)
+        return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
         return replace(looks, kind="edge")
     still = fitter.background.grey
@@ -67,18 +71,60 @@ def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) ->
     picture = learned_picture(pairs, still, looks.outline.reach_px)
     if picture is None:
         return replace(looks, kind="edge")
-    places = [matched(i.astype(np.float32), still, picture, p, looks.outline.reach_px) for i, p in pairs]
-    off = [m[0] - p for m, (_, p) in zip(places, pairs, strict=True) if m is not None and m[1] > LEAST_MATCH]
-    scatter = float(1.4826 * np.median(np.abs(off))) if len(off) >= FEWEST_SHOTS else 1.0
-    return replace(looks, kind="picture", picture=picture, scatter_px=max(scatter, SMALLEST_PICTURE_ERROR_PX))
+    centre, error = _centre_of_picture(fitter, looks, pairs)
+    return replace(looks, kind="picture", picture=picture, centre_px=centre, bias_px=error)
 
 
-def _sights(fitter: Fitter, looks: Looks, shots: Shots) -> list[Sight]:
-    return [fitter.fit_anywhere_turned(number, image, looks, place) for number, image, place in shots]
+def _centre_of_picture(
+    fitter: Fitter, looks: Looks, pairs: list[tuple[Array, Array]]
+) -> tuple[tuple[float, float], float]:
+    """From the middle of a learned picture to the centroid in px, and the error of a coordinate of it.
+
+    Arcs lead through what moves, with highlights and shadows, not through centroids. The centroid is where the picture
+    changes most across the outline, whatever the block shows within it; an edge that is too faint in one frame is seen
+    in the median of many. The error is the delete-a-group jackknife over parts of the outline.
+    """
+    import cv2
+
+    reach = looks.outline.reach_px
+    wide = learned_picture(pairs, fitter.background.grey, WIDE_PICTURE * reach)
+    if wide is None:
+        return (0.0, 0.0), UNKNOWN_CENTRE * reach
+    steps = np.arange(-2 * UNKNOWN_CENTRE * reach, 2 * UNKNOWN_CENTRE * reach, CENTRE_STEP_PX)
+    du, dv = np.meshgrid(steps, steps)
+    slopes = [cv2.Sobel(wide, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))]
+    part = np.arange(len(looks.edge.points)) * JACKKNIFE_PARTS // len(looks.edge.points)
+    found: list[tuple[float, Array]] = []
+    for turn in start_angles(looks.outline):
+        c, s = np.cos(turn), np.sin(turn)
+        turned, normals = (a @ np.array([[c, s], [-s, c]]) for a in (looks.edge.points, looks.edge.normals))
+        u, v = (
+            (wide.shape[0] // 2 + turned[:, k, None] + d.ravel()).astype(np.float32)
+            for k, d in enumerate((du, dv))
+        )
+        across = sum(
+            cv2.remap(own, u, v, cv2.INTER_LINEAR) * normals[:, k, None] for k, own in enumerate(slopes)
+        )
+        change = np.array([np.abs(across[part == k]).sum(axis=0) for k in range(JACKKNIFE_PARTS)])
+        best = (change.sum(axis=0) - np.vstack([np.zeros_like(change[:1]), change])).argmax(
+            axis=1
+        )  # with all parts, and without each
+        found.append((change.sum(axis=0).max(), np.column_stack([du.ravel()[best], dv.ravel()[best]])))
+    _, places = max(found, key=lambda own: own[0])
+    own = places[1:]
+    squares = (JACKKNIFE_PARTS - 1) / JACKKNIFE_PARTS * ((own - own.mean(axis=0)) ** 2).sum(axis=0)
+    return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(np.sqrt(squares.max()), CENTRE_STEP_PX))
 
 
-def _share_seen(sights: list[Sight]) -> float:
-    return float(np.mean([not s.reason for s in sights]))
+def _sights(fitter: Fitter, looks: Looks, shots: Shots, turns: list[Array]) -> list[Sight]:
+    return [
+        fitter.fit_anywhere_turned(number, image, looks, place, turns=own)
+        for (number, image, place), own in zip(shots, turns, strict=True)
+    ]
+
+
+def _share_seen(sights: list[Sight], least: float = 0.0) -> float:
+    return float(np.mean([not s.reason and s.confidence >= least for s in sights]))
 
 
 def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tuple[bool, float | None]:
@@ -111,30 +157,34 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _sized(fitter: Fitter, looks: Looks, shots: Shots) -> Looks:
-    """The looks in the size that the edge shows; as they are if the edge is not seen well enough."""
+def _sized(fitter: Fitter, looks: Looks, shots: Shots) -> tuple[Looks, list[Array]]:
+    """The looks in the size that the edge shows, as they are if the edge is not seen well enough; and the angles from
+    which to fit each shot, one where its edge was found."""
     size, outline = 1.0, looks.outline
     turns = [start_angles(outline) for _ in shots]
     for _ in range(SIZE_ROUNDS):
         trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
         sizes = []
         for k, (_, image, place) in enumerate(shots):
-            fits = [
-                fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True) for turn in turns[k]
-            ]
-            best = max((f for f in fits if f is not None), key=lambda f: f.seen, default=None)
+            best: EdgeFit | None = None
+            for turn in turns[k]:
+                found = fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True)
+                if found is not None and (best is None or found.seen > best.seen):
+                    best = found
+                if best is not None and best.seen > SURE_FIT:
+                    break
             if best is not None and best.seen > SEEN_FOR_SIZE:
                 sizes.append(best.size)
                 turns[k] = best.pose[2:] if np.isfinite(best.pose[2]) else turns[k]
         if len(sizes) < FEWEST_SHOTS:
-            return looks
+            return looks, turns
         change = float(np.median(sizes))
         spread = float(1.4826 * np.median(np.abs(np.array(sizes) - change)))
         size *= change
         if abs(size - 1.0) > LARGEST_SIZE_CHANGE or spread > LARGEST_SIZE_SPREAD:
-            return looks
+            return looks, turns
         if abs(change - 1.0) < SIZE_CONVERGED:
             break
     error = 1.25 * spread / np.sqrt(len(sizes))
     outline = outline.scaled(size)
-    return replace(looks, outline=outline, edge=edge_points(outline), size=size, size_error=error)
+    return replace(looks, outline=outline, edge=edge_points(outline), size=size, size_error=error), turns

@@ -18,11 +18,10 @@ COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it 
 CORE_RADII, RING_RADII = 0.7, (1.4, 2.2)  # of the pixels that are block and background, around an arc's place
 TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
+PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, before frames are compared
 SEARCH_RADII = 0.8  # around the expected place in which the learned picture is looked for
 
-SLOW_ERROR_FACTOR = (
-    1.75  # errors of edges and pictures over those that a fit shows, measured on films with a truth
-)
+SLOW_ERROR_FACTOR = 1.75  # errors over those that a fit shows, measured on films with a truth
 
 Kind = Literal["outline", "edge", "picture"]
 
@@ -61,9 +60,9 @@ class Looks:
     outline : its outline in the size in which it is seen
     size, size_error : size that was seen over the size stated, and its standard error
     picture : difference from the background that was learned, float32; only of kind "picture"
-    bias_px : of a coordinate found by the outline, if it is so fitted: its distance from the one found by the edge;
-        None if no edge confirms the outline
-    scatter_px : of the places that correlation found about their arcs
+    centre_px : (2,) from the middle of this picture to the centroid
+    bias_px : 1 sigma of a coordinate that all frames share: for an outline, its distance from the one found by the
+        edge; for a picture, the error of its centre
     """
 
     kind: Kind
@@ -72,8 +71,8 @@ class Looks:
     size: float = 1.0
     size_error: float = np.inf
     picture: Array | None = None
-    scatter_px: float = 0.0
-    bias_px: float | None = 0.0
+    bias_px: float = 0.0
+    centre_px: tuple[float, float] = (0.0, 0.0)
 
 
 def plain_looks(outline: Outline) -> Looks:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +60,7 @@ class Outline:
     semi_axes_px: Array
     symmetry_rad: float
 
-    @property
+    @cached_property
     def area_px2(self) -> float:
         """Area in px²."""
         if len(self.edges) == 0:
@@ -73,7 +74,7 @@ class Outline:
         ) / np.sin(behind)
         return float(0.5 * (sides * h).sum())
 
-    @property
+    @cached_property
     def corners_px(self) -> Array:
         """(n, 2) corners of a polygon about its centroid, the one where edge k begins at k."""
         normals, h = self.edges[:, :2], self.edges[:, 2]
@@ -88,7 +89,7 @@ class Outline:
         """The outline, `factor` times as large."""
         return Outline(self.edges * [1.0, 1.0, factor], self.semi_axes_px * factor, self.symmetry_rad)
 
-    @property
+    @cached_property
     def reach_px(self) -> float:
         """Radius of the circle about the centroid that holds it."""
         if len(self.edges) == 0:

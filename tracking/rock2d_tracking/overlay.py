@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rock2d.graphics.video_file import check_frames, opened
+from rock2d.graphics.video_file import VideoWriter
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
@@ -24,12 +24,10 @@ class Overlay:
     """Writes a WebM frame by frame, until `close`."""
 
     def __init__(self, path: Path, setup: Setup, size_px: tuple[int, int], promised: int) -> None:
-        self._path = path
         self._scale = min(1.0, OVERLAY_WIDTH_PX / size_px[0])
         self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
         self._stride = max(1, -(-promised // OVERLAY_FRAMES))
-        self._pictures = 0
-        self._writer = opened(path, "VP80", OVERLAY_FPS, self._size)
+        self._writer = VideoWriter(path, OVERLAY_FPS, self._size)
         up = setup.pixel_map(size_px).up
         self._shapes = {
             name: block.outline(OUTLINE_POINTS) / setup.metres_per_pixel * [1.0, up]
@@ -68,7 +66,6 @@ class Overlay:
             cv2.LINE_AA,
         )
         self._writer.write(picture)
-        self._pictures += 1
 
     def _line(self, picture: Array, points: Array, colour: tuple[int, int, int], closed: bool) -> None:
         import cv2
@@ -78,10 +75,5 @@ class Overlay:
             cv2.polylines(picture, [fine], closed, colour, 1, cv2.LINE_AA, shift=4)
 
     def close(self) -> None:
-        """Close the video; OSError if it is not whole. No file is left if this OpenCV cannot write the format."""
-        written = self._writer.isOpened()
-        self._writer.release()
-        if written:
-            check_frames(self._path, self._pictures)
-        else:
-            self._path.unlink(missing_ok=True)
+        """Close the video; OSError if it is not whole."""
+        self._writer.close()

@@ -44,14 +44,11 @@ def video_section(
     view = tables.scenes_view(scenes, cross_section, max(b.radius_m for b in blocks.values()))
     shown = [labels[m] for m in ("measured", *poses)]
     path = folder / VIDEO
-    try:
-        compare_video(
-            path, cross_section, blocks, scenes, shown,
-            VideoOptions(fps_video=VIDEO_FPS, slow_motion=slow_motion, size_px=VIDEO_SIZE, view=view,
-                         titles=titles, hold_s=HOLD_S, quick=True),
-        )  # fmt: skip
-    except InputError as error:  # an OpenCV without the codec
-        return {"video_missing": error.message}
+    compare_video(
+        path, cross_section, blocks, scenes, shown,
+        VideoOptions(fps_video=VIDEO_FPS, slow_motion=slow_motion, size_px=VIDEO_SIZE, view=view, titles=titles,
+                     hold_s=HOLD_S),
+    )  # fmt: skip
     first = scene_sentence(scenes[0], titles[0], shown)
     chosen = (
         "For each block it is the release that the effect brings nearest to the film"

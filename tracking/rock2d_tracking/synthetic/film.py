@@ -6,6 +6,7 @@ The scene is drawn anti-aliased: the share of the block in a pixel is the share 
 from __future__ import annotations
 
 import csv
+import errno
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.files.folders import atomic_file
-from rock2d.graphics.video_file import check_frames, quiet_about_frames
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.synthetic.faults import (
     CLEAN,
@@ -200,19 +200,34 @@ def write_film(
         writer.release()
         if not pictures:
             raise InputError(f"{path}: nothing could be written")
-        check_frames(part, pictures)
+        _check_pictures(part, pictures)
     return path
+
+
+def _check_pictures(path: Path, count: int) -> None:
+    """OSError unless a film holds `count` pictures: OpenCV goes on when the disk is full."""
+    import av
+
+    try:
+        with av.open(str(path)) as film:
+            found = sum(packet.size > 0 for packet in film.demux(video=0))
+    except av.FFmpegError:
+        found = 0
+    if found < count:
+        said = f"only {found} of {count} pictures could be written; is the disk full?"
+        raise OSError(errno.ENOSPC, said, str(path))
 
 
 def _writer(path: Path, fps_video: float, size_px: tuple[int, int], quality: int | None) -> cv2.VideoWriter:
     import cv2
 
-    quiet_about_frames()
+    # no line for each picture that it cannot write: `_check_pictures` says it once
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
     name, size = str(path), (int(size_px[0]), int(size_px[1]))
     if quality is None:
         grey = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0]
         return cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), fps_video, size, grey)
-    # of OpenCV's two writers of Motion JPEG, only this one takes a quality
+    # the only writer of Motion JPEG that takes the quality of JPEG: FFmpeg counts in steps of its quantiser
     jpeg = cv2.VideoWriter.fourcc(*"MJPG")
     writer = cv2.VideoWriter(name, cv2.CAP_OPENCV_MJPEG, jpeg, fps_video, size)
     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)

@@ -1,5 +1,6 @@
 """Films as hard as reality: blocks that are shaded, shiny, textured, coloured or half transparent, before an untidy
-background, with hands, soft shadows, motion blur, a rolling shutter, over-exposure and compression.
+background, with hands, soft shadows, motion blur, a rolling shutter, over-exposure and compression, picture by picture
+(JPEG) or as a film (H.264).
 
 Light is added up in linear units (1 is white), then exposed, raised to 1 / gamma, and rounded. Twenty looks, drawn from
 a seed, at three severities, are what the tracking trial runs on.
@@ -13,6 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rock2d_tracking.synthetic.compression import compressed
+
 Array = np.ndarray
 
 LOOK_KINDS = ("matte", "shaded", "shiny black", "textured", "coloured", "half transparent", "white")
@@ -23,6 +26,7 @@ MOST_SIZE_ERROR = 0.03  # of the size that is stated for a block
 REFLECTANCE_TEXTURE = 0.6  # share by which the darkest spot of a textured block is darker
 SKIN = np.array([0.22, 0.34, 0.55])  # blue, green, red
 SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are balls
+H264_SHARE, MILDEST_CRF = 0.5, 17.0  # of the looks whose films are H.264, and its least rate factor
 LENGTH_RATIO = 0.6  # height of a rectangle over its length
 REST_FRAMES = 6  # at the start, in which the hand holds the block
 SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # of the shadow on the wall behind the block
@@ -37,6 +41,7 @@ class RealLook:
     radius_px : half the size of the block
     stated_size : size that a set-up file states, over the true one
     step_px, fall_px : way of the block in a frame, and gravity in px per frame squared
+    quality, crf : of JPEG, 1 to 100; of H.264, its constant rate factor, 0 where the film is of JPEG pictures
     """
 
     kind: str
@@ -66,6 +71,7 @@ class RealLook:
     blur_px: float
     quality: int
     seed: int
+    crf: float
 
 
 class RealFrame(NamedTuple):
@@ -113,6 +119,7 @@ def drawn_look(index: int, severity: str, seed: int = 0) -> RealLook:
         exposure=1.0 + hard * rng.uniform(-0.1, 0.6), gamma=rng.uniform(1.8, 2.4),
         noise=0.3 + hard * rng.uniform(1.0, 4.0), blur_px=0.5 + hard * rng.uniform(0.1, 0.8),
         quality=int(98 - hard * rng.uniform(20, 50)), seed=int(rng.integers(2**31)),
+        crf=MILDEST_CRF + hard * rng.uniform(4, 12) if rng.random() < H264_SHARE else 0.0,
     )  # fmt: skip
 
 
@@ -145,7 +152,26 @@ def _path(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
 
 
 def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int = 90) -> Iterator[RealFrame]:
-    """Film a block of this look until it leaves the picture or `frames` are full."""
+    """Film a block of this look until it leaves the picture or `frames` are full; `size_px` is even."""
+    shots = _rendered(look, size_px, frames)
+    if look.crf == 0.0:
+        for shot in shots:
+            yield shot._replace(image=_as_jpeg(shot.image, look.quality))
+        return
+    film = list(shots)
+    for shot, image in zip(film, compressed([s.image for s in film], look.crf), strict=True):
+        yield shot._replace(image=image)
+
+
+def _as_jpeg(image: Array, quality: int) -> Array:
+    import cv2
+
+    jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR))
+
+
+def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator[RealFrame]:
+    """The film before it is compressed."""
     import cv2
 
     rng = np.random.default_rng(np.random.SeedSequence([look.seed, 1]))
@@ -168,13 +194,10 @@ def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int
         light = cv2.GaussianBlur(light, (0, 0), look.blur_px)
         image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
         image += look.noise * rng.standard_normal(image.shape, np.float32)
-        jpeg = cv2.imencode(
-            ".jpg", np.clip(np.rint(image), 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, look.quality]
-        )[1]
         reach = 1.5 * look.radius_px
         u, v = poses[i, :2]
         free = not touched and reach < u < width - reach and reach < v < height - reach and i >= REST_FRAMES
-        yield RealFrame(np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), poses[i], bool(free))
+        yield RealFrame(np.clip(np.rint(image), 0, 255).astype(np.uint8), poses[i], bool(free))
 
 
 def _times(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:

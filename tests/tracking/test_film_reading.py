@@ -1,0 +1,107 @@
+"""Films are read as they were recorded: brightness, colour, length, and instants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from rock2d_tracking.film_reading import FilmFile
+
+from rock2d.errors import InputError
+
+HEIGHT, WIDTH = 96, 128
+GREYS = np.tile(np.linspace(0, 250, WIDTH).astype(np.uint8), (HEIGHT, 1))
+
+
+def written(
+    path: Path, pictures: Sequence[np.ndarray], ticks_ms: Sequence[int], *, full: bool = False
+) -> Path:
+    """A film of H.264 without loss, a picture at each of these instants."""
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("libx264", rate=30, options={"qp": "0", "preset": "ultrafast"})
+        stream.height, stream.width, stream.pix_fmt = HEIGHT, WIDTH, "yuvj420p" if full else "yuv420p"
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for picture, tick in zip(pictures, ticks_ms, strict=True):
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            if full:
+                frame = frame.reformat(format="yuvj420p")
+            frame.pts, frame.time_base = tick, Fraction(1, 1000)
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    return path
+
+
+def grey(count: int) -> list[np.ndarray]:
+    return [np.repeat(np.roll(GREYS, k, axis=1)[..., None], 3, axis=2) for k in range(count)]
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_grey_film_has_one_value_a_pixel_in_the_whole_range(tmp_path, full):
+    path = written(tmp_path / "a.mp4", grey(5), range(0, 165, 33), full=full)
+    frames = list(FilmFile(path).frames())
+    assert len(frames) == 5
+    for seen, drawn in zip(frames, grey(5), strict=True):
+        assert seen.shape == (HEIGHT, WIDTH)
+        assert np.abs(seen.astype(int) - drawn[..., 0]).max() <= 2
+
+
+def test_a_coloured_film_keeps_its_colours(tmp_path):
+    red = np.full((HEIGHT, WIDTH, 3), (30, 40, 200), np.uint8)
+    frames = list(FilmFile(written(tmp_path / "a.mp4", [red] * 3, [0, 33, 66])).frames())
+    assert np.abs(frames[0].astype(int) - red).max() <= 4
+
+
+def test_frames_that_follow_one_another_need_no_remark(tmp_path):
+    film = FilmFile(written(tmp_path / "a.mp4", grey(12), [round(k * 1000 / 30) for k in range(12)]))
+    frames = film.frames()
+    assert sum(1 for _ in frames) == 12 == film.promised
+    assert frames.stamps().remark == ""
+    np.testing.assert_array_equal(frames.stamps().numbers, np.arange(12))
+
+
+def test_frames_that_are_missing_by_their_time_stamps_keep_their_numbers(tmp_path):
+    filmed = [0, 1, 2, 3, 5, 6, 7, 10, 11, 12, 13]
+    frames = FilmFile(
+        written(tmp_path / "a.mp4", grey(len(filmed)), [round(k * 1000 / 30) for k in filmed])
+    ).frames()
+    list(frames)
+    np.testing.assert_array_equal(frames.stamps().numbers, filmed)
+    assert "3 frames missing" in frames.stamps().remark
+
+
+def test_a_frame_rate_that_varies_is_said(tmp_path):
+    ticks = np.cumsum([0, 33, 33, 50, 33, 33, 33, 58, 33, 33]).tolist()
+    frames = FilmFile(written(tmp_path / "a.mp4", grey(10), ticks)).frames()
+    list(frames)
+    stamps = frames.stamps()
+    assert "varies" in stamps.remark and "33" in stamps.remark and "58" in stamps.remark
+    np.testing.assert_array_equal(stamps.numbers, np.arange(10))
+
+
+def test_a_film_that_ends_early_is_refused(tmp_path):
+    whole = written(tmp_path / "a.mkv", grey(60), range(0, 1980, 33)).read_bytes()
+    (tmp_path / "half.mkv").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="ends early"):
+        list(FilmFile(tmp_path / "half.mkv").frames())
+
+
+def test_a_film_of_an_upright_phone_is_turned(tmp_path):
+    corner = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    corner[:32, :48] = 250
+    path = written(tmp_path / "a.mp4", [corner] * 3, [0, 33, 66])
+    one, no = (1 << 16).to_bytes(4, "big"), bytes(4)
+    upright = one + no * 3 + one
+    turned = no + one + no + (-(1 << 16)).to_bytes(4, "big", signed=True) + no  # clockwise by a quarter
+    stored = path.read_bytes()
+    at = stored.index(upright, stored.index(b"tkhd"))
+    path.write_bytes(stored[:at] + turned + stored[at + len(turned) :])
+    film = FilmFile(path)
+    assert film.size_px == (HEIGHT, WIDTH)
+    [first, *_] = film.frames()
+    assert first.shape == (WIDTH, HEIGHT)
+    assert first[10, HEIGHT - 10] > 240  # from the left to the right upper corner
+    assert first[10, 10] < 10 and first[WIDTH - 10, 10] < 10

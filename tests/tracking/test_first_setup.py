@@ -50,7 +50,7 @@ def test_scale_and_frame_rate_are_enough(thrown, tmp_path):
     off = seen[["u_px", "v_px"]].to_numpy() - places[seen["frame"]]
     assert np.sqrt((off**2).mean()) < 0.3
     setup = Setup(out / "setup.yaml")
-    assert setup.blocks["block"].size_m / 2 / SCALE == pytest.approx(RADIUS_PX, rel=0.03)
+    assert setup.blocks["ball"].size_m / 2 / SCALE == pytest.approx(RADIUS_PX, rel=0.03)
     floor = 280.0 + RADIUS_PX
     assert (319 - setup.cross_section.points_m[0, 1] / SCALE) == pytest.approx(floor, abs=6.0)
     text = (out / "explanation.txt").read_text()

@@ -90,7 +90,7 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
         except InputError as error:
             raise _explained(error, out, Seen(frames, motion, None, None)) from None
         looks = looks_in(frames, Setup(first), film.size_px, motion)
-        write_first_setup(first, film, motion, *config, looks["block"].size)
+        write_first_setup(first, film, motion, *config, looks["ball"].size)
         _track(film, frames, Setup(first), out, settings)
         settings.report(f"set-up file to refine: {out / 'setup.yaml'}")
 

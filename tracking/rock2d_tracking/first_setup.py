@@ -31,8 +31,8 @@ cross_section:
   zones: [floor]
 blocks:
   # guess: a ball, as large as what falls in the film ({radius_px:.1f} px radius); mass as of water
-  block: {{shape: circle, diameter_m: {diameter:.6g}, mass_kg: {mass:.6g}, inertia: solid_sphere}}
-releases: [block]
+  ball: {{shape: circle, diameter_m: {diameter:.6g}, mass_kg: {mass:.6g}, inertia: solid_sphere}}
+releases: [ball]
 detection: {{marks: false}}  # true if the block carries marks from which its turn can be read
 """
 

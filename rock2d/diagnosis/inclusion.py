@@ -117,10 +117,7 @@ def outside_statistics(
         "left_log": signed_log(strongest.total),
         "left_z": float(np.clip(max(z), 0.0, LARGEST_Z)),
         "left_over_named": signed_log(strongest.total) - signed_log(named),
-        "causes": float(len(best.names)),
         "left_share": case["left_share"],
-        "flights_log": case["flights_log"],
-        "scatter": float(any(effect.scatter for effect in best.fit.model.effects)),
     }
 
 

@@ -29,6 +29,7 @@ from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 Array = np.ndarray
 
@@ -36,6 +37,7 @@ SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_campaign"  # key of the campaign's fingerprint in a file's metadata
+ROW_GROUP = 1 << 16  # rows that are written at once, about
 COUNTS = b"rock2d_counts"  # key of its Counts, as JSON
 
 
@@ -92,13 +94,10 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     One group of releases at a time is in memory; after each, `on_progress` gets their number. Raises OSError
     if a file cannot be written. No interruption leaves an incomplete file.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
     token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
-    writers: dict[str, pq.ParquetWriter] = {}
+    writers = {output: _Writer(path, job.fingerprint) for output, path in partial.items()}
     end, counts = chunk.first + chunk.count, Counts(0, (0,) * len(job.cross_section.measure_lines))
     try:
         for first in range(chunk.first, end, DRAW_GROUP):
@@ -106,17 +105,10 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
             outputs, own = _simulate(job, chunk, first, stop)
             counts += own
             for output, columns in outputs.items():
-                table = pa.table(columns)
-                if output not in writers:
-                    schema = table.schema.with_metadata({FINGERPRINT: job.fingerprint})
-                    writers[output] = pq.ParquetWriter(
-                        partial[output], schema, compression="zstd", use_dictionary=list(TEXT_COLUMNS)
-                    )
-                writers[output].write_table(table)
+                writers[output].add(columns)
             on_progress(stop - first)
         for output, writer in writers.items():
-            writer.add_key_value_metadata({COUNTS: json.dumps(asdict(counts))})
-            writer.close()
+            writer.finish({COUNTS: json.dumps(asdict(counts))})
             os.replace(partial[output], paths[output])
     finally:
         for writer in writers.values():
@@ -124,6 +116,51 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
         for path in partial.values():
             path.unlink(missing_ok=True)
     return chunk.count
+
+
+class _Writer:
+    """Writes a columnar file in few row groups: each costs as much as a thousand of its rows."""
+
+    def __init__(self, path: Path, fingerprint: str) -> None:
+        self._path, self._fingerprint = path, fingerprint
+        self._waiting: list[pa.Table] = []
+        self._rows = 0
+        self._file: pq.ParquetWriter | None = None
+
+    def add(self, columns: dict[str, pa.Array]) -> None:
+        """Add rows; all columns each time."""
+        import pyarrow as pa
+
+        self._waiting.append(pa.table(columns))
+        self._rows += len(self._waiting[-1])
+        if self._rows >= ROW_GROUP:
+            self._write()
+
+    def finish(self, metadata: dict[bytes, str]) -> None:
+        """Write what is left, and close the file."""
+        if self._waiting or self._file is None:
+            self._write()
+        assert self._file is not None
+        self._file.add_key_value_metadata(metadata)
+        self.close()
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        if self._file is not None:
+            self._file.close()
+
+    def _write(self) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        table = pa.concat_tables(self._waiting)
+        if self._file is None:
+            schema = table.schema.with_metadata({FINGERPRINT: self._fingerprint})
+            self._file = pq.ParquetWriter(
+                self._path, schema, compression="zstd", use_dictionary=list(TEXT_COLUMNS)
+            )
+        self._file.write_table(table)
+        self._waiting, self._rows = [], 0
 
 
 def warm_up(job: Job) -> None:

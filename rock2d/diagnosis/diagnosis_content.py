@@ -20,6 +20,9 @@ from rock2d.laws.contact import INDENTATION
 Array = np.ndarray
 
 LEAST_LISTED_PROBABILITY = 0.05  # of an effect among the causes
+# of the size of an effect, 1 standard deviation: no law is exactly that of the ground, the air or the camera; measured
+# on films whose effects are known (`blind.size_errors`)
+MODEL_ERROR = 0.01
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 
 
@@ -31,7 +34,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
         entry = {}
         for parameter, value in zip(own, values, strict=True):
-            half = 1.96 * float(np.sqrt(fit.p_covariance[k, k]))
+            half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):
                 low, high = value * np.exp(-half), value * np.exp(half)
             else:

@@ -8,7 +8,7 @@ change of the residuals from no effect to the size that it has alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +17,9 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
 from rock2d.diagnosis.linear_model import LinearModel
-from rock2d.diagnosis.model import Model, discrete
+from rock2d.diagnosis.model import Model, to_scale
 from rock2d.diagnosis.significance import OverReleases
-from rock2d.effects.effect import Effect
+from rock2d.effects.effect import Effect, Parameter
 
 Array = np.ndarray
 
@@ -51,23 +51,28 @@ class Screening:
         """Of an effect; `alone`: its parameters, on the scale of `Model`, in the fit of the base law with it."""
         own = self._fit
         model = Model(own.model.setup, own.model.base, [*own.model.effects, effect], own.p)
-        start, first = extended(own, model), len(own.p)
-        chosen = {k - first for k in discrete(model) if k >= first}
-        steps = np.eye(model.size)[first:]
-        free = [k for k in range(len(alone)) if k not in chosen]
-        tries = []
-        if free and not chosen:
-            changes = [self._change(model, start, DIFFERENCE_STEP * steps[k]) for k in free]
+        start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
+        must_choose = any(
+            q.choices and not q.implied for q in parameters
+        )  # nothing to take a small step from
+        free = [first + k for k, q in enumerate(parameters) if not q.choices]
+        tries, steps = [], np.eye(model.size)
+        for at in _places(start, first, parameters):
+            if not free or must_choose:
+                break
+            changes = [self._change(model, at, DIFFERENCE_STEP * steps[k]) for k in free]
             columns = _stacked([_scaled(c, 1.0 / DIFFERENCE_STEP) for c in changes])
             found = self._linear.expected(columns, [np.ones(len(free))])
             step = np.clip(found.step, -LARGEST_STEP, LARGEST_STEP)
-            tries.append(Expected(found.gain, start - np.concatenate([np.zeros(first), step])))
-        size = alone - start[first:]
-        if np.abs(size).max(initial=0.0) > DIFFERENCE_STEP:
-            whole = np.concatenate([np.zeros(first), size])
-            found = self._linear.expected(_stacked([self._change(model, start, whole)]), [np.ones(1)])
-            share = 1.0 if chosen else float(np.clip(-found.step[0], 0.0, LARGEST_MULTIPLE))
-            tries.append(Expected(found.gain, start + share * whole))
+            tries.append(Expected(found.gain, at - step @ steps[free]))
+        at, whole = start.copy(), np.concatenate([np.zeros(first), alone - start[first:]])
+        for k, q in enumerate(parameters, first):
+            if q.implied:
+                at[k], whole[k] = start[k] + whole[k], 0.0
+        if np.abs(whole).max(initial=0.0) > DIFFERENCE_STEP:
+            found = self._linear.expected(_stacked([self._change(model, at, whole)]), [np.ones(1)])
+            share = 1.0 if must_choose else float(np.clip(-found.step[0], 0.0, LARGEST_MULTIPLE))
+            tries.append(Expected(found.gain, at + share * whole))
         if not tries:
             return Expected(np.zeros(len(self._data.order)), start)
         best = max(tries, key=lambda e: e.total)
@@ -88,6 +93,16 @@ class Screening:
         found = model.residuals(start + step, self._data)
         own = self._fit.residuals
         return Residuals(np.nan_to_num(found.impacts - own.impacts), found.flights - own.flights)
+
+
+def _places(start: Array, first: int, parameters: Sequence[Parameter]) -> list[Array]:
+    """`start` with each choice of the parameters from position `first` on that have a neutral one."""
+    places = [start]
+    for k, parameter in enumerate(parameters, first):
+        if parameter.implied:
+            values = [to_scale(parameter, v) for v in parameter.choices]
+            places = [np.where(np.arange(len(at)) == k, v, at) for at in places for v in values]
+    return places
 
 
 def _scaled(change: Residuals, factor: float) -> Residuals:

@@ -305,6 +305,9 @@ def _with_candidate(values: Values) -> WorldChange:
             return world
         effect, sizes = effects[name], []
         for k, parameter in enumerate(effect.parameters):
+            if parameter.implied:
+                sizes.append(parameter.neutral)
+                continue
             own = parameter.at(world.mean_size_m, world.gravity_m_s2)
             drawn = Quantity(own.name, own.low, own.high, log=own.low > 0)
             sizes.append(float(drawn.value(values[f"candidate.{k}"][i])))

@@ -11,6 +11,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
+from rock2d.effects.zone_contrast import FACE
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.processes import Processes
@@ -18,7 +19,7 @@ from tests.kinematics.synthetic_films import film, series_order, world
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
-HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, 0.0]}
+HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, FACE]}
 
 
 def searched(hidden: dict[str, list[float]]) -> Search:
@@ -48,6 +49,7 @@ def test_two_hidden_effects_are_found_and_measured(two):
     found = dict(zip((e.name for e in model.effects), model.values(two.best.fit.p), strict=True))
     for name, values in HIDDEN.items():
         assert found[name][0] == pytest.approx(values[0], rel=0.15)
+    assert found["zone_contrast"][-1] == FACE
     for smaller in two.without(two.best).values():
         assert two.best.gain(smaller).significant
 

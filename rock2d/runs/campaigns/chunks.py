@@ -91,7 +91,8 @@ def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
 def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda count: None) -> int:
     """Simulate a chunk and write its files; returns its number of releases.
 
-    One group of releases at a time is in memory; after each, `on_progress` gets their number. Raises OSError
+    Of each output, the rows that wait for `ROW_GROUP` are in memory; after each group of releases, `on_progress` gets
+    their number. Raises OSError
     if a file cannot be written. No interruption leaves an incomplete file.
     """
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
@@ -138,9 +139,9 @@ class _Writer:
 
     def finish(self, metadata: dict[bytes, str]) -> None:
         """Write what is left, and close the file."""
-        if self._waiting or self._file is None:
+        if self._waiting:
             self._write()
-        assert self._file is not None
+        assert self._file is not None, "a chunk has at least one group of releases"
         self._file.add_key_value_metadata(metadata)
         self.close()
 

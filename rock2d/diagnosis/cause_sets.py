@@ -153,7 +153,7 @@ class Search:
     def beside(self, own: CauseSet) -> dict[str, Expected]:
         """What screening expects of each further effect."""
         if own.names not in self.expected:
-            alone = {name: found.fit.p[len(BASE_WIDTH) :] for name, found in self.alone.items()}
+            alone = {name: found.fit.p for name, found in self.alone.items()}
             self.expected[own.names] = Screening(own.fit, self.data).all(self.effects, alone)
         return self.expected[own.names]
 

@@ -65,17 +65,22 @@ def fit_effects(model: Model, data: Data, base: Fit, on_some: float) -> Fit:
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:
     """The best of several short fits: from `base`, and from two scans around it. One scan has a larger variance, which
-    reacts to large residuals. If the best fit gains enough, scans around it follow.
+    reacts to large residuals. For an effect that must choose, one more starts from the law that is stated: `base` has
+    adapted to a film in which the choice was made. If the best fit gains enough, scans around it follow.
 
     The fits keep the derivatives of `base`: they show where a fit should start, not where it ends.
     """
     start, tried = extended(base, model), Tried(model, data)
     starts = [start]
     for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
-        found = scan(tried, start, wide * base.covariance(), slope)
-        if not any(np.allclose(found, p) for p in starts):
-            starts.append(found)
-    best = max((_short(tried, p, base) for p in starts), key=Fit.total)
+        p = scan(tried, start, wide * base.covariance(), slope)
+        if not any(np.allclose(p, other) for other in starts):
+            starts.append(p)
+    found = [_short(tried, p, base) for p in starts]
+    if any(q.must_choose for own in model.parameters for q in own):
+        p = scan(tried, model.start(), WIDE_SCAN * base.covariance(), None)
+        found.append(fit(model, data, p, rounds=EXPLORING_ITERATIONS))
+    best = max(found, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
         again = scan(tried, best.p, best.covariance(), best.slope)
         if np.allclose(again, best.p):

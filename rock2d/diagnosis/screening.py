@@ -17,7 +17,7 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
 from rock2d.diagnosis.linear_model import LinearModel
-from rock2d.diagnosis.model import Model, to_scale
+from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
 from rock2d.diagnosis.significance import OverReleases
 from rock2d.effects.effect import Effect, Parameter
 
@@ -48,13 +48,11 @@ class Screening:
         self._fit, self._data, self._linear = fit, data, LinearModel(fit, data)
 
     def expected(self, effect: Effect, alone: Array) -> Expected:
-        """Of an effect; `alone`: its parameters, on the scale of `Model`, in the fit of the base law with it."""
+        """Of an effect; `alone`: parameters of the fit of the base law with it."""
         own = self._fit
         model = Model(own.model.setup, own.model.base, [*own.model.effects, effect], own.p)
         start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
-        must_choose = any(
-            q.choices and not q.implied for q in parameters
-        )  # nothing to take a small step from
+        must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]
         tries, steps = [], np.eye(model.size)
         for at in _places(start, first, parameters):
@@ -65,7 +63,11 @@ class Screening:
             found = self._linear.expected(columns, [np.ones(len(free))])
             step = np.clip(found.step, -LARGEST_STEP, LARGEST_STEP)
             tries.append(Expected(found.gain, at - step @ steps[free]))
-        at, whole = start.copy(), np.concatenate([np.zeros(first), alone - start[first:]])
+        base = len(BASE_WIDTH)
+        at, whole = start.copy(), np.zeros(model.size)
+        whole[first:] = alone[base:] - start[first:]
+        if must_choose:  # the base law has adapted to the choice that was made
+            whole[:base] = alone[:base] - start[:base]
         for k, q in enumerate(parameters, first):
             if q.implied:
                 at[k], whole[k] = start[k] + whole[k], 0.0

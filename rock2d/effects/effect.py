@@ -40,6 +40,11 @@ class Parameter:
         """Whether a file may leave it out: a choice that has a neutral one."""
         return self.neutral in self.choices
 
+    @property
+    def must_choose(self) -> bool:
+        """Whether no choice is neutral, so that no small step leads from the law without the effect to one with it."""
+        return bool(self.choices) and not self.implied
+
     def called(self, value: float) -> str | None:
         """Name of a choice; None for a quantity."""
         return dict(zip(self.choices, self.choice_names, strict=False)).get(value)

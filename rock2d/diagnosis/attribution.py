@@ -17,7 +17,7 @@ import numpy as np
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
 from rock2d.diagnosis.classification import probabilities, statistics
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
@@ -33,7 +33,6 @@ from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.significance import Gain
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
@@ -134,7 +133,7 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
     best = max(found, key=Fit.total)
     best = fit(best.model, data, best.p)
     if registered is None:
-        return best
+        return fit(best.model, data, best.p, old=best, renew_noise=True)
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, enough=np.inf), free=False)
 
@@ -173,25 +172,28 @@ def attribute(
 def _better_base(search: Search) -> CauseSet | None:
     """The law of the best candidate without its effect, if it is better than the base."""
     base, data = search.base, search.data
-    best = max(search.alone.values(), key=lambda own: own.gain(base).total)
+    best = max(search.alone.values(), key=lambda own: search.gain(own, base).total)
     better = fit(base.fit.model, data, best.fit.p[: len(base.fit.p)])
     if better.total() < base.fit.total() + REFIT_GAIN:
         return None
     found = CauseSet(better, cross_validate(better, data))
-    return found if found.gain(base).significant else None
+    return found if search.gain(found, base).significant else None
 
 
 def _attribution(search: Search) -> Attribution:
     base, data = search.base, search.data
     found = Dependences(data)
     learnt, beside_learnt = _learn_beside(search, found)
-    candidates = {name: _candidate(own, name, base) for name, own in search.alone.items()}
+    candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, candidates) or [candidates[best]]
     final = chain[-1]
     regressed = _regressed(search, final, learnt)
     left = found.of(final.fit)
-    numbers = statistics(candidates, best, regressed.base, regressed.best, found.of(base.fit), left)
+    ahead = {
+        name: held_out_gain(data, candidates[best], other).significance for name, other in candidates.items()
+    }
+    numbers = statistics(candidates, best, ahead, regressed.base, regressed.best, found.of(base.fit), left)
     numbers["causes"] = inclusion_statistics(search, beside_learnt)
     numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
     included = inclusion(numbers["causes"])
@@ -205,11 +207,10 @@ def _attribution(search: Search) -> Attribution:
         chain = _chain(search, candidates) or [candidates[best]]
         final = chain[-1]
         regressed, left = _regressed(search, final, learnt), found.of(final.fit)
-    winner = candidates[best]
     group = [best] + [
         name
         for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
-        if name != best and winner.ahead_of(other) < GROUP_Z
+        if name != best and ahead[name] < GROUP_Z
     ]
     return Attribution(
         base.fit, base.held_out, candidates, chain, regressed.base, regressed.best, chances, group,
@@ -265,8 +266,8 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
     while learnt.changes:
         best = search.best
         smaller = search.without(best)
-        gains = {name: best.gain(own) for name, own in smaller.items()}
-        beside_best = Gain(learnt.held_out.score - best.held_out.score)
+        gains = {name: search.gain(best, own) for name, own in smaller.items()}
+        beside_best = held_out_gain(data, learnt, best)
         if waiting is None:
             waiting = sorted(gains, key=lambda name: gains[name].total)
         if not waiting or gains[waiting[0]].total > beside_best.total:
@@ -275,9 +276,9 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
         own = smaller[name]
         other = learn(own.fit, own.held_out, data, found.of(own.fit))
         beside[name] = BesideLearnt(
-            Gain(learnt.held_out.score - other.held_out.score),
+            held_out_gain(data, learnt, other),
             gains[name],
-            Gain(other.held_out.score - own.held_out.score),
+            held_out_gain(data, other, own),
         )
         if beside[name].needless:
             search.best, learnt, waiting = own, other, None
@@ -292,11 +293,14 @@ def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidat
         return [candidates[name] for name in best.names]
     smaller = search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)
-    return [Candidate(known[name], best.fit, best.held_out, best.gain(smaller[name]).gain) for name in order]
+    return [
+        Candidate(known[name], best.fit, best.held_out, search.gain(best, smaller[name]).gain)
+        for name in order
+    ]
 
 
-def _candidate(own: CauseSet, name: str, base: CauseSet) -> Candidate:
-    return Candidate(catalogue()[name], own.fit, own.held_out, own.gain(base).gain)
+def _candidate(search: Search, own: CauseSet, name: str) -> Candidate:
+    return Candidate(catalogue()[name], own.fit, own.held_out, search.gain(own, search.base).gain)
 
 
 def _is_significant(dependence: Discrepancy) -> bool:

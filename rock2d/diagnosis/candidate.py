@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.significance import Gain, OverReleases
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.effects.effect import Effect
 
 Array = np.ndarray
@@ -29,7 +29,3 @@ class Candidate(OverReleases):
     fit: Fit
     held_out: HeldOut
     gain: Array
-
-    def ahead_of(self, other: Candidate) -> float:
-        """By how many standard errors it is better than another."""
-        return Gain(self.gain - other.gain).significance

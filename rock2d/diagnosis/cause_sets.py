@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.diagnosis.checkpoint import load_fit, save_fit
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects, fit_to_some
@@ -56,10 +56,6 @@ class CauseSet:
     def names(self) -> Names:
         """Of the effects."""
         return frozenset(effect.name for effect in self.fit.model.effects)
-
-    def gain(self, other: CauseSet) -> Gain:
-        """Over another set."""
-        return Gain(self.held_out.score - other.held_out.score)
 
 
 @dataclass
@@ -123,18 +119,22 @@ class Search:
                 rival
                 for rival in self.effects
                 if rival not in own.names
-                and (score := self._score(less, rival)) is not None
-                and Gain(own.held_out.score - score).significance < z
+                and (ahead := self._ahead(own, less, rival)) is not None
+                and ahead.significance < z
             ]
             for name, less in smaller.items()
         }
 
-    def _score(self, own: CauseSet, name: str) -> Array | None:
-        """(releases,) score of a set with one more effect, fitted or expected; None if neither is known."""
-        if (found := self.known.get(own.names | {name})) is not None:
-            return found.held_out.score
-        expected = self.expected.get(own.names, {}).get(name)
-        return None if expected is None else own.held_out.score + expected.gain
+    def gain(self, own: CauseSet, other: CauseSet) -> Gain:
+        """Of a set over another one."""
+        return held_out_gain(self.data, own, other)
+
+    def _ahead(self, own: CauseSet, less: CauseSet, name: str) -> Gain | None:
+        """Gain of a set over another one with one more effect, fitted or expected; None if neither is known."""
+        if (found := self.known.get(less.names | {name})) is not None:
+            return self.gain(own, found)
+        expected = self.expected.get(less.names, {}).get(name)
+        return None if expected is None else Gain(self.gain(own, less).gain - expected.gain)
 
     def joint(self, names: Names) -> CauseSet:
         """The set of these effects."""
@@ -162,12 +162,12 @@ class Search:
             found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
                 found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)
-            best = max(found, key=lambda own: own.gain(self.best).total, default=None)
-            if best is None or not best.gain(self.best).significant:
+            gains = [(self.gain(own, self.best), own) for own in found]
+            better = [(gain.total, own) for gain, own in gains if gain.significant]
+            if not better:
                 return
-            added = best.names - self.best.names
-            self.best = best
-            self._prune(added)
+            known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
+            self._prune(self.best.names - known.names)
 
     def _additions(self, own: CauseSet, but: Names, most: int) -> list[CauseSet]:
         """The sets with one more effect, none of `but`: the `most` of them from which screening expects most."""
@@ -187,8 +187,8 @@ class Search:
         """Leave out members that add nothing, the least useful first."""
         while len(self.best.names) > 1:
             smaller = {name: own for name, own in self.without(self.best).items() if name not in kept}
-            least = min(smaller, key=lambda name: self.best.gain(smaller[name]).total, default=None)
-            if least is None or self.best.gain(smaller[least]).significant:
+            least = min(smaller, key=lambda name: self.gain(self.best, smaller[name]).total, default=None)
+            if least is None or self.gain(self.best, smaller[least]).significant:
                 return
             self.best = smaller[least]
 
@@ -197,8 +197,8 @@ class Search:
         rivals: list[CauseSet] = []
         for own in self.without(self.best).values():
             rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE)
-        best = max(rivals, key=lambda own: own.gain(self.best).total, default=None)
-        if best is None or best.gain(self.best).total < EXCHANGE_GAIN:
+        best = max(rivals, key=lambda own: self.gain(own, self.best).total, default=None)
+        if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
         self.best = best
         return True
@@ -207,7 +207,7 @@ class Search:
         """Effects that only widen the scatter, and do so alone."""
         return [
             name for name, found in self.alone.items()
-            if self.effects[name].scatter and found.gain(self.base).total > LEAST_SCATTER_GAIN
+            if self.effects[name].scatter and self.gain(found, self.base).total > LEAST_SCATTER_GAIN
         ]  # fmt: skip
 
     def _start(self, own: CauseSet, name: str) -> Array | None:
@@ -220,7 +220,7 @@ class Search:
         gains = {
             k: results[k].fit.total() - step.before.total()
             for k, step in enumerate(steps)
-            if isinstance(step, _Addition)
+            if isinstance(step, _Addition) and not self.effects[step.name].scatter
         }
         least = max(REFIT_GAIN, REFIT_SHARE * max(gains.values(), default=0.0))
         again = [k for k, gain in gains.items() if gain > least]

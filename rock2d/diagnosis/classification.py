@@ -55,6 +55,7 @@ def mean_square(found: RegressedResiduals) -> float:
 def statistics(
     candidates: Mapping[str, Candidate],
     best: str,
+    ahead: Mapping[str, float],
     base_regressed: RegressedResiduals,
     best_regressed: RegressedResiduals,
     base_dependences: Sequence[Discrepancy],
@@ -62,6 +63,7 @@ def statistics(
 ) -> dict[str, Any]:
     """The statistics of the three regressions: {"case": {name: value}, "effects": {effect: {name: value}}}.
 
+    `ahead`: standard errors by which the best one is better than each;
     `base_regressed`, `best_regressed`: residuals of the base and of the last model;
     `base_dependences`, `best_dependences`: dependences in the residuals of each, the strongest first.
     """
@@ -70,7 +72,7 @@ def statistics(
     for name, other in candidates.items():
         behind = winner.total - other.total
         effects[name] = {
-            "behind_z": min(winner.ahead_of(other), LARGEST_Z),
+            "behind_z": min(ahead[name], LARGEST_Z),
             "behind_share": float(np.clip(behind / max(winner.total, 1.0), 0.0, 2.0)),
             "behind_log": float(np.log1p(max(behind, 0.0))),
             "scatter": float(other.effect.scatter),

@@ -9,6 +9,7 @@ the other folds is small.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from rock2d.diagnosis.likelihood import (
     prior,
 )
 from rock2d.diagnosis.model import discrete
+from rock2d.diagnosis.significance import Gain
 
 Array = np.ndarray
 
@@ -43,6 +45,34 @@ class HeldOut:
 
     residuals: Residuals
     score: Array
+
+
+class Validated(Protocol):
+    """A fit with its residuals on held-out releases."""
+
+    @property
+    def fit(self) -> Fit: ...
+
+    @property
+    def held_out(self) -> HeldOut: ...
+
+
+def held_out_gain(data: Data, own: Validated, other: Validated) -> Gain:
+    """Log likelihood on held-out releases that a model has more than another.
+
+    Both are scored with the same covariances, first with those of the one, then with those of the other; the gain is
+    the mean. The covariances that two fits find differ by chance, and that adds more to the difference of their own
+    scores than a weak effect does. Where only one of the models has an effect that widens the scatter, nothing but the
+    covariances tells of it: then each is scored with its own.
+    """
+    pair = own.held_out, other.held_out
+    if [e.name for e in own.fit.model.scatter_effects] != [e.name for e in other.fit.model.scatter_effects]:
+        return Gain(pair[0].score - pair[1].score)
+    crossed = [
+        by_release(data, held_out.residuals, fit.covariance())
+        for held_out, fit in zip(pair, (other.fit, own.fit), strict=True)
+    ]
+    return Gain(0.5 * (pair[0].score - crossed[1] + crossed[0] - pair[1].score))
 
 
 def folds(data: Data) -> Array:

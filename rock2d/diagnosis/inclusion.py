@@ -16,6 +16,7 @@ import numpy as np
 
 from rock2d.diagnosis.cause_sets import Search
 from rock2d.diagnosis.classification import chance, weights
+from rock2d.diagnosis.cross_validation import held_out_gain
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import Gain
@@ -84,14 +85,14 @@ def inclusion_statistics(
     """
     found = {}
     for name, effect in search.effects.items():
-        gain = _with_over_without(search, name)
-        beside = beside_learnt.get(name, BesideLearnt(gain, gain, gain))
+        over = _with_over_without(search, name)
+        beside = beside_learnt.get(name, BesideLearnt(over, over, over))
         added = beside.added
         if beside.needless:  # what it explains, the learnt change explains, too
-            gain = added = Gain(np.zeros_like(gain.gain))
+            over = added = Gain(np.zeros_like(over.gain))
         found[name] = {
-            "z": float(np.clip(gain.significance, LEAST_Z, LARGEST_Z)),
-            "log_gain": signed_log(gain.total),
+            "z": float(np.clip(over.significance, LEAST_Z, LARGEST_Z)),
+            "log_gain": signed_log(over.total),
             "beside_learnt_z": float(np.clip(added.significance, LEAST_Z, LARGEST_Z)),
             "scatter": float(effect.scatter),
         }
@@ -106,14 +107,14 @@ def outside_statistics(
     `left`: the dependences in the residuals of the best set, the strongest first; `case`: statistics of the film.
     """
     best = search.best
-    gain = Gain(learnt.held_out.score - best.held_out.score)
-    named = best.gain(search.base).total
+    added = held_out_gain(search.data, learnt, best)
+    named = search.gain(best, search.base).total
     z = [d.significance for d in left]
     strongest = left[0]
     return {
-        "learnt_log": signed_log(gain.total),
-        "learnt_z": float(np.clip(gain.significance, 0.0, LARGEST_Z)),
-        "learnt_share": float(gain.total / max(gain.total + named, 1.0)),
+        "learnt_log": signed_log(added.total),
+        "learnt_z": float(np.clip(added.significance, 0.0, LARGEST_Z)),
+        "learnt_share": float(added.total / max(added.total + named, 1.0)),
         "left_log": signed_log(strongest.total),
         "left_z": float(np.clip(max(z), 0.0, LARGEST_Z)),
         "left_over_named": signed_log(strongest.total) - signed_log(named),
@@ -124,14 +125,19 @@ def outside_statistics(
 def _with_over_without(search: Search, name: str) -> Gain:
     """Gain of the best model with an effect over the best one without it. Where the former was not fitted, screening
     says what to expect of it."""
-    scores: dict[bool, list[Any]] = {True: [], False: []}
-    for names, own in search.known.items():
-        scores[name in names].append(own.held_out.score)
-    for names, expected in search.expected.items():
-        if name in expected and names | {name} not in search.known:
-            scores[True].append(search.known[names].held_out.score + expected[name].gain)
-    best, other = (max(scores[k], key=lambda score: float(score.sum())) for k in (True, False))
-    return Gain(best - other)
+    ahead = {names: search.gain(own, search.best).gain for names, own in search.known.items()}
+    own = max((names for names in ahead if name in names), key=lambda names: float(ahead[names].sum()))
+    other = max((names for names in ahead if name not in names), key=lambda names: float(ahead[names].sum()))
+    expected = {
+        names: found[name].gain
+        for names, found in search.expected.items()
+        if name in found and names | {name} not in search.known
+    }
+    likely = max(expected, key=lambda names: float((ahead[names] + expected[names]).sum()), default=None)
+    without = search.known[other]
+    if likely is None or (ahead[likely] + expected[likely]).sum() <= ahead[own].sum():
+        return search.gain(search.known[own], without)
+    return Gain(search.gain(search.known[likely], without).gain + expected[likely])
 
 
 def signed_log(value: float) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import Gain, OverReleases
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -137,14 +137,15 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
             answer = levers.answer(dependence.lever, dependence.basis)
             fitted = _fitted(state.fit, data, answer, levers.columns(answer), dependence.width)
             out = cross_validate(fitted, data)
-            tried.append((dependence, fitted, out, Gain(out.score - state.held_out.score)))
+            own = Learnt(fitted, out, [])
+            tried.append((dependence, own, held_out_gain(data, own, state)))
         if not tried:
             break
-        dependence, fitted, out, gain = max(tried, key=lambda one: one[-1].total)
-        if gain.total < LEAST_GAIN or gain.significance < LEAST_GAIN_Z:
+        dependence, own, best = max(tried, key=lambda one: one[-1].total)
+        if best.total < LEAST_GAIN or best.significance < LEAST_GAIN_Z:
             break
-        kept.append((dependence, levers.units[dependence.lever], gain.gain))
-        state, found = Learnt(fitted, out, []), None
+        kept.append((dependence, levers.units[dependence.lever], best.gain))
+        state, found = own, None
     return replace(state, changes=_changes(state.fit, kept))
 
 

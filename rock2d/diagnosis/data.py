@@ -56,6 +56,9 @@ class Data(Protocol):
     def only(self, releases: Array) -> Data:
         """The segments of some of the releases, given as a mask; releases keep their numbers."""
 
+    def coarse(self) -> Data:
+        """The same, but impacts are simulated in fewer steps: for a first look."""
+
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Residuals in a world; `shift` (6,) or (n, 6) is added to the states before the impacts."""
 

@@ -36,7 +36,7 @@ def fit_to_some(base: Fit, data: Data) -> float:
     if some.all():
         return base.total()
     part = base.only(some[data.impact_release], some[data.flight_release])
-    return _short(Tried(base.model, data.only(some)), part.p, part).total()
+    return _short(Tried(base.model, data.only(some).coarse()), part.p, part).total()
 
 
 def fit_effects(model: Model, data: Data, base: Fit, on_some: float) -> Fit:
@@ -48,11 +48,11 @@ def fit_effects(model: Model, data: Data, base: Fit, on_some: float) -> Fit:
     """
     start, some = extended(base, model), some_releases(data)
     if some.all():
-        found = explore(model, data, base)
+        found = explore(model, data.coarse(), base)
         found = fit(model, data, found.p, old=base)
     else:
         part = base.only(some[data.impact_release], some[data.flight_release])
-        few = data.only(some)
+        few = data.only(some).coarse()
         explored = explore(model, few, part)
         useful = explored.total() > on_some + EXPLORED_GAIN
         enough = CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_batch, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.impacts import Impacts, ground_axes
 from rock2d.kinematics.states import States, drift
@@ -20,7 +20,13 @@ Array = np.ndarray
 COMPARED_INSTANTS = 5  # within `Impacts.window_s`
 
 
-def simulate(world: World, impacts: Impacts, starts: Array, times_s: Array) -> Array:
+def simulate(
+    world: World,
+    impacts: Impacts,
+    starts: Array,
+    times_s: Array,
+    step_fraction: float = BATCH_STEP_FRACTION,
+) -> Array:
     """Poses (n, k, 3) of the centre of mass at true instants `times_s` (n, k) after `starts` (n, 6).
 
     NaN where a start is not finite, which happens when a flight is traced back with an impossible drag.
@@ -30,15 +36,21 @@ def simulate(world: World, impacts: Impacts, starts: Array, times_s: Array) -> A
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
     result = run_batch(
         ensemble, starts, block_ids=impacts.block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-        time_limit_s=times_s[:, -1] + 1e-9, times_s=times_s,
+        time_limit_s=times_s[:, -1] + 1e-9, times_s=times_s, step_fraction=step_fraction,
     )  # fmt: skip
     result.samples[~possible] = np.nan
     return result.samples
 
 
-def outcomes(world: World, impacts: Impacts, states: States, shift: Array | None = None) -> Array:
+def outcomes(
+    world: World,
+    impacts: Impacts,
+    states: States,
+    shift: Array | None = None,
+    step_fraction: float = BATCH_STEP_FRACTION,
+) -> Array:
     """(n, 6) simulated - measured where the flight after begins: along the ground, across it (m), angle (rad), then
-    their rates. `shift` (6,) or (n, 6) is added to the states before the impacts."""
+    their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see `run_batch`."""
     scale = world.view.time_scale
     starts = drift(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
     if shift is not None:
@@ -50,7 +62,7 @@ def outcomes(world: World, impacts: Impacts, states: States, shift: Array | None
         after = drift(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
         pivot = after[:, POSITION]
         starts = turned(starts, pivot, -world.slope_rad)
-    simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale)
+    simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale, step_fraction)
     if pivot is not None:
         simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
     measured = drift(

@@ -8,6 +8,7 @@ stiffnesses.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -45,6 +46,10 @@ class TableData(ImpactTable):
     @property
     def flight_release(self) -> Array:
         return np.empty(0, np.int64)
+
+    def coarse(self) -> Self:
+        """The same: single impacts take little time."""
+        return self
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
         """Simulated less recorded velocities after each impact: along the ground, across it, spin."""

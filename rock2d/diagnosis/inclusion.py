@@ -14,12 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.cause_sets import Search
+from rock2d.diagnosis.cause_sets import Names, Search
 from rock2d.diagnosis.classification import chance, weights
 from rock2d.diagnosis.cross_validation import held_out_gain
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import Gain
+
+Array = np.ndarray
 
 INCLUDED, OUTSIDE = "included", "outside"  # the questions of the two regressions
 LARGEST_MISSED = 0.1  # of what a learnt change explains that it may miss of its cause
@@ -84,8 +86,9 @@ def inclusion_statistics(
     `beside_learnt`: what members add beside the learnt changes, where there are any.
     """
     found = {}
+    ahead = {names: search.gain(own, search.best).gain for names, own in search.known.items()}
     for name, effect in search.effects.items():
-        over = _with_over_without(search, name)
+        over = _with_over_without(search, name, ahead)
         beside = beside_learnt.get(name, BesideLearnt(over, over, over))
         added = beside.added
         if beside.needless:  # what it explains, the learnt change explains, too
@@ -122,10 +125,9 @@ def outside_statistics(
     }
 
 
-def _with_over_without(search: Search, name: str) -> Gain:
+def _with_over_without(search: Search, name: str, ahead: Mapping[Names, Array]) -> Gain:
     """Gain of the best model with an effect over the best one without it. Where the former was not fitted, screening
-    says what to expect of it."""
-    ahead = {names: search.gain(own, search.best).gain for names, own in search.known.items()}
+    says what to expect of it. `ahead`: gain of each known set over the best one."""
     own = max((names for names in ahead if name in names), key=lambda names: float(ahead[names].sum()))
     other = max((names for names in ahead if name not in names), key=lambda names: float(ahead[names].sum()))
     expected = {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
-from rock2d.engines.geometry import CONVEX, block_arrays, ground_arrays
+from rock2d.engines.geometry import CONVEX, KNOWN, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
@@ -115,7 +116,7 @@ def pack(ensemble: Ensemble) -> Packed:
     """Flat arrays of an ensemble."""
     blocks = [block_arrays(b) for b in ensemble.blocks]
     grounds = [ground_arrays(t) for t in ensemble.cross_sections]
-    trees = [facet_tree(g.facets[:, :2].copy()) for g in grounds]
+    trees = [_tree(t) for t in ensemble.cross_sections]
     names = [list(t.measure_lines.values()) for t in ensemble.cross_sections]
     lines = np.full((len(grounds), max(map(len, names)), 4), np.nan)
     for i, ends in enumerate(names):
@@ -147,6 +148,11 @@ def pack(ensemble: Ensemble) -> Packed:
         lines,
         _tables(ensemble),
     )
+
+
+@lru_cache(KNOWN)
+def _tree(cross_section: CrossSection) -> Array:
+    return facet_tree(ground_arrays(cross_section).facets[:, :2].copy())
 
 
 def _tables(ensemble: Ensemble) -> Array:

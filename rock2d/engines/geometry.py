@@ -14,6 +14,7 @@ rounded corner is a circle; convex ground corners meet it or the flat part of a 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ F_POINT, F_NORMAL, F_SHAPE, N_FEATURE = 0, 2, 4, 8
 
 
 MOST_FACETS_UNSORTED = 8  # with more facets, a search looks only at those near the point
+KNOWN = 64  # blocks and cross-sections whose arrays are kept
 RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
 # columns of a row of GroundArrays.facets
 (
@@ -79,6 +81,7 @@ class BlockArrays(NamedTuple):
     centre_y: float
 
 
+@lru_cache(KNOWN)
 def ground_arrays(ground: CrossSection) -> GroundArrays:
     """Arrays of a cross-section whose two end facets are prolonged by ten times its width, far beyond any block.
 
@@ -125,6 +128,7 @@ def ground_arrays(ground: CrossSection) -> GroundArrays:
     )
 
 
+@lru_cache(KNOWN)
 def block_arrays(block: Block) -> BlockArrays:
     """Arrays of a block."""
     ex, ey = block.centre_of_mass_m

@@ -267,12 +267,12 @@ def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tupl
 
 def _significant(slow: float, slow_count: int, fast: float, fast_count: float) -> bool:
     """Whether the slow residuals are larger than the others by more than chance."""
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
     if slow_count < 1 or fast_count < 1 or fast <= 0.0:
         return False
     ratio = slow / slow_count / (fast / fast_count)
-    return bool(f.sf(ratio, slow_count, fast_count) < SLOW_CHANCE)
+    return bool(fdtrc(slow_count, fast_count, ratio) < SLOW_CHANCE)
 
 
 def _along(fits: _Fits, axis: Array) -> tuple[Array, Array]:
@@ -309,7 +309,7 @@ def _combined_over_releases(
     values: Array, errors: Array, release: Array, freedom: float
 ) -> tuple[Measured, Array]:
     """Mean over releases with its error, and the weight of each flight. Of a single release, its flights count."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     names, index = np.unique(release, return_inverse=True)
     if len(names) == 1:
@@ -318,7 +318,7 @@ def _combined_over_releases(
     mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
     if mean.scattered:
         freedom = len(names) - 1
-    student = float(t.ppf(0.975, max(freedom, 1.0))) / NORMAL_95
+    student = float(stdtrit(max(freedom, 1.0), 0.975)) / NORMAL_95
     return Measured(mean.value, mean.error * student), mean.weight[index] * errors**-2.0 / total[index]
 
 
@@ -332,7 +332,7 @@ class _Mean(NamedTuple):
 def _combined(values: Array, errors: Array) -> _Mean:
     """Weighted mean; where the values disagree, with a scatter that makes chi-square their number less one."""
     from scipy.optimize import brentq
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     def disagreement(scatter: float) -> float:
         weight = 1.0 / (errors**2 + scatter)
@@ -340,7 +340,7 @@ def _combined(values: Array, errors: Array) -> _Mean:
         return float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)
 
     scatter = 0.0
-    if len(values) > 1 and chi2.sf(disagreement(0.0) + len(values) - 1, len(values) - 1) < SCATTER_CHANCE:
+    if len(values) > 1 and chdtrc(len(values) - 1, disagreement(0.0) + len(values) - 1) < SCATTER_CHANCE:
         scatter = float(brentq(disagreement, 0.0, 10.0 * np.ptp(values) ** 2))
     weight = 1.0 / (errors**2 + scatter)
     total = float(weight.sum())

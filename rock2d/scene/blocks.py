@@ -20,7 +20,7 @@ from rock2d.scene.shapes.shape import BlockError
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """A rigid block.
 
@@ -77,7 +77,7 @@ class Block:
         next_x, next_y = np.roll(x, -1), np.roll(y, -1)
         return float(((x * next_y - next_x * y) / np.hypot(next_x - x, next_y - y)).min())
 
-    @property
+    @cached_property
     def reach_m(self) -> float:
         """Radius of a circle about the centre of mass that holds the profile."""
         ex, ey = self.centre_of_mass_m

@@ -42,7 +42,7 @@ class CrossSectionError(ValueError):
         self.key, self.facet, self.line = key, facet, line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CrossSection:
     """A checked cross-section.
 

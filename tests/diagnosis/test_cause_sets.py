@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rock2d.diagnosis.cause_sets import CauseSet, Search
-from rock2d.diagnosis.cross_validation import cross_validate
+from rock2d.diagnosis.cross_validation import by_release, cross_validate
+from rock2d.diagnosis.exploring import fit_effects, fit_to_some
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
-from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects import catalogue
+from rock2d.effects.mirrored_axis import MIRROR_THETA
 from rock2d.effects.zone_contrast import FACE
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -51,7 +55,7 @@ def test_two_hidden_effects_are_found_and_measured(two):
         assert found[name][0] == pytest.approx(values[0], rel=0.15)
     assert found["zone_contrast"][-1] == FACE
     for smaller in two.without(two.best).values():
-        assert two.best.gain(smaller).significant
+        assert two.gain(two.best, smaller).significant
 
 
 def test_screening_expects_most_of_the_effect_that_is_there(two):
@@ -61,13 +65,13 @@ def test_screening_expects_most_of_the_effect_that_is_there(two):
         expected = {key: found.total for key, found in two.beside(own).items()}
         assert max(expected, key=lambda key: expected[key]) == other
         assert expected[other] > 4.0 * max(expected["inertia_error"], expected["angle_offset"], 1.0)
-        assert expected[other] < 1.5 * two.best.gain(own).total
+        assert expected[other] < 1.5 * two.gain(two.best, own).total
 
 
 def test_no_effect_makes_the_empty_set():
     search = searched({})
     assert search.best.names == set()
-    assert max(own.gain(search.base).total for own in search.alone.values()) < 10.0
+    assert max(search.gain(own, search.base).total for own in search.alone.values()) < 10.0
 
 
 def test_the_order_in_which_effects_are_tried_does_not_matter(two):
@@ -76,3 +80,27 @@ def test_the_order_in_which_effects_are_tried_does_not_matter(two):
     again.run()
     assert again.best.names == two.best.names
     assert np.abs(again.best.held_out.score - two.best.held_out.score).max() < 1.0
+
+
+def test_the_same_predictions_with_other_covariances_gain_nothing(two):
+    """What two fits find of the scatter differs by chance; only what they predict is compared."""
+    best, less = two.best, next(iter(two.without(two.best).values()))
+    wider = CauseSet(replace(best.fit, scatter=2.0 * best.fit.scatter), best.held_out)
+    score = by_release(two.data, best.held_out.residuals, wider.fit.covariance())
+    wider.held_out = replace(best.held_out, score=score)
+    assert np.abs(score - best.held_out.score).sum() > 10.0
+    assert two.gain(wider, best).gain == pytest.approx(0.0, abs=1e-9)
+    assert two.gain(best, less).gain == pytest.approx(-two.gain(less, best).gain)
+
+
+def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
+    """The law that fits spins of the wrong sign is too far away to find the right one from there."""
+    true = catalogue()["mirrored_axis"].apply(world(series_order(RELEASES)), [float(MIRROR_THETA)])
+    experiment = film(true, RELEASES, seed=7)
+    setup, start = setup_world(experiment), base_start(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
+    model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
+    found = fit_effects(model, data, base, fit_to_some(base, data))
+    assert model.values(found.p) == [[MIRROR_THETA]]
+    assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5

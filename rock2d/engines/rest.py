@@ -18,6 +18,9 @@ from rock2d.records.columns import VX, VY, X, Y
 # elastic rolling spring swings to and fro stays in its box, but has more than REST_ENERGY m g radius.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH, REST_ENERGY = 2.0, 0.6, 0.4, 0.01, 0.25
 HOLDING_SHARE = 0.7  # of the friction must hold a captured block; what is over stops it
+# of weight × radius that a captured block may have left: with more, the tremor that lifts it off its contacts carries
+# it on, or the ground falls away nearby
+CAPTURE_ENERGY = 0.02
 LARGEST_FRICTION = 100.0  # friction coefficient used for friction without limit
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, largest kinetic energy, net motion of the
 # window before
@@ -56,8 +59,8 @@ def watch_rest(watch, t, q, body):
 
 @kernel
 def captured(q, world, memory):
-    """True if the remaining energy cannot move the block farther than REST_DRIFT radii. The endless creep of a
-    trembling block does not count.
+    """True if the remaining energy cannot move the block farther than REST_DRIFT radii, and is at most CAPTURE_ENERGY.
+    The endless creep of a trembling block does not count.
 
     Either it stands on contacts left and right of its centroid that hold it with HOLDING_SHARE of the friction (the
     rest stops it within that way), and has less than half the energy to tip over the nearer one. Or it is a ball that
@@ -66,7 +69,7 @@ def captured(q, world, memory):
     block, ground, law, ints, reals = world.block, world.ground, world.law, memory.ints, memory.reals
     energy = kinetic_energy(q, block) + stored_energy(memory, law)
     weight, radius = block.mass * world.gravity, block.radius
-    if energy > weight * radius:
+    if energy > CAPTURE_ENERGY * weight * radius:
         return False
     pose = pose_of(q)
     left, right, count, last = -1, -1, 0, -1  # the outermost contacts, how many, the last

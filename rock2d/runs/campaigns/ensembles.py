@@ -69,6 +69,7 @@ def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
             gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
+            stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these go on while the block trembles
             until_m=until_m, held=held,
         )  # fmt: skip
 

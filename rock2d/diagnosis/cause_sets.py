@@ -134,7 +134,7 @@ class Search:
         if (found := self.known.get(less.names | {name})) is not None:
             return self.gain(own, found)
         expected = self.expected.get(less.names, {}).get(name)
-        return None if expected is None else Gain(self.gain(own, less).gain - expected.gain)
+        return None if expected is None else self.gain(own, less).plus(-expected.gain)
 
     def joint(self, names: Names) -> CauseSet:
         """The set of these effects."""

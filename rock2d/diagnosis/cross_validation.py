@@ -58,21 +58,20 @@ class Validated(Protocol):
 
 
 def held_out_gain(data: Data, own: Validated, other: Validated) -> Gain:
-    """Log likelihood on held-out releases that a model has more than another.
+    """How much better a model predicts held-out releases than another.
 
-    Both are scored with the same covariances, first with those of the one, then with those of the other; the gain is
-    the mean. The covariances that two fits find differ by chance, and that adds more to the difference of their own
-    scores than a weak effect does. Where only one of the models has an effect that widens the scatter, nothing but the
-    covariances tells of it: then each is scored with its own.
+    For the means alone, both are scored with the covariances of the one, then with those of the other, and the mean is
+    taken. Where only one of them has an effect that widens the scatter, the means say nothing of it.
     """
     pair = own.held_out, other.held_out
+    ahead = pair[0].score - pair[1].score
     if [e.name for e in own.fit.model.scatter_effects] != [e.name for e in other.fit.model.scatter_effects]:
-        return Gain(pair[0].score - pair[1].score)
+        return Gain(ahead)
     crossed = [
         by_release(data, held_out.residuals, fit.covariance())
         for held_out, fit in zip(pair, (other.fit, own.fit), strict=True)
     ]
-    return Gain(0.5 * (pair[0].score - crossed[1] + crossed[0] - pair[1].score))
+    return Gain(ahead, 0.5 * (ahead + crossed[0] - crossed[1]))
 
 
 def folds(data: Data) -> Array:

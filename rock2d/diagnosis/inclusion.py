@@ -139,7 +139,7 @@ def _with_over_without(search: Search, name: str, ahead: Mapping[Names, Array]) 
     without = search.known[other]
     if likely is None or (ahead[likely] + expected[likely]).sum() <= ahead[own].sum():
         return search.gain(search.known[own], without)
-    return Gain(search.gain(search.known[likely], without).gain + expected[likely])
+    return search.gain(search.known[likely], without).plus(expected[likely])
 
 
 def signed_log(value: float) -> float:

@@ -32,21 +32,43 @@ class OverReleases:
 
     @property
     def significance(self) -> float:
-        """Sum of the gains, each between ±LARGEST_GAIN, in its standard errors."""
-        gain = np.clip(self.gain, -LARGEST_GAIN, LARGEST_GAIN)
-        return float(gain.sum()) / max(standard_error(gain), SMALLEST_ERROR)
+        """Of the gain."""
+        return significance(self.gain)
 
 
 @dataclass
 class Gain(OverReleases):
-    """(releases,) log likelihood on held-out releases that one model has more than another."""
+    """How much better one model predicts held-out releases than another.
+
+    Attributes
+    ----------
+    gain : (releases,) log likelihood that it has more
+    by_means : (releases,) the same if both had the same covariances; None if that is not known, or says nothing
+    """
 
     gain: Array
+    by_means: Array | None = None
+
+    @property
+    def significance(self) -> float:
+        """In standard errors. By the means alone where that is known: the covariances that two fits find differ by
+        chance, and that adds more to the spread over releases than a weak effect does."""
+        return significance(self.gain if self.by_means is None else self.by_means)
+
+    def plus(self, further: Array) -> Gain:
+        """With a further gain (releases,), of the same covariances."""
+        return Gain(self.gain + further, None if self.by_means is None else self.by_means + further)
 
     @property
     def significant(self) -> bool:
         """Whether it is more than chance gives."""
         return self.total > LEAST_GAIN and self.significance > LEAST_GAIN_Z
+
+
+def significance(per_release: Array) -> float:
+    """Sum of gains, each between ±LARGEST_GAIN, in its standard errors."""
+    gain = np.clip(per_release, -LARGEST_GAIN, LARGEST_GAIN)
+    return float(gain.sum()) / max(standard_error(gain), SMALLEST_ERROR)
 
 
 def standard_error(per_release: Array) -> float:

@@ -57,6 +57,7 @@ class Engine:
     many_processes : its releases are worth the start of further processes
     audits_energy : its tracks carry an energy audit that is written with a run
     keeps_samples : a campaign can keep sampled trajectories
+    groups_at_once : groups of releases (`DRAW_GROUP`) that a campaign simulates in one call, for about a second's work
     """
 
     name: str
@@ -67,6 +68,7 @@ class Engine:
     many_processes: bool = False
     audits_energy: bool = False
     keeps_samples: bool = False
+    groups_at_once: int = 1
 
 
 def engine_named(name: str) -> Engine:
@@ -141,6 +143,13 @@ _ALL = (
         audits_energy=True,
         keeps_samples=True,
     ),
-    Engine("point_mass", "probabilistic", _rebound_parameters, _point_mass_track, _point_mass_ensemble),
+    Engine(
+        "point_mass",
+        "probabilistic",
+        _rebound_parameters,
+        _point_mass_track,
+        _point_mass_ensemble,
+        groups_at_once=10,
+    ),
 )
 ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})

@@ -164,6 +164,9 @@ class CrossSection:
         import shapely
 
         outline = self.points_m
+        possible = points_m[:, 1] <= outline[:, 1].max()  # most are asked of points high above
+        if not possible.any():
+            return possible
         lowest = np.min(points_m[:, 1], initial=outline[:, 1].min())
         floor = float(lowest - np.ptp(outline, axis=0).max())
         ground = shapely.make_valid(

@@ -82,15 +82,16 @@ def test_the_order_in_which_effects_are_tried_does_not_matter(two):
     assert np.abs(again.best.held_out.score - two.best.held_out.score).max() < 1.0
 
 
-def test_the_same_predictions_with_other_covariances_gain_nothing(two):
-    """What two fits find of the scatter differs by chance; only what they predict is compared."""
+def test_the_same_predictions_with_other_covariances_are_no_surer(two):
+    """What two fits find of the scatter differs by chance; how sure a gain is comes from what they predict."""
     best, less = two.best, next(iter(two.without(two.best).values()))
     wider = CauseSet(replace(best.fit, scatter=2.0 * best.fit.scatter), best.held_out)
     score = by_release(two.data, best.held_out.residuals, wider.fit.covariance())
     wider.held_out = replace(best.held_out, score=score)
     assert np.abs(score - best.held_out.score).sum() > 10.0
-    assert two.gain(wider, best).gain == pytest.approx(0.0, abs=1e-9)
-    assert two.gain(best, less).gain == pytest.approx(-two.gain(less, best).gain)
+    assert two.gain(wider, best).by_means == pytest.approx(0.0, abs=1e-9)
+    assert two.gain(wider, best).significance == pytest.approx(0.0, abs=1e-9)
+    assert two.gain(best, less).by_means == pytest.approx(-two.gain(less, best).by_means)
 
 
 def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():

@@ -101,8 +101,9 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     writers = {output: _Writer(path, job.fingerprint) for output, path in partial.items()}
     end, counts = chunk.first + chunk.count, Counts(0, (0,) * len(job.cross_section.measure_lines))
     try:
-        for first in range(chunk.first, end, DRAW_GROUP):
-            stop = min(first + DRAW_GROUP, end)
+        at_once = _releases_at_once(job)
+        for first in range(chunk.first, end, at_once):
+            stop = min(first + at_once, end)
             outputs, own = _simulate(job, chunk, first, stop)
             counts += own
             for output, columns in outputs.items():
@@ -164,6 +165,13 @@ class _Writer:
         self._waiting, self._rows = [], 0
 
 
+def _releases_at_once(job: Job) -> int:
+    """Releases that are simulated in one call: many, for what is done around it costs time, but not many whose impacts
+    or samples are in memory."""
+    bulky = {"impacts", "samples"} & set(job.keep)
+    return DRAW_GROUP * (1 if bulky else ENGINES[job.engine].groups_at_once)
+
+
 def warm_up(job: Job) -> None:
     """Compile the code that chunks need, or load it from the cache."""
     _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1)
@@ -171,6 +179,8 @@ def warm_up(job: Job) -> None:
 
 def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], Counts]:
     """(output -> columns of releases first .. stop - 1 of the chunk's block, their counts)."""
+    import pyarrow as pa
+
     group = job.conditions.group(chunk.block, first, stop)
     ensemble = ENGINES[job.engine].ensemble
     assert ensemble is not None, f"engine {job.engine} is for single releases"
@@ -178,7 +188,7 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, 
     block, numbers = job.blocks[chunk.block], chunk.offset + np.arange(first, stop)
 
     def columns(names: Sequence[str], release: Array, **of: Any) -> dict[str, pa.Array]:
-        of |= {"release": numbers[release], "block": _text([block.name], np.zeros(len(release), int))}
+        of |= {"release": numbers[release], "block": pa.repeat(pa.scalar(block.name), len(release))}
         return {name: of[name] for name in names}
 
     out = {}

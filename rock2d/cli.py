@@ -327,6 +327,9 @@ def main() -> None:
     terminated = answer_signals()
     if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
         os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)
+    # Matrices are small: a second thread of linear algebra burns processor time and slows the first. Before numpy is
+    # imported, so that every library with a BLAS of its own has it, and every worker.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         cli(standalone_mode=False)
     except InputError as error:

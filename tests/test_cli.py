@@ -34,6 +34,12 @@ def end():
     atexit.register(os.kill, os.getpid(), signal.SIGINT)
     atexit.register(os.kill, os.getpid(), signal.SIGTERM)
 
+@cli.cli.command()
+def threads():
+    import numpy, scipy.linalg
+    from threadpoolctl import threadpool_info
+    print(*[own["num_threads"] for own in threadpool_info() if own["user_api"] == "blas"])
+
 cli.main()
 """
 
@@ -76,6 +82,14 @@ def test_a_progress_bar_does_not_flood_a_log_file():
     with started("bar", signal.SIG_DFL) as process:
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 0 and 1 <= errors.count("it/s") <= 3
+
+
+def test_linear_algebra_has_one_thread(monkeypatch):
+    """With two, the small matrices of a diagnosis take a multiple of the processor time."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with started("threads", signal.SIG_DFL) as process:
+        found, errors = process.communicate(timeout=60)
+    assert found.split() and set(found.split()) == {"1"}, errors
 
 
 def test_a_signal_while_python_ends_does_not_change_the_exit_code():

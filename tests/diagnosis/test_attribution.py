@@ -82,11 +82,17 @@ def test_no_effect_is_named_without_one(diagnosed):
     json.dumps(content, allow_nan=False)
 
 
-def test_result_does_not_depend_on_the_number_of_processes():
+@pytest.fixture(scope="module")
+def plain():
+    """A film without an effect, two effects to try, and the content of its diagnosis in one process."""
     experiment = film(world(), 8, seed=3)
     effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
-    one, two = (diagnosis_json(diagnose(experiment, effects=effects, workers=n)) for n in (1, 2))
-    assert one == two
+    return experiment, effects, diagnosis_json(diagnose(experiment, effects=effects))
+
+
+def test_result_does_not_depend_on_the_number_of_processes(plain):
+    experiment, effects, one = plain
+    assert one == diagnosis_json(diagnose(experiment, effects=effects, workers=2))
 
 
 def test_a_better_law_found_with_an_effect_becomes_the_base():
@@ -102,9 +108,8 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
 
 
-def test_an_interrupted_diagnosis_continues_with_the_same_result(tmp_path):
-    experiment = film(world(), 8, seed=3)
-    effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
+def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path):
+    experiment, effects, undisturbed = plain
 
     def stop_after_one(name: str) -> None:
         if name == "angle_offset":
@@ -117,4 +122,4 @@ def test_an_interrupted_diagnosis_continues_with_the_same_result(tmp_path):
     before = kept[0].stat().st_mtime_ns
     again = diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path))
     assert kept[0].stat().st_mtime_ns == before
-    assert again == diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path / "anew"))
+    assert again == undisturbed

@@ -20,7 +20,7 @@ from rock2d.errors import InputError
 EFFECTS = 22
 
 
-def _label(*, releases=100, **hidden):
+def trial_label(*, releases=100, **hidden):
     known = sorted(name for name in hidden if name in catalogue())
     return {
         "label": "+".join([*known, *["unknown"] * (len(known) < len(hidden))]) or "none",
@@ -42,20 +42,20 @@ def _result(causes, outside, claimed=None, true=None):
 
 TRIAL = {
     "000": (
-        _label(air_drag=20.0, releases=20),
+        trial_label(air_drag=20.0, releases=20),
         _result({"air_drag": 0.95, "adhesion": 0.6}, 0.1, claimed=0.9, true=0.8),
     ),
     "001": (
-        _label(magnus_lift=3.0, adhesion=1.0, releases=80),
+        trial_label(magnus_lift=3.0, adhesion=1.0, releases=80),
         _result({"magnus_lift": 0.7}, 0.2, claimed=0.5, true=0.9),
     ),
-    "002": (_label(), _result({"camera_tilt": 0.92}, 0.85)),
-    "003": (_label(), _result({}, 0.1, claimed=0.0)),
+    "002": (trial_label(), _result({"camera_tilt": 0.92}, 0.85)),
+    "003": (trial_label(), _result({}, 0.1, claimed=0.0)),
     "004": (
-        _label(air_drag=60.0, spin_kick=10.0),
+        trial_label(air_drag=60.0, spin_kick=10.0),
         _result({"inertia_error": 0.55, "air_drag": 0.4}, 0.8, claimed=0.3, true=0.2),
     ),
-    "005": (_label(spin_kick=3.0), _result({}, 0.3)),
+    "005": (trial_label(spin_kick=3.0), _result({}, 0.3)),
 }
 
 
@@ -82,7 +82,7 @@ def test_inclusion_is_scored_over_all_cases_and_effects(cases):
 
 
 def test_a_hidden_effect_that_cannot_be_seen_counts_as_absent():
-    found = inclusion([set_case("000", _label(air_drag=0.4), _result({}, 0.0))])
+    found = inclusion([set_case("000", trial_label(air_drag=0.4), _result({}, 0.0))])
     assert (found["pairs"], found["present"], found["undecidable"]) == (EFFECTS, 0, 0)
 
 
@@ -127,9 +127,9 @@ def test_named_effects_firsts_nulls_and_releases(cases):
 def test_the_first_place_counts_and_not_the_named_set():
     below = {"air_drag": 0.3, "adhesion": 0.2}
     found = set_summary([
-        set_case("0", _label(air_drag=20.0), _result(below, 0.0)),
-        set_case("1", _label(adhesion=20.0), _result(below, 0.0)),
-        set_case("2", _label(adhesion=20.0), _result({}, 0.0)),
+        set_case("0", trial_label(air_drag=20.0), _result(below, 0.0)),
+        set_case("1", trial_label(adhesion=20.0), _result(below, 0.0)),
+        set_case("2", trial_label(adhesion=20.0), _result({}, 0.0)),
     ])  # fmt: skip
     assert _counts(found["first_right_single"]["15 to 50"]) == (1, 3)
     assert _counts(found["recall"]["without_outside"]["1"]["15 to 50"]) == (0, 3)
@@ -156,7 +156,7 @@ def test_claimed_closure_is_compared_with_the_true_one_where_both_are_known(case
     }  # fmt: skip
 
 
-def _write(folder, trial):
+def write_trial(folder, trial):
     labels = json.dumps({name: label for name, (label, _) in trial.items()})
     (folder / "labels.json").write_text(labels)
     digest = hashlib.sha256(labels.encode()).hexdigest()
@@ -169,7 +169,7 @@ def _write(folder, trial):
 
 def test_sets_are_in_the_score_and_on_its_page(tmp_path, monkeypatch):
     monkeypatch.setattr(scoring, "confused_pairs", lambda folder, cases: [])
-    _write(tmp_path, TRIAL)
+    write_trial(tmp_path, TRIAL)
     score(tmp_path, report=lambda line: None)
     found = json.loads((tmp_path / "score.json").read_text())["sets"]
     assert found["cases"] == 6 and found["precision"]["all"][3] == 5
@@ -184,7 +184,7 @@ def test_results_without_sets_are_scored_as_before(tmp_path, monkeypatch):
     trial = json.loads(json.dumps(TRIAL))
     for _, result in trial.values():
         del result["diagnosis"]["causes"]
-    _write(tmp_path, trial)
+    write_trial(tmp_path, trial)
     score(tmp_path, report=lambda line: None)
     assert "sets" not in json.loads((tmp_path / "score.json").read_text())
     assert (tmp_path / "score.html").read_text().count("<img ") == 5
@@ -193,7 +193,7 @@ def test_results_without_sets_are_scored_as_before(tmp_path, monkeypatch):
 def test_a_damaged_set_is_refused_with_its_file(tmp_path):
     trial = json.loads(json.dumps(TRIAL))
     trial["001"][1]["diagnosis"]["causes"] = [{"effect": "air_drag"}]
-    _write(tmp_path, trial)
+    write_trial(tmp_path, trial)
     with pytest.raises(InputError, match=r"001\.json"):
         set_cases(tmp_path)
 

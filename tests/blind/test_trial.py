@@ -23,6 +23,7 @@ from rock2d.diagnosis.inclusion import outside as outside_chance
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
+from tests.blind.test_set_scoring import trial_label, write_trial
 
 
 @pytest.fixture
@@ -243,14 +244,14 @@ def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == whole
 
 
-def test_weights_are_learned_from_a_trial(tmp_path, small):
-    """Results in which the effect with the largest gain is the right one, and what is left tells the unknown."""
+def test_weights_are_learned_from_a_trial(tmp_path):
+    """Results in which the effect with the largest gain is the right one, and what is left tells the unknown; all that
+    is hidden can be seen."""
     from rock2d.blind.training import labelled_results, train
 
     rng = np.random.default_rng(1)
     causes = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
-    make_trial(len(causes), 5, tmp_path / "t", causes=causes)
-    (tmp_path / "t" / "results").mkdir()
+    trial = {}
     for i, own in enumerate(causes):
         outside = own == ("late_angle",)
         case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.0)
@@ -265,21 +266,11 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
         }
         left = dict.fromkeys(FEATURES[OUTSIDE], 0.0) | {"learnt_z": 8.0 if outside else 0.0}
         found = {"case": case, "effects": effects, "causes": included, "outside": left}
-        result = {"statistics": found, "without_best": None}
-        (tmp_path / "t" / "results" / f"{i:03d}.json").write_text(json.dumps(result))
-    labels = read_labels(tmp_path / "t")
-    # as if all that is hidden in so few releases could be seen
-    clear = [
-        (
-            label
-            | {
-                "signal_to_noise": 20.0,
-                "hidden": [cause | {"signal_to_noise": 20.0} for cause in label["hidden"]],
-            },
-            result,
-        )
-        for label, result in labelled_results([tmp_path / "t"])
-    ]
+        label = trial_label(**dict.fromkeys(own, 20.0))
+        trial[f"{i:03d}"] = label, {"statistics": found, "without_best": None}
+    write_trial(tmp_path, trial)
+    labels = read_labels(tmp_path)
+    clear = labelled_results([tmp_path])
     learned = train(clear)
     assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN, INCLUDED, OUTSIDE}
     for (label, result), truth in zip(clear, causes, strict=True):
@@ -290,9 +281,7 @@ def test_weights_are_learned_from_a_trial(tmp_path, small):
         )
     p = probabilities({"case": case, "effects": effects}, learned)
     assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"
-    named = probabilities(
-        json.loads((tmp_path / "t" / "results" / "001.json").read_text())["statistics"], learned
-    )
+    named = probabilities(trial["001"][1]["statistics"], learned)
     assert max(named, key=named.__getitem__) == "air_drag"
 
 

@@ -11,6 +11,37 @@ import pytest
 # pytest and the commands that tests start have it, too. Before numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Files that take longest come first, so that no worker is left alone with one of them at the end (`--durations` of the
+# settings tells which).
+FIRST = (
+    "runs/campaigns/test_campaign.py",
+    "diagnosis/test_attribution.py",
+    "engines/test_pymunk_engine.py",
+    "reproduction/test_reproduce.py",
+    "blind/test_trial.py",
+    "engines/test_agreement.py",
+    "diagnosis/test_report.py",
+    "diagnosis/test_cause_sets.py",
+    "diagnosis/test_learnt.py",
+    "diagnosis/test_predict.py",
+    "docs/test_tutorials.py",
+    "effects/test_catalogue.py",
+    "field_tests/test_field_forecasts.py",
+    "design/test_least_size.py",
+    "hunt/test_releases.py",
+    "hunt/test_faults.py",
+    "runs/test_run.py",
+    "runs/test_found_causes.py",
+    "runs/test_resolution.py",
+)
+_TESTS = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order the tests by their files: those of `FIRST`, then all others as they were found."""
+    place = {_TESTS / name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path, len(FIRST)))
+
 
 @pytest.fixture(scope="session")
 def data_root() -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -236,19 +237,27 @@ def test_the_change_of_momentum_is_the_impulse_of_the_recorded_force(name):
     assert impulse > 2.0 * block.mass_kg * 0.3
 
 
+# Steps from one look at the energy balance to the next, which costs as much as a step. Losses add up, so that a gap
+# stays; a contact takes far more steps, so that a wrong elastic energy is met, too.
+LOOK_STEPS = 5
+
+
 def audited(block, cross_section, parameters, state, time_limit_s):
     """Run a release; the audit's worst gap on the way and a dissipation's largest fall, both relative."""
     sim = PymunkRelease(block, cross_section, parameters, state)
     ends = cross_section.points_m[[0, -1], 0]
-    balance = sim.energy_balance()
+    initial = sim.energy_balance()["initial"]
     gap, fall, before = 0.0, 0.0, sim.audit.copy()
-    while sim.time < time_limit_s and ends[0] < sim.q[0] < ends[1]:
+    for step in count():
+        over = sim.time >= time_limit_s or not ends[0] < sim.q[0] < ends[1]
+        if over or step % LOOK_STEPS == 0:
+            gap = max(gap, abs(sim.energy_balance()["residual"]))
+        if over:
+            break
         sim.step()
-        balance = sim.energy_balance()
-        gap = max(gap, abs(balance["residual"]))
         fall = max(fall, float((before - sim.audit)[: len(AUDIT_NAMES)].max()))
         before = np.maximum(before, sim.audit)
-    return gap / balance["initial"], fall / balance["initial"], sim
+    return gap / initial, fall / initial, sim
 
 
 GROUNDS = {

@@ -85,7 +85,7 @@ def test_a_progress_bar_does_not_flood_a_log_file():
 
 
 def test_linear_algebra_has_one_thread(monkeypatch):
-    """With two, the small matrices of a diagnosis take a multiple of the processor time."""
+    """Small matrices take a multiple of the processor time with two."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     with started("threads", signal.SIG_DFL) as process:
         found, errors = process.communicate(timeout=60)

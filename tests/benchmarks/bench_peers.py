@@ -16,23 +16,30 @@ from time import process_time
 import numba
 import numpy as np
 import pytest
-from bench_engines import POINT_MASS, ROUNDS, row, scenario_of
 
 from rock2d.engines.point_mass_batch import run_point_mass_batch
+from tests.benchmarks.bench_engines import POINT_MASS, ROUNDS, row, scenario_of
 
 PEER = os.environ.get("ROCK2D_PEER_PYTHON", sys.executable)
 RELEASES = 2000  # a round of the peer
+REBOUND = [
+    0.35,
+    0.85,
+    10.0,
+    0.0,
+]  # restitution along the normal and the tangent, friction in degrees, roughness
 # What it is given comes on standard input; the processor time in s of each round goes to standard output.
 PYROCKFALL = """
 import json, sys, time
 import numpy as np
-from pyrockfall import Analysis, Geometry, Material, Rock, Seeder, Slope
+from pyrockfall import Analysis, Geometry, Material, Rock, Seeder, Slope, stats
 
 given = json.load(sys.stdin)
 ground = Slope(Geometry(np.array(given["points_m"])), Material("", *given["material"]))
 for n in (10, given["releases"]):  # the first to warm up
-    seeder = Seeder(np.array(given["start_m"]), [Rock("", given["mass_kg"], 2700.0)])
-    seeder.translationalVelocity, seeder.numberOfRocks = given["velocity_m_s"], n
+    seeder = Seeder(np.array(given["starts_m"]).T, [Rock("", given["mass_kg"], 2700.0)])
+    seeder.translationalVelocity = [stats.Normal(*v) for v in given["velocity_m_s"]]
+    seeder.numberOfRocks = n
     analysis = Analysis()
     analysis.slope, analysis.seeders = ground, [seeder]
     begin = time.process_time()
@@ -42,24 +49,25 @@ print(time.process_time() - begin)
 
 
 def test_point_masses(benchmark):
-    """Both from the same start with the same velocities, each with its own law of rebound."""
+    """Both from starts of the same distribution, each with its own law of rebound; PyRockfall with one material."""
     find = "import importlib.util, sys; sys.exit(importlib.util.find_spec('pyrockfall') is None)"
-    if subprocess.run([PEER, "-c", find], check=False).returncode:
+    if subprocess.run([PEER, "-c", find], check=False).returncode != 0:
         pytest.skip("PyRockfall is not installed: no row of it; see bench_peers.py")
     scenario, states = scenario_of("slope_embankment")
     ground, block = scenario.make_cross_section(), scenario.make_blocks()["ball_1m"]
     law, threads = scenario.rebound_parameters(block), numba.get_num_threads()
-    mean = states["ball_1m"].mean(axis=0)
-    starts, seeds = np.resize(mean, (POINT_MASS, 6)), np.arange(POINT_MASS, dtype=np.uint64)
+    start = states["ball_1m"]
+    many, seeds = np.resize(start, (POINT_MASS, 6)), np.arange(POINT_MASS, dtype=np.uint64)
     given = {
-        "points_m": ground.points_m.tolist(), "start_m": mean[:2].tolist(), "velocity_m_s": mean[3:5].tolist(),
-        "material": [0.35, 0.85, 30.0, 5.0], "mass_kg": block.mass_kg, "releases": RELEASES,
+        "points_m": ground.points_m.tolist(), "starts_m": start[:, :2].tolist(), "material": REBOUND,
+        "velocity_m_s": np.transpose([start.mean(axis=0), start.std(axis=0)])[3:5].tolist(),
+        "mass_kg": block.mass_kg, "releases": RELEASES,
     }  # fmt: skip
     own, peer = [], []
 
     def a_round():
         begin = process_time()
-        run_point_mass_batch(block, ground, law, starts, seeds, time_limit_s=scenario.time_limit_s)
+        run_point_mass_batch(block, ground, law, many, seeds, time_limit_s=scenario.time_limit_s)
         own.append((process_time() - begin) / POINT_MASS)
         done = subprocess.run(
             [PEER, "-c", PYROCKFALL], input=json.dumps(given), text=True, capture_output=True, check=True

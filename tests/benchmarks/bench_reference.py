@@ -12,11 +12,11 @@ from time import process_time
 import numba
 import numpy as np
 import pytest
-from bench_engines import ROUNDS, SETUP, SLOPE, ensemble_of, row, scenario_of
-from reference_kernel import compile_reference, compiler, run_reference
 
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.laws.contact import parameter_table
+from tests.benchmarks.bench_engines import ROUNDS, SETUP, SLOPE, ensemble_of, row, scenario_of
+from tests.benchmarks.reference_kernel import compile_reference, compiler, run_reference
 
 COMPARED = 300  # releases a round
 AGREEING = {

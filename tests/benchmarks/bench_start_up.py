@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from bench_engines import FOLDER, row
+
+from tests.benchmarks.bench_engines import FOLDER, row
 
 ROUNDS = 5
 FIRST = f"""

@@ -38,7 +38,7 @@ def one_thread():
 
 
 def in_turns(benchmark, parts, rounds=ROUNDS):
-    """Processor time in s of each part in each round, by name; the first round warms up."""
+    """Processor time in s of each part in each round, by name; what is compiled is compiled already."""
     seconds = {name: [] for name in parts}
 
     def a_round():
@@ -47,8 +47,8 @@ def in_turns(benchmark, parts, rounds=ROUNDS):
             run()
             seconds[name].append(process_time() - begin)
 
-    benchmark.pedantic(a_round, rounds=rounds, warmup_rounds=1)
-    return {name: np.array(values[1:]) for name, values in seconds.items()}
+    benchmark.pedantic(a_round, rounds=rounds)
+    return {name: np.array(values) for name, values in seconds.items()}
 
 
 def agreement(run, other):
@@ -96,6 +96,7 @@ def test_cost_by_releases(benchmark, one_thread):
             ensemble, np.resize(states["cube_1m"], (n, 6)), stop_when_captured=True, **shared
         )
 
+    run(RELEASES[0])()  # may have to compile
     seconds = in_turns(benchmark, {n: run(n) for n in RELEASES}, rounds=1)
     benchmark.extra_info["rows"] = [
         row(f"{n:,} releases until captured, of one", 1e3 * values / n, "ms") for n, values in seconds.items()
@@ -115,7 +116,9 @@ def test_cost_by_facets(benchmark, one_thread):
         return lambda: run_batch(divided, states["cube_1m"][:COMPARED], stop_when_captured=True, **shared)
 
     grounds = [whole, *(whole.subdivided(round(n / own)) for n in FACETS)]
-    seconds = in_turns(benchmark, {len(g.points_m) - 1: run(g) for g in grounds})
+    parts = {len(g.points_m) - 1: run(g) for g in grounds}
+    parts[own]()  # may have to compile
+    seconds = in_turns(benchmark, parts)
     benchmark.extra_info["rows"] = [
         row(f"a release until captured: {n:,} facets / {own}", values / seconds[own])
         for n, values in seconds.items()

@@ -7,8 +7,6 @@ import pstats
 from pathlib import Path
 from time import process_time
 
-from bench_engines import row
-
 import rock2d.diagnosis.attribution as attribution
 import rock2d.diagnosis.cause_sets as cause_sets
 import rock2d.diagnosis.diagnose as diagnosis
@@ -18,6 +16,7 @@ from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.engines import batch
 from rock2d.processes import one_thread
+from tests.benchmarks.bench_engines import row
 from tests.kinematics.synthetic_films import film, series_order, world
 
 RELEASES = 60

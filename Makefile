@@ -15,7 +15,7 @@ lint: .venv/ready
 
 bench: .venv/bench  ## what the engines cost: a table, and every number in out/benchmarks.json
 	mkdir -p out
-	$(BIN)/python -m pytest -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
+	$(BIN)/python -m pytest -rs -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
 
 docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fails
 	$(BIN)/python -m mkdocs build

@@ -4,7 +4,7 @@
 
 or, with the extra `bench` installed,
 
-    python -m pytest -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
+    python -m pytest -rs -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
 
 prints a table and writes every number as JSON. What is compared runs in one process in turns, round after round;
 a ratio is that of one round, stated as the median over the rounds, from the least to the greatest. Nothing here

@@ -3,6 +3,8 @@
 It is never imported here. Install it into an environment of its own, and name its interpreter:
 
     ROCK2D_PEER_PYTHON=peers/bin/python make bench
+
+PlatRock (from PyPI, too) is not run.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ centred on the centroid, with the length along the body's own x; the angle is co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -55,6 +55,18 @@ class Block:
                 self.name,
                 f"corners can be rounded with up to {self.largest_rounding_m:g} m, got {self.rounding_m:g}",
             )
+
+    @cached_property
+    def _value(self) -> tuple[object, ...]:
+        """All that it is, for comparison."""
+        own = (getattr(self, each.name) for each in fields(self))
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in own)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Block) and self._value == other._value
+
+    def __hash__(self) -> int:
+        return hash(self._value)
 
     @property
     def smooth(self) -> bool:

@@ -1,5 +1,7 @@
 """Block profiles: sizes, moments of inertia, refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -124,3 +126,9 @@ def test_an_error_names_the_key(shape, inertia, size, key):
     with pytest.raises(BlockError) as caught:
         make_block("b", shape, 1.0, inertia, **size)
     assert caught.value.key == key and caught.value.block == "b"
+
+
+def test_blocks_are_compared_by_value():
+    cube, same = (make_block("cube", "square", 1.0, side_m=0.5) for _ in range(2))
+    assert cube == same and hash(cube) == hash(same)
+    assert cube != replace(cube, mass_kg=1.1) and cube != make_block("cube", "square", 1.0, side_m=0.6)

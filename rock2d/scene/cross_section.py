@@ -77,7 +77,7 @@ class CrossSection:
         zones: Sequence[str],
         measure_lines: Mapping[str, Sequence[Sequence[float]] | Array] | None = None,
     ) -> None:
-        points = np.ascontiguousarray(points_m, float)
+        points = np.array(points_m, float, order="C")  # of its own: engines keep what they derive from it
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
             raise CrossSectionError("points_m must be at least two [x, y] points", "points_m")
         if not np.isfinite(points).all():

@@ -73,3 +73,10 @@ def test_an_error_names_the_key_and_the_facet():
     assert error([[0, 0], [2, 0], [2, 1], [1, -1], [3, -1]], list("abcd")) == ("points_m", 2, None)
     assert error([[0, 0], [1, 0]], ["a", "b"]) == ("zones", None, None)
     assert error([[0, 0], [1, 0]], ["a"], {"gate": [[0, 0], [0, 0]]}) == ("measure_lines", None, "gate")
+
+
+def test_a_cross_section_does_not_change_with_the_array_that_it_was_made_of():
+    points = np.array([[-1.0, 0.5], [0.0, 0.0], [2.0, 0.0]])
+    ground = CrossSection(points, ["slope", "ditch"])
+    points[0, 1] = 7.0
+    assert ground.points_m[0, 1] == 0.5

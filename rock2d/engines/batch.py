@@ -200,8 +200,8 @@ def run_batch(
     impact_limit : stop at the end of this many impacts (0: no limit); 1 is the segment mode
     impact_room : how many impacts of a release are recorded
     stop_when_spent : stop a release that has not the energy left to reach any measure line it has not crossed
-    stop_when_captured : count a release as at rest as soon as the energy left cannot carry it a fifth of its radius,
-        instead of when it lies still: most of a release's time goes into the tremor in between
+    stop_when_captured : count a release as at rest as soon as the little energy left cannot carry it 0.4 of its radius
+        (`rest.captured`), instead of when it lies still: it trembles in between
     times_s : (n, k) or (k,) instants at which to sample the motion
     until_m : x at which a release is held: at the first contact step beyond it, or before a flight that leads beyond it
     held : (n, contacts, N_HELD) from releases that were held at `states`, to go on; effects must not act

@@ -4,7 +4,7 @@ It is never imported here. Install it into an environment of its own, and name i
 
     ROCK2D_PEER_PYTHON=peers/bin/python make bench
 
-PlatRock (from PyPI, too) is not run.
+PlatRock (from PyPI, too) is not run: it has to be built, with GDAL.
 """
 
 from __future__ import annotations
@@ -24,12 +24,8 @@ from tests.benchmarks.bench_engines import POINT_MASS, ROUNDS, row, scenario_of
 
 PEER = os.environ.get("ROCK2D_PEER_PYTHON", sys.executable)
 RELEASES = 2000  # a round of the peer
-REBOUND = [
-    0.35,
-    0.85,
-    10.0,
-    0.0,
-]  # restitution along the normal and the tangent, friction in degrees, roughness
+# restitution along the normal and the tangent, friction in degrees, roughness
+REBOUND = [0.35, 0.85, 10.0, 0.0]
 # What it is given comes on standard input; the processor time in s of each round goes to standard output.
 PYROCKFALL = """
 import json, sys, time

@@ -127,6 +127,21 @@ class _PartLibrary(JITCodeLibrary):
         return _NoEnvironment
 
 
+class _WholeLibrary(JITCodeLibrary):
+    """Code of a function that Python calls, in which nothing else is visible from outside. So the optimizer may drop
+    arguments that a part does not read. Numba passes every length and stride of every array on every call."""
+
+    def finalize(self):
+        self._visible = {f.name for f in self._final_module.functions if not f.is_declaration}
+        super().finalize()
+
+    def _optimize_final_module(self):
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name not in self._visible:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
 class _NoEnvironment:
     """Of code that does not run by itself."""
 
@@ -143,6 +158,15 @@ class _PartCompiler(Compiler):
         super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
         codegen = self.state.targetctx.codegen()
         self.state.library = _PartLibrary(codegen, f"part{next(_parts)}")
+
+
+class _WholeCompiler(Compiler):
+    """Compiles a function that Python calls."""
+
+    def __init__(self, typingctx, targetctx, library, args, return_type, flags, locals):
+        super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
+        self.state.library = _WholeLibrary(self.state.targetctx.codegen(), f"whole{next(_parts)}")
+        self.state.library.enable_object_caching()
 
 
 class _Whole(CPUDispatcher):
@@ -190,7 +214,7 @@ class _Compiled(CPUDispatcher):
     @cached_property
     def whole(self):
         """The function for Python, with its code on disk."""
-        made = numba.jit(self.py_func, cache=True, **self.targetoptions)
+        made = numba.jit(self.py_func, cache=True, pipeline_class=_WholeCompiler, **self.targetoptions)
         made.__class__ = _Whole
         return made
 

@@ -194,8 +194,8 @@ def _attribution(search: Search) -> Attribution:
         name: held_out_gain(data, candidates[best], other).significance for name, other in candidates.items()
     }
     numbers = statistics(candidates, best, ahead, regressed.base, regressed.best, found.of(base.fit), left)
-    numbers["causes"] = inclusion_statistics(search, beside_learnt)
     numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
+    numbers["causes"] = inclusion_statistics(search, beside_learnt, numbers["outside"])
     included = inclusion(numbers["causes"])
     chances = explained_away(probabilities(numbers), included)
     likeliest = max(chances, key=lambda name: chances[name])

@@ -28,6 +28,7 @@ LARGEST_MISSED = 0.1  # of what a learnt change explains that it may miss of its
 LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must explain alone
 SMALLEST_INCLUSION = 0.01  # an effect keeps a chance where no effect is included
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
+LEAST_LOG_GAIN = 1.0  # `signed_log` of a gain above which it is compared with others
 
 
 @dataclass(frozen=True)
@@ -79,11 +80,12 @@ def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None)
 
 
 def inclusion_statistics(
-    search: Search, beside_learnt: Mapping[str, BesideLearnt]
+    search: Search, beside_learnt: Mapping[str, BesideLearnt], nameless: Mapping[str, float]
 ) -> dict[str, dict[str, float]]:
     """Effect -> name of a statistic -> value.
 
-    `beside_learnt`: what members add beside the learnt changes, where there are any.
+    `beside_learnt`: what members add beside the learnt changes, where there are any; `nameless`: of
+    `outside_statistics`.
     """
     found = {}
     ahead = {names: search.gain(own, search.best).gain for names, own in search.known.items()}
@@ -99,6 +101,21 @@ def inclusion_statistics(
             "beside_learnt_z": float(np.clip(added.significance, LEAST_Z, LARGEST_Z)),
             "scatter": float(effect.scatter),
         }
+    return with_rivals(found, nameless)
+
+
+def with_rivals(
+    causes: Mapping[str, Mapping[str, float]], nameless: Mapping[str, float]
+) -> dict[str, dict[str, float]]:
+    """The statistics of each effect, with what gains more: the largest gain of an effect over its own, and that of what
+    has no name. A little gain beside a cause that explains much more may be what the model of that cause misses."""
+    unnamed = max(nameless["learnt_log"], nameless["left_log"], 0.0)
+    largest = max(values["log_gain"] for values in causes.values())
+    found = {}
+    for name, values in causes.items():
+        own = values["log_gain"]
+        over = (largest - own, unnamed - own) if own > LEAST_LOG_GAIN else (0.0, 0.0)
+        found[name] = {**values, "largest_over": over[0], "nameless_over": over[1]}
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.inclusion import BesideLearnt, explained_away
+from rock2d.diagnosis.inclusion import BesideLearnt, explained_away, with_rivals
 from rock2d.diagnosis.significance import Gain
 
 CHANCES = {"geometry_error": 0.6, "air_drag": 0.1, "camera_tilt": 0.1, "none": 0.05, "unknown": 0.15}
@@ -42,3 +42,13 @@ def test_an_effect_beside_a_learnt_change_must_explain_more_than_that_may_miss(
     added, alone, instead, needless
 ):
     assert BesideLearnt(gain(added), gain(alone), gain(instead)).needless == needless
+
+
+def test_a_gain_is_compared_with_the_largest_and_with_what_has_no_name():
+    gains = {"air_drag": np.log1p(100.0), "camera_tilt": np.log1p(10.0), "magnus_lift": 0.0}
+    causes = {name: {"log_gain": float(own)} for name, own in gains.items()}
+    found = with_rivals(causes, {"learnt_log": float(np.log1p(1000.0)), "left_log": -3.0})
+    assert found["air_drag"]["largest_over"] == 0.0
+    assert found["air_drag"]["nameless_over"] == pytest.approx(np.log(1001 / 101))
+    assert found["camera_tilt"]["largest_over"] == pytest.approx(np.log(101 / 11))
+    assert found["magnus_lift"]["largest_over"] == found["magnus_lift"]["nameless_over"] == 0.0

@@ -34,6 +34,7 @@ from rock2d.engines.geometry import (
     Body,
     is_ball,
 )
+from rock2d.engines.guard import TURN_ARM
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
     ARM,
@@ -82,8 +83,6 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
-# arm in block radii with which rotation counts as motion: a vertex near the block is as far off
-TURN_ARM = 1.5
 GUARD_LEFT, CONTACT_ENDS, STEP_TOO_LONG = 1, 2, 3  # why a series of fast steps ended; 0: none of these
 GUARD_SHARE = 0.3  # of the guard that one step without pressure may use
 GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
@@ -119,6 +118,9 @@ def _follow_run(loaded, a, facets, index, q, direction, audit):
         px, py = px + c * corner_x - s * corner_y, py + s * corner_x + c * corner_y
     elif kind != SMOOTH_FACET:
         return index
+    elif not _below_centre(rows, a):
+        _, _, _, rx, ry = placed(rows, a, (px, py, c, s))
+        px, py = px + rx, py + ry
     first, last, found = int(facets[index, RUN_FIRST]), int(facets[index, RUN_LAST]), index
     while True:
         along = (px - facets[found, POINT_X]) * facets[found, TANGENT_X]
@@ -132,6 +134,13 @@ def _follow_run(loaded, a, facets, index, q, direction, audit):
     if found != index:
         _load_facet(loaded, a, facets[found], q, (q[X], q[Y], c, s), audit)
     return found
+
+
+@kernel(forceinline=True)
+def _below_centre(rows, a):
+    """Whether a smooth profile is a ball's, whose contact point lies below its centre."""
+    round_about = rows[a, F_SHAPE + 2] == 0.0 and rows[a, F_SHAPE + 3] == 0.0
+    return round_about and rows[a, F_SHAPE] == rows[a, F_SHAPE + 1]
 
 
 @kernel

@@ -175,6 +175,16 @@ def is_ball(block):
     return block.sides.shape[0] == 0 and block.semi_a == block.semi_b and round_about
 
 
+@kernel(forceinline=True)
+def profile_bend(block):
+    """Largest distance in m for an angle of 1 that the lowest point of a smooth profile moves, relative to the centre
+    of mass, when the block turns. It lies h = √(a² u² + b² w²) below the profile's centre, where (u, w) is the ground's
+    normal in the block's axes, and h'' = a² b² / h³ - h is (a² - b²) / b at most, with a the longer semi-axis."""
+    a, b = block.semi_a, block.semi_b
+    off = np.sqrt(block.centre_x * block.centre_x + block.centre_y * block.centre_y)
+    return off + abs(a * a - b * b) / min(a, b)
+
+
 @kernel
 def facet_range(ground, x_low, x_high):
     """First and one-past-last index of the facets that can lie in [x_low, x_high]."""

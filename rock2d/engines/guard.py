@@ -26,9 +26,14 @@ from rock2d.engines.geometry import (
     TANGENT_Y,
     facet_range,
     is_ball,
+    load_feature,
     near_depth,
+    place_feature,
     pose_of,
+    profile_bend,
 )
+
+TURN_ARM = 1.5  # block radii with which rotation counts as motion: a vertex near the block is as far off
 
 
 @kernel
@@ -45,7 +50,7 @@ def guard_distance(q, allowance, near, world, memory):
     facets, sides = ground.facets, block.sides
     n, guard = sides.shape[0], allowance
     if n == 0:
-        return _ball_guard(x, y, guard, near, world, memory)
+        return _smooth_guard(q, guard, near, world, memory)
     for i in range(n):
         px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
@@ -103,18 +108,19 @@ def _within_run(px, py, own, facets):
 
 
 @kernel
-def _ball_guard(x, y, guard, near, world, memory):
-    """`guard_distance` of a smooth profile: that of a ball, whose contact points lie below its centre."""
+def _smooth_guard(q, guard, near, world, memory):
+    """`guard_distance` of a smooth profile. The contact point of a ball lies below its centre. That of another profile
+    moves along the ground when the block turns, by at most `profile_bend` times the angle."""
+    pose = pose_of(q)
     block, facets, ints = world.block, world.ground.facets, memory.ints
     f0, f1 = near
-    if not is_ball(block):
-        return 0.0  # an ellipse's contact point runs ahead of its motion
-    r = block.radius
+    ball = is_ball(block)
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             if ints[j, KIND] != SMOOTH_FACET:
                 return 0.0
-            guard = min(guard, _within_run(x, y, ints[j, INDEX], facets))
+            px, py, _ = _lowest(ints[j, INDEX], pose, block, facets)
+            guard = min(guard, _within_run(px, py, ints[j, INDEX], facets))
     f = f0
     while f < f1 and guard > 0.0:
         owned = False  # by a contact: its run has been seen to
@@ -124,19 +130,44 @@ def _ball_guard(x, y, guard, near, world, memory):
         if owned:
             f = int(facets[f, RUN_LAST]) + 1
             continue
-        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
+        px, py, height = _lowest(f, pose, block, facets)
+        dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
         along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
-        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
-        guard = min(guard, max(above - r, -along, along - facets[f, LENGTH]))
+        guard = min(guard, max(height, -along, along - facets[f, LENGTH]))
         f += 1
     for v in range(max(f0, 1), f1):
-        if facets[v, CONVEX] > 0.0:
-            owned = False  # by a contact whose run begins or ends there
+        if facets[v, CONVEX] > 0.0 or not ball:
+            owned = False  # by a contact in whose run it lies, or whose run it ends
             for j in range(ints.shape[0]):
                 if ints[j, ACTIVE]:
                     own = ints[j, INDEX]
-                    owned = owned or facets[own, RUN_FIRST] == v or facets[own, RUN_LAST] == v - 1
+                    owned = owned or facets[own, RUN_FIRST] <= v <= facets[own, RUN_LAST] + 1
             if not owned:
-                dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
-                guard = min(guard, np.sqrt(dx * dx + dy * dy) - r)
+                guard = min(guard, _outside(v, pose, block, facets))
+    if not ball:
+        guard *= min(1.0, TURN_ARM * block.radius / profile_bend(block))
     return max(guard, 0.0)
+
+
+@kernel(forceinline=True)
+def _lowest(f, pose, block, facets):
+    """The point of a smooth profile that is lowest above facet f, and its height above the facet's line; of a ball, the
+    centre instead of the point: it lies above it."""
+    x, y, _, _ = pose
+    if is_ball(block):
+        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
+        return x, y, dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y] - block.radius
+    depth, _, _, rx, ry = place_feature(SMOOTH_FACET, load_feature(SMOOTH_FACET, f, 0, block, facets), pose)
+    return x + rx, y + ry, -depth
+
+
+@kernel(forceinline=True)
+def _outside(v, pose, block, facets):
+    """Lower bound of the distance in m of vertex v from a smooth profile; negative if it lies inside."""
+    x, y, c, s = pose
+    dx, dy = facets[v, POINT_X] - x, facets[v, POINT_Y] - y
+    if is_ball(block):
+        return np.sqrt(dx * dx + dy * dy) - block.radius
+    px, py = c * dx + s * dy - block.centre_x, -s * dx + c * dy - block.centre_y
+    stretched = np.sqrt((px / block.semi_a) ** 2 + (py / block.semi_b) ** 2)
+    return min(block.semi_a, block.semi_b) * (stretched - 1.0)

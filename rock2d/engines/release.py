@@ -27,7 +27,6 @@ from rock2d.engines.contact_state import (
 from rock2d.engines.fast_contact_steps import (
     GUARD,
     GUARD_LEFT,
-    TURN_ARM,
     Horizon,
     StepSizes,
     fast_contact_steps,
@@ -44,7 +43,7 @@ from rock2d.engines.geometry import (
     near_depth,
     point_depth,
 )
-from rock2d.engines.guard import guard_distance
+from rock2d.engines.guard import TURN_ARM, guard_distance
 from rock2d.engines.recording import (
     close_impact,
     cross,

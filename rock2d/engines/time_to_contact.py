@@ -27,6 +27,7 @@ from rock2d.engines.geometry import (
     near_depth,
     polygon_depth,
     pose_of,
+    profile_bend,
 )
 from rock2d.records.columns import OMEGA, VX, VY, X, Y
 
@@ -120,10 +121,8 @@ def _line_time(line, q, pose, pulls, block):
 
 @kernel
 def _profile_time(normal, height, rate, q, pose, pull, block):
-    """`_line_time` of a smooth profile that turns: its lowest point lies h = √(a² u² + b² w²) below its centre, where
-    (u, w) is the line's normal in the block's axes. h'' = a² b² / h³ - h with respect to the angle is (a² - b²) / b at
-    most, with a the longer semi-axis: so much ω² t² / 2 the lowest point can come down beside its present rate.
-    """
+    """`_line_time` of a smooth profile that turns: beside its present rate, its lowest point can come down by
+    `profile_bend` ω² t² / 2."""
     nx, ny = normal
     _, _, c, s = pose
     a, b, omega = block.semi_a, block.semi_b, q[OMEGA]
@@ -131,8 +130,8 @@ def _profile_time(normal, height, rate, q, pose, pull, block):
     h = np.sqrt(a * a * u * u + b * b * w * w)
     mx, my = c * block.centre_x - s * block.centre_y, s * block.centre_x + c * block.centre_y
     turning = omega * (mx * ny - my * nx - (a * a - b * b) * u * w / h)
-    bend = np.sqrt(mx * mx + my * my) + abs(a * a - b * b) / min(a, b)
-    return _fall_time(height + mx * nx + my * ny - h, rate + turning, pull + omega * omega * bend)
+    pull += omega * omega * profile_bend(block)
+    return _fall_time(height + mx * nx + my * ny - h, rate + turning, pull)
 
 
 @kernel

@@ -95,7 +95,8 @@ class LearntMotion:
             SERIES: segments.order.astype(float),
             HISTORY: np.minimum(segments.number, MOST_COUNTED_IMPACTS).astype(float),
         }
-        lasts = np.where(known, touch.impacts[:, 0, I_TIME_AFTER], segments.limit_s)
+        ended = touch.impacts[:, 0, I_TIME_AFTER]  # NaN where there is no impact, or the segment ends in it
+        lasts = np.where(np.isfinite(ended), ended, segments.limit_s)
         self._history[TIME_S] = segments.begin_s + lasts
         self._quantities = self._history | incident_quantities(
             world, segments.block, zone, self._tangent, segments.start

@@ -74,6 +74,18 @@ def known(effect: str = "none", *values: float) -> dict:
     return {"base": law, "verdict": effect, "effects": {effect: {"base": law, "parameters": own}}}
 
 
+def test_a_change_in_time_is_predicted_for_segments_that_end_in_an_impact():
+    """On ground that swallows a block, the simulated impact has no end."""
+    wave = {"quantity": "time_s", "kind": "waves", "numbers": [20.0]}
+    push = [[1e-3, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]  # m/s, of the sine and the cosine
+    shaken = {"lever": "frame", "depends_on": "time", "curves": [wave], "coefficients": push}
+    content = known()
+    law = {**content["base"], "k_ul_N_m": 1e6, "k_r_Nm_rad": 3.0}
+    learnt = {"base": law, "parameters": {}, "changes": [shaken]}
+    content["model"] = {"base": law, "parameters": {}, "learnt": learnt}
+    assert not predict(film(TILTED, 8, seed=99), content).isna().any().any()
+
+
 PARAMETERS = {name: effect.parameters for name, effect in catalogue().items()}
 STICKY = catalogue()["adhesion"].apply(world(), [12.0])
 SCALED = catalogue()["scale_error"].apply(world(), [1.15, 0.5, 0.8])

@@ -90,8 +90,10 @@ def set_cases(folder: Path) -> list[SetCase]:
 
 
 def set_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> SetCase:
-    """A case from its label and its result."""
+    """A case from its label and its result. Of a film that was refused, nothing is named, and what is "unknown" counts
+    as the probability of an outside cause."""
     diagnosis = result["diagnosis"]
+    outside_p = (diagnosis["outside"] or {"p": diagnosis["probabilities"]["unknown"]})["p"]
     strengths = {str(h["name"]): float(h["signal_to_noise"]) for h in label["hidden"]}
     hidden = {effect: z for effect, z in strengths.items() if effect in catalogue()}
     outside = [z for cause, z in strengths.items() if cause not in hidden]
@@ -99,7 +101,7 @@ def set_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> 
     claimed, true = diagnosis["gap"]["closure"], result.get("true_closure")
     return SetCase(
         name, hidden, max(outside, default=None), dict(sorted(p.items(), key=lambda item: -item[1])),
-        float(diagnosis["outside"]["p"]), int(label["releases"]), _number(claimed), _number(true),
+        float(outside_p), int(label["releases"]), _number(claimed), _number(true),
         size_errors(label, diagnosis["causes"], NAMED_PROBABILITY),
     )  # fmt: skip
 

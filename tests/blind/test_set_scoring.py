@@ -107,6 +107,13 @@ def test_recall_by_strength_number_and_company(cases):
     }
 
 
+def test_a_film_that_was_refused_names_nothing():
+    refused = _result({}, 0.0)
+    refused["diagnosis"] |= {"outside": None}
+    found = set_case("0", trial_label(spin_kick=20.0), refused)
+    assert found.named == [] and found.p_outside == refused["diagnosis"]["probabilities"]["unknown"]
+
+
 def test_named_effects_firsts_nulls_and_releases(cases):
     found = set_summary(cases)
     assert {k: _counts(v) for k, v in found["precision"].items()} == {

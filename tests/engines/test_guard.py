@@ -55,10 +55,9 @@ def test_contacts_stay_the_same_within_the_guard(block):
         q[1] = np.interp(q[0], *GROUND.points_m.T) + 0.99 * rng.uniform(0.3, 1.1) * arrays.radius
         if begin(q, near, world, memory, found) == 0:
             continue
-        height = -point_depth(q[0], q[1], facets, *near)[
-            0
-        ]  # the centroid of a release stays above the ground
-        guard = min(height, guard_distance(q, 0.5 * arrays.radius, near, world, memory))
+        depth, _, _ = point_depth(q[0], q[1], facets, *near)
+        # the centroid of a release stays above the ground
+        guard = min(-depth, guard_distance(q, 0.5 * arrays.radius, near, world, memory))
         guarded += guard > 0.0
         for _ in range(MOVES if guard > 0.0 else 0):
             part = rng.dirichlet(np.ones(3)) * rng.choice([-1, 1], 3) * guard

@@ -44,8 +44,7 @@ def _parts(
     outside = content["outside"]
     found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
         (
-            text.spoken(cause["effect"])
-            + (f" (or {text.listed(cause['group'], 'or')})" if cause["group"] else ""),
+            text.spoken(cause["effect"]),
             cause["origin"],
             cause["closes"],
             tuple(cause["closes_ci95"]),

@@ -46,6 +46,8 @@ def trajectories_figure(
     `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
     Raises InputError if there are no tracks.
     """
+    from matplotlib.collections import LineCollection
+
     names = [n for n in blocks if any(t.block == n for t in tracks)]
     if not names:
         raise InputError("a figure of trajectories needs at least one track of a known block")
@@ -69,14 +71,17 @@ def trajectories_figure(
         draw_cross_section(axis, cross_section, view, np.vstack(ways[name]), axis_in)
         own = of_block[name][:MOST_WAYS]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
+        lines = LineCollection(ways[name], colors=colours[name], linewidths=0.9, alpha=alpha, zorder=3)
+        axis.add_collection(lines, autolim=False)
+        ends: dict[str, list[Array]] = {}
         for track, way in zip(own, ways[name], strict=True):
-            axis.plot(way[:, 0], way[:, 1], color=colours[name], lw=0.9, alpha=alpha, zorder=3)
             stops.add(track.stop)
-            if window is not None and not _within(way[-1], window):
-                continue
+            if window is None or _within(way[-1], window):
+                ends.setdefault(track.stop, []).append(way[-1])
+        for stop, points in ends.items():
             axis.plot(
-                *way[-1], marker=STOP_MARKERS[track.stop][0], ms=4, mfc=colours[name], mec="white", mew=0.5,
-                ls="none", zorder=4, clip_on=False,
+                *np.transpose(points), marker=STOP_MARKERS[stop][0], ms=4, mfc=colours[name], mec="white",
+                mew=0.5, ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
         count = len(of_block[name])
         said = f"{count} release{'s' if count > 1 else ''}"

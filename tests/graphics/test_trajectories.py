@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from matplotlib.collections import LineCollection
 
 from rock2d.graphics.trajectories import STOP_MARKERS, trajectories_figure
 from rock2d.records.columns import STOPS
@@ -15,8 +16,9 @@ def test_trajectories_have_a_panel_a_block_with_every_release_on_it():
     tracks = [flight("ball", i, 1 + 0.1 * i) for i in range(3)] + [flight("cube", 0)]
     figure = trajectories_figure(FLOOR, BLOCKS, tracks, "two blocks")
     assert [a.get_title(loc="left") for a in figure.axes] == ["ball, 3 releases", "cube, 1 release"]
-    long_lines = [line for line in figure.axes[0].lines if len(line.get_xdata()) > 100]
-    assert [line.get_xdata()[-1] for line in long_lines] == pytest.approx([0.4, 0.44, 0.48])
+    (ways,) = (c for c in figure.axes[0].collections if isinstance(c, LineCollection))
+    assert [len(way) > 100 for way in ways.get_segments()] == [True] * 3
+    assert [way[-1, 0] for way in ways.get_segments()] == pytest.approx([0.4, 0.44, 0.48])
     for axis in figure.axes:
         assert axis.get_aspect() == 1.0
         assert {t.get_text() for t in axis.texts} >= {"floor", "gate"}

@@ -31,7 +31,16 @@ FEATURES = {
         "gain_z",
     ),
     WHICH: ("behind_z", "behind_share", "behind_log", "scatter"),
-    INCLUDED: ("z", "log_gain", "beside_learnt_z", "scatter", "largest_over", "nameless_over"),
+    INCLUDED: (
+        "z",
+        "log_gain",
+        "beside_learnt_z",
+        "scatter",
+        "largest_over",
+        "nameless_over",
+        "flight_left_z",
+        "impact_left_z",
+    ),
     OUTSIDE: (
         "learnt_log",
         "learnt_z",

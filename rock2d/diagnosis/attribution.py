@@ -195,7 +195,10 @@ def _attribution(search: Search) -> Attribution:
     }
     numbers = statistics(candidates, best, ahead, regressed.base, regressed.best, found.of(base.fit), left)
     numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
-    numbers["causes"] = inclusion_statistics(search, beside_learnt, numbers["outside"])
+    rivals = search.rivals(search.best, GROUP_Z)
+    numbers["causes"] = inclusion_statistics(
+        search, beside_learnt, numbers["outside"], numbers["case"], rivals
+    )
     included = inclusion(numbers["causes"])
     chances = explained_away(probabilities(numbers), included)
     likeliest = max(chances, key=lambda name: chances[name])
@@ -203,6 +206,7 @@ def _attribution(search: Search) -> Attribution:
     named |= {likeliest} & candidates.keys()
     if named != search.best.names:
         search.best = search.joint(named)
+        rivals = search.rivals(search.best, GROUP_Z)
         learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
         chain = _chain(search, candidates) or [candidates[best]]
         final = chain[-1]
@@ -214,8 +218,7 @@ def _attribution(search: Search) -> Attribution:
     ]
     return Attribution(
         base.fit, base.held_out, candidates, chain, regressed.base, regressed.best, chances, group,
-        numbers, [d for d in left if _is_significant(d)], learnt, regressed.left, named,
-        search.rivals(search.best, GROUP_Z),
+        numbers, [d for d in left if _is_significant(d)], learnt, regressed.left, named, rivals,
         {names: own.held_out for names, own in search.within(named).items()},
     )  # fmt: skip
 

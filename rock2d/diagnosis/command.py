@@ -116,8 +116,9 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     )
     for cause in content["causes"]:
         if cause["closes"] is not None:
+            rivals = f"; not separated from {', '.join(cause['group'])}" if cause["group"] else ""
             lines.append(
-                f"cause: {cause['effect']} ({cause['origin']}, p = {cause['p']:.2f}) closes {_shares(cause)}"
+                f"cause: {cause['effect']} ({cause['origin']}, p = {cause['p']:.2f}{rivals}) closes {_shares(cause)}"
             )
     outside = content["outside"]
     if outside and outside["p"] >= NAMED_PROBABILITY:

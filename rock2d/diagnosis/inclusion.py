@@ -20,6 +20,7 @@ from rock2d.diagnosis.cross_validation import held_out_gain
 from rock2d.diagnosis.discrepancy import Discrepancy
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.significance import Gain
+from rock2d.effects import catalogue
 
 Array = np.ndarray
 
@@ -29,6 +30,11 @@ LEAST_OF_LEARNT = 0.5  # of what is learnt in its place that an effect must expl
 SMALLEST_INCLUSION = 0.01  # an effect keeps a chance where no effect is included
 LARGEST_Z, LEAST_Z = 20.0, -10.0  # standard errors; more count as this
 LEAST_LOG_GAIN = 1.0  # `signed_log` of a gain above which it is compared with others
+SIGNIFICANT_LEFT_Z = 2.0  # standard errors of a dependence that is more than chance
+SHARE, OF_GROUP = (
+    "share",
+    "group_",
+)  # of a member and its rivals: the share of one of them, and what they gain together
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,16 @@ def inclusion(
     """Effect -> probability that it is one of the causes, from `inclusion_statistics`; `known`: other weights than the
     own."""
     question = (weights() if known is None else known)[INCLUDED]
-    return {name: chance(question, values) for name, values in causes.items()}
+    return {name: _chance_with_rivals(question, values) for name, values in causes.items()}
+
+
+def _chance_with_rivals(question: Mapping[str, Any], values: Mapping[str, float]) -> float:
+    """The probability of an effect by itself, or its share in that of a member and its rivals."""
+    by_itself = chance(question, values)
+    if SHARE not in values:
+        return by_itself
+    together = {name: values.get(OF_GROUP + name, own) for name, own in values.items()}
+    return max(by_itself, values[SHARE] * chance(question, together))
 
 
 def explained_away(chances: Mapping[str, float], included: Mapping[str, float]) -> dict[str, float]:
@@ -80,12 +95,17 @@ def outside(values: Mapping[str, float], known: Mapping[str, Any] | None = None)
 
 
 def inclusion_statistics(
-    search: Search, beside_learnt: Mapping[str, BesideLearnt], nameless: Mapping[str, float]
+    search: Search,
+    beside_learnt: Mapping[str, BesideLearnt],
+    nameless: Mapping[str, float],
+    case: Mapping[str, float],
+    rivals: Mapping[str, Sequence[str]],
 ) -> dict[str, dict[str, float]]:
     """Effect -> name of a statistic -> value.
 
     `beside_learnt`: what members add beside the learnt changes, where there are any; `nameless`: of
-    `outside_statistics`.
+    `outside_statistics`; `case`: statistics of the film; `rivals`: member of the best set -> effects that can stand for
+    it.
     """
     found = {}
     ahead = {names: search.gain(own, search.best).gain for names, own in search.known.items()}
@@ -101,21 +121,64 @@ def inclusion_statistics(
             "beside_learnt_z": float(np.clip(added.significance, LEAST_Z, LARGEST_Z)),
             "scatter": float(effect.scatter),
         }
-    return with_rivals(found, nameless)
+    found = with_rest(found, nameless, case)
+    together = {}
+    for name, less in search.without(search.best).items():
+        of_group = search.gain(search.best, less)
+        together[name] = {
+            **found[name],
+            "z": float(np.clip(of_group.significance, LEAST_Z, LARGEST_Z)),
+            "log_gain": signed_log(of_group.total),
+        }
+        if name not in beside_learnt:
+            together[name]["beside_learnt_z"] = together[name]["z"]
+    return with_groups(found, with_rest(found | together, nameless, case), rivals)
 
 
-def with_rivals(
-    causes: Mapping[str, Mapping[str, float]], nameless: Mapping[str, float]
+def with_rest(
+    causes: Mapping[str, Mapping[str, float]], nameless: Mapping[str, float], case: Mapping[str, float]
 ) -> dict[str, dict[str, float]]:
-    """The statistics of each effect, with what gains more: the largest gain of an effect over its own, and that of what
-    has no name. A little gain beside a cause that explains much more may be what the model of that cause misses."""
+    """The statistics of each effect, with those of the rest of the film.
+
+    What gains more: the largest gain of an effect over its own, and that of what has no name. A little gain beside a
+    cause that explains much more may be what the model of that cause misses. And what is left where the effect acts, in
+    flights and in impacts: an effect that leaves a dependence there may stand for the cause of both.
+    """
     unnamed = max(nameless["learnt_log"], nameless["left_log"], 0.0)
     largest = max(values["log_gain"] for values in causes.values())
-    found = {}
+    left = {phase: max(case[f"left_{phase}_z"] - SIGNIFICANT_LEFT_Z, 0.0) for phase in ("flight", "impact")}
+    effects, found = catalogue(), {}
     for name, values in causes.items():
-        own = values["log_gain"]
-        over = (largest - own, unnamed - own) if own > LEAST_LOG_GAIN else (0.0, 0.0)
-        found[name] = {**values, "largest_over": over[0], "nameless_over": over[1]}
+        gains, own = values["log_gain"] > LEAST_LOG_GAIN, values["log_gain"]
+        found[name] = {
+            **values,
+            "largest_over": largest - own if gains else 0.0,
+            "nameless_over": unnamed - own if gains else 0.0,
+            "flight_left_z": left["flight"] if gains and effects[name].phase in ("flight", "all") else 0.0,
+            "impact_left_z": left["impact"] if gains and effects[name].phase in ("impact", "all") else 0.0,
+        }
+    return found
+
+
+def with_groups(
+    causes: Mapping[str, Mapping[str, float]],
+    together: Mapping[str, Mapping[str, float]],
+    rivals: Mapping[str, Sequence[str]],
+) -> dict[str, dict[str, float]]:
+    """The statistics of each effect, for members with rivals and for these also with those of the group.
+
+    `together`: of each member without a rival in its place. The odds of a member against one rival are exp(z), if it is
+    z standard errors ahead of the best set without it.
+    """
+    found = {name: dict(values) for name, values in causes.items()}
+    for member, others in sorted(rivals.items(), key=lambda item: together[item[0]]["log_gain"]):
+        if not others:
+            continue
+        of_group = {OF_GROUP + name: value for name, value in together[member].items()}
+        share = 1.0 / (1.0 + len(others) * np.exp(-causes[member]["z"]))
+        for other in others:
+            found[other] |= of_group | {SHARE: float((1.0 - share) / len(others))}
+        found[member] |= of_group | {SHARE: float(share)}
     return found
 
 

@@ -28,6 +28,7 @@ Array = np.ndarray
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
 SHADES = 64  # of a tone, from the surface to the deep ground
+BUSY_PX = 3  # around the name of a measure line, where ways count as crossing it
 
 
 def zone_tones(cross_section: CrossSection) -> dict[str, str]:
@@ -251,6 +252,8 @@ def _line_label(
     away = [_distance(surface, end) for end in ends]
     tip, root = (ends[0], ends[1]) if away[0] >= away[1] else (ends[1], ends[0])
     along = (tip - root) / max(1e-9, float(np.hypot(*(tip - root))))
+    # no place of the name reaches farther from the tip
+    busy = busy[(np.abs(busy - tip) < gap + sum(size) + BUSY_PX).all(axis=1)]
     best, least = None, np.inf
     for order, turn in enumerate((0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)):
         c, s = np.cos(turn), np.sin(turn)
@@ -259,7 +262,8 @@ def _line_label(
         box = (x - 0.5 * size[0], y - 0.5 * size[1], x + 0.5 * size[0], y + 0.5 * size[1])
         outside = box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]
         hidden = _lowest(surface, box[0], box[2], -1e9) < box[3]  # reaches into the ground
-        crossed = ((busy > (box[0] - 3, box[1] - 3)) & (busy < (box[2] + 3, box[3] + 3))).all(axis=1).sum()
+        low, high = np.array(box[:2]) - BUSY_PX, np.array(box[2:]) + BUSY_PX
+        crossed = ((busy > low) & (busy < high)).all(axis=1).sum()
         on_line = _distance(ends, np.array([x, y])) < 0.6 * size[1]
         cost = 1e6 * outside + 1e5 * sum(_overlap(box, other) for other in taken) + 1e4 * (hidden or on_line)
         cost += 10.0 * min(crossed, 500) + order

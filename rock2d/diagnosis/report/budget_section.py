@@ -44,7 +44,8 @@ def _parts(
     outside = content["outside"]
     found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
         (
-            text.spoken(cause["effect"]),
+            text.spoken(cause["effect"])
+            + (f" (or {text.listed(cause['group'], 'or')})" if cause["group"] else ""),
             cause["origin"],
             cause["closes"],
             tuple(cause["closes_ci95"]),

@@ -53,7 +53,7 @@ def run_scenarios(
     `page_of` is the command that the page report.html names; None for no page.
 
     A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
-    earlier one.
+    earlier one; a campaign continues an earlier one that is determined alike.
 
     Raises InputError for a mistake in a file, for options that are not for such a run, or for a folder that cannot be
     used.
@@ -106,7 +106,9 @@ def run_scenarios(
             folder = out / f"{scenario.name}_{engine}"
             chosen = replace(options, engine=engine)
             if large:
-                tables = run_campaign(scenario, folder, chosen, workers, progress=progress, report=report)
+                tables = run_campaign(
+                    scenario, folder, chosen, workers, overwrite=overwrite, progress=progress, report=report
+                )
                 print_campaign(scenario, engine, tables)
                 _campaign_pages(scenario, folder, chosen, tables, page_of, progress)
             else:

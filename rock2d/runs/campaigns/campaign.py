@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campai
 CHUNK_RELEASES = 10_000
 BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
+WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
 THIS_PROCESS = Workers()  # on all threads
 # keys that change no chunk file and no table, or that the manifest stores outside the scenario
 NOT_DETERMINING = {
@@ -81,15 +83,17 @@ def run_campaign(
     options: CampaignOptions = CampaignOptions(),
     workers: Workers = THIS_PROCESS,
     *,
+    overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
 ) -> dict[str, pd.DataFrame]:
     """Run a campaign into `folder`, or continue it; returns its tables by name.
 
-    `report` gets messages for the user, one line per call.
+    `overwrite`: a campaign in `folder` that is determined otherwise is removed; `report` gets messages for the user,
+    one line per call.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
-    `folder` holds anything else or a campaign that is determined otherwise, or cannot be written. OSError, for
+    `folder` holds anything else, or a campaign that is determined otherwise without `overwrite`, or cannot be written. OSError, for
     example of a full disk, and KeyboardInterrupt say how far it came.
     """
     from tqdm import tqdm
@@ -102,7 +106,7 @@ def run_campaign(
     if workers.scheduler is not None:
         require_dask()
     chunks = _plan(len(job.blocks), options.releases or scenario.releases, options.chunk_releases)
-    _claim(folder, about, job)
+    _claim(folder, about, job, overwrite)
     _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
     total = sum(chunk.count for chunk in chunks)
@@ -216,14 +220,19 @@ def _refuse_what_is_no_campaign(
         ) from None
 
 
-def _claim(folder: Path, manifest: dict[str, Any], job: Job) -> None:
-    """Make the campaign's folders; refuse those that hold anything else."""
+def _claim(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) -> None:
+    """Make the campaign's folders; refuse those that hold anything else, another campaign only without `overwrite`."""
     from rock2d.files.folders import unwritable, write_whole
 
     path = folder / MANIFEST
     try:
         if path.is_file():
-            _refuse_another(path, manifest)
+            try:
+                _refuse_another(path, manifest)
+            except InputError:
+                if not overwrite:
+                    raise
+                shutil.rmtree(folder)
         elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
             raise InputError(
                 "exists and is no campaign; choose another output folder", folder, code="not_a_result"
@@ -240,11 +249,11 @@ def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
         there = read_json(path)
         fingerprint, other = there["fingerprint"], dict(there["determined_by"])
     except (ValueError, KeyError, TypeError):
-        raise InputError("is damaged; choose another output folder", path, code="not_a_result") from None
+        raise InputError(f"is damaged; {WAYS_OUT}", path, code="not_a_result") from None
     if fingerprint != manifest["fingerprint"]:
         own = manifest["determined_by"]
         differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
-        message = f"another campaign, which differs in {', '.join(differ)}; choose another output folder"
+        message = f"another campaign, which differs in {', '.join(differ)}; {WAYS_OUT}"
         raise InputError(message, path, code="not_a_result", differ=differ)
 
 

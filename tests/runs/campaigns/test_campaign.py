@@ -40,11 +40,29 @@ CUT_SHORT = 4  # exit code
 SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
 
 
-def campaign(folder: Path, *, scenario=SETUP, engine="batch", releases=60, chunk=20, workers=None, **options):
+def campaign(
+    folder: Path,
+    *,
+    scenario=SETUP,
+    engine="batch",
+    releases=60,
+    chunk=20,
+    workers=None,
+    overwrite=False,
+    **options,
+):
     """A campaign of small chunks; what it reported comes back beside its tables."""
     lines: list[str] = []
     chosen = CampaignOptions(engine=engine, releases=releases, chunk_releases=chunk, **options)
-    tables = run_campaign(scenario, folder, chosen, workers or Workers(), progress=False, report=lines.append)
+    tables = run_campaign(
+        scenario,
+        folder,
+        chosen,
+        workers or Workers(),
+        overwrite=overwrite,
+        progress=False,
+        report=lines.append,
+    )
     return tables, lines
 
 
@@ -219,8 +237,16 @@ def test_a_folder_of_something_else_is_refused(tmp_path):
         campaign(tmp_path / "one", seed=2, keep=["ends"])
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="no campaign"):
-        campaign(tmp_path / "notes")
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match="no campaign"):
+            campaign(tmp_path / "notes", overwrite=overwrite)
+
+
+def test_only_with_overwrite_does_a_campaign_replace_another(tmp_path):
+    campaign(tmp_path / "one", seed=2)
+    campaign(tmp_path / "other")
+    campaign(tmp_path / "one", overwrite=True)
+    assert digest(tmp_path / "one") == digest(tmp_path / "other")
 
 
 @pytest.mark.parametrize(

@@ -93,8 +93,8 @@ def run_campaign(
     one line per call.
 
     Raises InputError if this cannot be a campaign (engine pymunk, measured incident states, no pyarrow), if
-    `folder` holds anything else, or a campaign that is determined otherwise without `overwrite`, or cannot be written. OSError, for
-    example of a full disk, and KeyboardInterrupt say how far it came.
+    `folder` holds anything else, or a campaign that is determined otherwise without `overwrite`, or cannot be written.
+    OSError, for example of a full disk, and KeyboardInterrupt say how far it came.
     """
     from tqdm import tqdm
 

@@ -29,7 +29,7 @@ from rock2d.diagnosis.inclusion import (
     inclusion_statistics,
     outside_statistics,
 )
-from rock2d.diagnosis.learnt import Learnt, learn
+from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
@@ -63,7 +63,8 @@ class Attribution:
     probabilities : over the catalogue, "none" and "unknown"; `statistics`: the numbers that they follow from
     group : effects that the data cannot separate from the best, the best first
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
-    learnt : what was learnt beside these effects, or beside the base law if they do not
+    learnt : what was learnt beside these effects, or beside the base law if they do not; beside others, too, if that
+        predicts better (`uncertain`)
     left_regressed : flexible regression of what is left beside the learnt changes
     named : the effects that are probable, all of them in the chain; there may be none
     rivals : each of these -> effects that these data cannot tell from it
@@ -93,6 +94,11 @@ class Attribution:
     @property
     def final(self) -> Candidate:
         return self.chain[-1]
+
+    @property
+    def uncertain(self) -> list[str]:
+        """Effects that act with the learnt changes, although they are not probable."""
+        return [e.name for e in self.learnt.fit.model.effects if e.name not in self.named]
 
     @property
     def verdict(self) -> str:
@@ -183,7 +189,7 @@ def _better_base(search: Search) -> CauseSet | None:
 def _attribution(search: Search) -> Attribution:
     base, data = search.base, search.data
     found = Dependences(data)
-    learnt, beside_learnt = _learn_beside(search, found)
+    learnt, beside_learnt, tried = _learn_beside(search, found)
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, candidates) or [candidates[best]]
@@ -204,13 +210,17 @@ def _attribution(search: Search) -> Attribution:
     likeliest = max(chances, key=lambda name: chances[name])
     named = frozenset(name for name, p in included.items() if p >= NAMED_PROBABILITY)
     named |= {likeliest} & candidates.keys()
-    if named != search.best.names:
+    settled = learnt if named == search.best.names else None
+    if settled is None:
         search.best = search.joint(named)
         rivals = search.rivals(search.best, GROUP_Z)
         learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
         chain = _chain(search, candidates) or [candidates[best]]
         final = chain[-1]
-        regressed, left = _regressed(search, final, learnt), found.of(final.fit)
+        left = found.of(final.fit)
+    learnt = best_predicting(data, learnt, [own for names, own in tried.items() if names > named])
+    if learnt is not settled:
+        regressed = _regressed(search, final, learnt)
     group = [best] + [
         name
         for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
@@ -255,9 +265,11 @@ class Dependences:
         return self._known[id(fit)][1]
 
 
-def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str, BesideLearnt]]:
+def _learn_beside(
+    search: Search, found: Dependences
+) -> tuple[Learnt, dict[str, BesideLearnt], dict[Names, Learnt]]:
     """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each of
-    them adds.
+    them adds, and what was learnt beside each set.
 
     A learnt change can often do what an effect does. So a member stays if alone it explains about as much as what would
     be learnt in its place. That cannot gain more than the member and what is learnt beside it, so a member that gains
@@ -265,6 +277,7 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
     """
     data, beside = search.data, dict[str, BesideLearnt]()
     learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
+    tried = {search.best.names: learnt}
     waiting: list[str] | None = None  # members to be tried; None: all of the best set
     while learnt.changes:
         best = search.best
@@ -277,7 +290,7 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
             break
         name = waiting.pop(0)
         own = smaller[name]
-        other = learn(own.fit, own.held_out, data, found.of(own.fit))
+        other = tried[own.names] = learn(own.fit, own.held_out, data, found.of(own.fit))
         beside[name] = BesideLearnt(
             held_out_gain(data, learnt, other),
             gains[name],
@@ -285,7 +298,7 @@ def _learn_beside(search: Search, found: Dependences) -> tuple[Learnt, dict[str,
         )
         if beside[name].needless:
             search.best, learnt, waiting = own, other, None
-    return learnt, beside
+    return learnt, beside, tried
 
 
 def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:

@@ -214,6 +214,7 @@ def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
             "closes": budget.closed_by_learnt.closes,
             "closes_ci95": list(budget.closed_by_learnt.ci95),
             "changes": [change.name for change in changes],
+            "effects": found.uncertain,
         }
         if changes
         else None,

@@ -146,7 +146,10 @@ def with_rest(
     """
     unnamed = max(nameless["learnt_log"], nameless["left_log"], 0.0)
     largest = max(values["log_gain"] for values in causes.values())
-    left = {phase: max(case[f"left_{phase}_z"] - SIGNIFICANT_LEFT_Z, 0.0) for phase in ("flight", "impact")}
+    left = {
+        phase: signed_log(max(case[f"left_{phase}_z"] - SIGNIFICANT_LEFT_Z, 0.0))
+        for phase in ("flight", "impact")
+    }
     effects, found = catalogue(), {}
     for name, values in causes.items():
         gains, own = values["log_gain"] > LEAST_LOG_GAIN, values["log_gain"]

@@ -149,6 +149,14 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
     return replace(state, changes=_changes(state.fit, kept))
 
 
+def best_predicting(data: Data, learnt: Learnt, others: Sequence[Learnt]) -> Learnt:
+    """What was learnt, or of `others` with changes the one that predicts held-out releases best, if it does so
+    significantly better."""
+    changed = [other for other in others if other.changes]
+    best = max(changed, key=lambda other: other.held_out.score.sum(), default=learnt)
+    return best if held_out_gain(data, best, learnt).significant else learnt
+
+
 def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     """Residuals that the model with its learnt changes leaves in other data of the same set-up."""
     found, changes = learnt.fit, learnt.changes

@@ -55,9 +55,13 @@ def test_what_is_left_counts_where_the_effect_acts():
         causes, {"learnt_log": 0.0, "left_log": 0.0}, {"left_flight_z": 5.0, "left_impact_z": 3.0}
     )
     left = {name: (own["flight_left_z"], own["impact_left_z"]) for name, own in found.items()}
+    flight, impact = float(np.log1p(5.0 - 2.0)), float(np.log1p(3.0 - 2.0))
     assert left == {
-        "air_drag": (3.0, 0.0), "adhesion": (0.0, 1.0), "frame_rate_error": (3.0, 1.0), "magnus_lift": (0.0, 0.0),
-    }  # fmt: skip
+        "air_drag": (flight, 0.0),
+        "adhesion": (0.0, impact),
+        "frame_rate_error": (flight, impact),
+        "magnus_lift": (0.0, 0.0),
+    }
 
 
 def test_a_gain_is_compared_with_the_largest_and_with_what_has_no_name():

@@ -12,7 +12,7 @@ from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.flight_fields import flight_paths, integral, response
-from rock2d.diagnosis.learnt import Learnt, learn, residuals_on
+from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
 from rock2d.diagnosis.levers import LAW, SLOPE, Levers
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
@@ -49,6 +49,15 @@ def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
 @pytest.fixture(scope="module")
 def hardened() -> tuple[FilmData, Fit, Learnt]:
     return fitted(film(hardening(RELEASES), RELEASES, seed=7))
+
+
+def test_what_predicts_held_out_releases_better_is_used_where_something_was_learnt(hardened):
+    data, base, learnt = hardened
+    without = Learnt(base, cross_validate(base, data), [])
+    assert best_predicting(data, without, [learnt]) is learnt
+    assert best_predicting(data, without, [replace(learnt, changes=[])]) is not learnt
+    assert best_predicting(data, learnt, [without]) is learnt
+    assert best_predicting(data, learnt, [replace(learnt)]) is learnt  # equal, but no better
 
 
 def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_series(hardened):

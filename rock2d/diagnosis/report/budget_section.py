@@ -55,10 +55,9 @@ def _parts(
     ]
     learnt = outside["learnt"]
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
-        found.append(
-            (f"learnt: {text.listed(learnt['changes'])}", "no name", learnt["closes"],
-             _ends(learnt), "plain")
-        )  # fmt: skip
+        uncertain = [f"{effect} (not certain)" for effect in learnt["effects"]]
+        what = f"learnt: {text.listed([*learnt['changes'], *uncertain])}"
+        found.append((what, "no name", learnt["closes"], _ends(learnt), "plain"))
     unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
     if unlearnt >= LEAST_SHOWN:
         found.append(("dependence without a name", "not learnt", unlearnt, None, "plain"))

@@ -56,11 +56,18 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
 
 def _learnt(content: Mapping[str, Any]) -> list[str]:
     """What learnt changes are good for."""
-    if not (content.get("outside") or {}).get("learnt"):
+    learnt = (content.get("outside") or {}).get("learnt")
+    if not learnt:
         return []
+    uncertain = text.listed(learnt["effects"])
+    beside = (
+        f" It also uses {uncertain}: predictions are better with them, but they are not certain."
+        if uncertain
+        else ""
+    )
     return [
         "Predict other releases of this set-up with `rock2d predict`: it uses what was learnt without a name. The "
-        "learnt curves show where and how the motion differs."
+        f"learnt curves show where and how the motion differs.{beside}"
     ]
 
 

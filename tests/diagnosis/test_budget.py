@@ -10,6 +10,7 @@ import pytest
 from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD, Budget, Draws, Sizes, budget
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.replicates import replicate_ratio
+from rock2d.diagnosis.report.budget_section import budget_section
 
 RELEASES = 40
 
@@ -124,3 +125,27 @@ def test_near_replicates_of_pure_noise_leave_all_of_it():
     rng = np.random.default_rng(2)
     data = segments(200, rng.uniform(0.0, 1.0, 200))
     assert replicate_ratio(data, None, rng.normal(size=(200, 6))).sure > 0.9
+
+
+def test_the_page_says_which_effects_of_the_learnt_part_are_not_certain():
+    closed = {"closes": 0.5, "closes_ci95": [0.4, 0.6]}
+    content = {
+        "verdict": "unknown",
+        "gap": {"base": 1.0, "noise_floor": 0.5},
+        "floor": {"regression": 0.5, "replicates": 0.6, "used": 0.5},
+        "causes": [closed | {"effect": "air_drag", "origin": "flight", "group": []}],
+        "outside": {
+            "share": 0.3,
+            "learnt": {
+                "closes": 0.3,
+                "closes_ci95": [0.2, 0.4],
+                "changes": ["law of spin"],
+                "effects": ["angle_offset"],
+            },
+        },
+    }
+    assert [(name, said) for name, _, _, said in budget_section(content)["budget_rows"]] == [
+        ("air drag", "50 % (40 to 60 %)"),
+        ("learnt: law of spin, with angle offset (not certain)", "30 % (20 to 40 %)"),
+        ("not explained", "20 %"),
+    ]

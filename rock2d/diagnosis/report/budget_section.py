@@ -55,8 +55,8 @@ def _parts(
     ]
     learnt = outside["learnt"]
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
-        uncertain = [f"{effect} (not certain)" for effect in learnt["effects"]]
-        what = f"learnt: {text.listed([*learnt['changes'], *uncertain])}"
+        beside = f", with {text.listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
+        what = f"learnt: {text.listed(learnt['changes'])}{beside}"
         found.append((what, "no name", learnt["closes"], _ends(learnt), "plain"))
     unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
     if unlearnt >= LEAST_SHOWN:

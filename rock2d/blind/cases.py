@@ -6,6 +6,7 @@ These are assigned so that every effect has its turn.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -143,7 +144,11 @@ def _law(size: float, blocks: Sequence[reality.Block], rng: np.random.Generator)
 
 
 def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Block, number of earlier releases of the same block, and whether held out, of each release."""
+    """Block, number of earlier releases of the same block, and whether held out, of each release.
+
+    The film for the diagnosis and the one that is held out are series of their own: the ground is made anew for each
+    block of each film. A file numbers its releases from 0, so earlier releases in another file would stay unknown.
+    """
     releases = FEWEST_CASE_RELEASES
     if not smallest:
         releases = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(MOST_CASE_RELEASES))))
@@ -152,11 +157,14 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
     per_block = max(2, releases // n_blocks)
     fit_and_check = per_block + math.ceil(HELDOUT_SHARE * per_block)
     block_ids = np.repeat(np.arange(n_blocks), fit_and_check)
-    order = np.tile(np.arange(fit_and_check), n_blocks)
     heldout = np.zeros(len(block_ids), bool)
     for b in range(n_blocks):
         own = np.flatnonzero(block_ids == b)
         heldout[rng.choice(own, fit_and_check - per_block, replace=False)] = True
+    order = np.empty(len(block_ids), int)
+    for series in itertools.product(range(n_blocks), (False, True)):
+        own = (block_ids == series[0]) & (heldout == series[1])
+        order[own] = np.arange(own.sum())
     return block_ids, order, heldout
 
 

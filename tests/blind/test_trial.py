@@ -91,6 +91,15 @@ def test_twins_are_the_same_releases_without_the_causes(tmp_path):
             assert seen.equals(clean) == (not own)
 
 
+def test_each_film_of_a_case_is_a_series_of_its_own():
+    """A file numbers the releases of a block in their order, and the soil remembers only those of its own file."""
+    case = draw_case(("soil_compaction",), np.random.SeedSequence(5))
+    for heldout in (False, True):
+        for block in np.unique(case.releases.block_ids):
+            own = case.releases.order[(case.releases.block_ids == block) & (case.heldout == heldout)]
+            assert own.tolist() == list(range(len(own))) and len(own) > 1
+
+
 def test_labels_that_were_changed_are_refused(tmp_path, small):
     make_trial(1, 3, tmp_path / "t", causes=[()])
     path = tmp_path / "t" / "labels.json"

@@ -6,7 +6,6 @@ These are assigned so that every effect has its turn.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -157,14 +156,12 @@ def _releases(n_blocks: int, smallest: bool, rng: np.random.Generator) -> tuple[
     per_block = max(2, releases // n_blocks)
     fit_and_check = per_block + math.ceil(HELDOUT_SHARE * per_block)
     block_ids = np.repeat(np.arange(n_blocks), fit_and_check)
-    heldout = np.zeros(len(block_ids), bool)
+    heldout, order = np.zeros(len(block_ids), bool), np.empty(len(block_ids), int)
     for b in range(n_blocks):
         own = np.flatnonzero(block_ids == b)
         heldout[rng.choice(own, fit_and_check - per_block, replace=False)] = True
-    order = np.empty(len(block_ids), int)
-    for series in itertools.product(range(n_blocks), (False, True)):
-        own = (block_ids == series[0]) & (heldout == series[1])
-        order[own] = np.arange(own.sum())
+        for series in (own[heldout[own]], own[~heldout[own]]):
+            order[series] = np.arange(len(series))
     return block_ids, order, heldout
 
 

@@ -214,7 +214,9 @@ def _attribution(search: Search) -> Attribution:
     if settled is None:
         search.best = search.joint(named)
         rivals = search.rivals(search.best, GROUP_Z)
-        learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
+        learnt = tried.get(named) or learn(
+            search.best.fit, search.best.held_out, data, found.of(search.best.fit)
+        )
         chain = _chain(search, candidates) or [candidates[best]]
         final = chain[-1]
         left = found.of(final.fit)

@@ -124,12 +124,10 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     if outside and outside["p"] >= NAMED_PROBABILITY:
         share = f"{100 * outside['share']:.0f} % of the gap"
         dependence = f", depending on the {outside['depends_on'][0]}" if outside["depends_on"] else ""
-        learnt = ""
-        if outside["learnt"]:
-            beside = ", ".join(outside["learnt"]["effects"])
-            learnt = f"; learnt changes{f' with {beside} (not certain)' if beside else ''} close "
-            learnt += _shares(outside["learnt"])
-        lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{learnt}")
+        learnt = outside["learnt"]
+        beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""
+        closes = f"; learnt changes{beside} close {_shares(learnt)}" if learnt else ""
+        lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{closes}")
     for cell in content["where"][:3]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"

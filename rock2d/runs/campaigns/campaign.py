@@ -227,11 +227,10 @@ def _claim(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) ->
     path = folder / MANIFEST
     try:
         if path.is_file():
-            try:
-                _refuse_another(path, manifest)
-            except InputError:
-                if not overwrite:
-                    raise
+            objection = _objection(path, manifest)
+            if objection and not overwrite:
+                raise objection
+            if objection:
                 shutil.rmtree(folder)
         elif folder.exists() and (not folder.is_dir() or any(p.name[0] != "." for p in folder.iterdir())):
             raise InputError(
@@ -244,17 +243,19 @@ def _claim(folder: Path, manifest: dict[str, Any], job: Job, overwrite: bool) ->
         raise unwritable(error, folder) from None
 
 
-def _refuse_another(path: Path, manifest: dict[str, Any]) -> None:
+def _objection(path: Path, manifest: dict[str, Any]) -> InputError | None:
+    """What speaks against continuing the campaign whose manifest is at `path`."""
     try:
         there = read_json(path)
         fingerprint, other = there["fingerprint"], dict(there["determined_by"])
     except (ValueError, KeyError, TypeError):
-        raise InputError(f"is damaged; {WAYS_OUT}", path, code="not_a_result") from None
-    if fingerprint != manifest["fingerprint"]:
-        own = manifest["determined_by"]
-        differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
-        message = f"another campaign, which differs in {', '.join(differ)}; {WAYS_OUT}"
-        raise InputError(message, path, code="not_a_result", differ=differ)
+        return InputError(f"is damaged; {WAYS_OUT}", path, code="not_a_result")
+    if fingerprint == manifest["fingerprint"]:
+        return None
+    own = manifest["determined_by"]
+    differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
+    message = f"another campaign, which differs in {', '.join(differ)}; {WAYS_OUT}"
+    return InputError(message, path, code="not_a_result", differ=differ)
 
 
 def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:

@@ -34,7 +34,7 @@ from rock2d.engines.contact_state import (
     hand_over,
 )
 from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, first_event
+from rock2d.engines.event_detection import first_event, lands
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
@@ -62,7 +62,7 @@ from rock2d.engines.loaded_contacts import (
     placed,
 )
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import keep_energy, step_error
+from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
 from rock2d.laws.contact import (
     K_L,
     K_R,
@@ -81,7 +81,6 @@ from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, R
 from rock2d.scene.blocks import Block
 
 SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
-MOST_HALVINGS = 12  # of a step that errs too much
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
@@ -362,17 +361,18 @@ def step(q, h, near, world, contacts, audit, floating):
     while True:
         note_pressed(active, loaded, whole)
         error, scale, too_long = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        if too_long and halvings < MOST_HALVINGS:
-            h *= 0.5
-            halvings += 1
-            whole = h if landings == 0 else whole
-            continue
         find_features(q1, reach, near, world, memory, found)
         event_s = first_event(h, whole, q, q1, world, memory, found)
-        if event_s >= h or landings == MOST_LANDINGS or (landings > 0 and event_s > LANDED * h):
+        if lands(event_s, h, landings):
+            h = event_s
+            landings += 1
+            continue
+        # only now: a step across an event errs by much
+        if not too_long or halvings == MOST_HALVINGS:
             break
-        h = event_s
-        landings += 1
+        h *= 0.5
+        whole, landings = h, 0
+        halvings += 1
     if active > 0 and not effects:
         keep_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)

@@ -42,6 +42,12 @@ LEAST_GAP = 1e-12  # of the block's radius: between two features, more than roun
 LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
 
 
+@kernel(forceinline=True)
+def lands(event_s, h, landings):
+    """Whether a step of h (s) that has landed on so many events goes on to land on the one at `event_s`."""
+    return event_s < h and landings < MOST_LANDINGS and (landings == 0 or event_s <= LANDED * h)
+
+
 @kernel
 def hermite_root(g0, r0, g1, r1, h):
     """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""

@@ -15,26 +15,14 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import LANDED, MOST_LANDINGS, hold_event, law_event
+from rock2d.engines.event_detection import hold_event, lands, law_event
+from rock2d.engines.facet_runs import follow_run
 from rock2d.engines.geometry import (
-    CORNER_FACET,
-    F_NORMAL,
-    F_POINT,
-    F_SHAPE,
-    LENGTH,
-    NORMAL_X,
-    NORMAL_Y,
-    POINT_X,
-    POINT_Y,
-    RUN_FIRST,
-    RUN_LAST,
-    SMOOTH_FACET,
-    TANGENT_X,
-    TANGENT_Y,
     Body,
     is_ball,
 )
-from rock2d.engines.guard import TURN_ARM
+from rock2d.engines.guard import GUARD, TURN_ARM
+from rock2d.engines.hops import hop_s
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
     ARM,
@@ -45,7 +33,6 @@ from rock2d.engines.loaded_contacts import (
     L_BOTTOM,
     L_DISPLACEMENT,
     L_EFFECTS,
-    L_KIND,
     L_LAW,
     L_OFFSET,
     L_PEAK,
@@ -68,24 +55,21 @@ from rock2d.engines.loaded_contacts import (
 )
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import keep_energy, step_error
+from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
 from rock2d.laws.contact import (
     INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
-    MU,
-    change_feature,
     normal_force,
     residual,
-    tangential_force,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
-GUARD_LEFT, CONTACT_ENDS, STEP_TOO_LONG = 1, 2, 3  # why a series of fast steps ended; 0: none of these
+# why a series of fast steps ended; 0: none of these. After a hop the guard still holds
+GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
 GUARD_SHARE = 0.3  # of the guard that one step without pressure may use
-GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
 
 
 class StepSizes(NamedTuple):
@@ -94,6 +78,7 @@ class StepSizes(NamedTuple):
     loading: float  # while every contact goes deeper in first loading
     floating: float  # while no contact touches the bottom of its indentation
     other: float
+    share: float  # what is left of `loading` and `other` after steps that erred too much
 
 
 class Horizon(NamedTuple):
@@ -104,61 +89,8 @@ class Horizon(NamedTuple):
     pause: (
         float  # instant in s that only the first step may reach, so that a caller sees the states around it
     )
-
-
-@kernel(forceinline=True)
-def _follow_run(loaded, a, facets, index, q, direction, audit):
-    """Load the facet of its run that a contact has moved to at state q, whose direction is (cos θ, sin θ); returns the
-    facet's index."""
-    rows = loaded.rows
-    c, s = direction
-    kind, px, py = int(rows[a, L_KIND]), q[X], q[Y]
-    if kind == CORNER_FACET:
-        corner_x, corner_y = rows[a, F_SHAPE], rows[a, F_SHAPE + 1]
-        px, py = px + c * corner_x - s * corner_y, py + s * corner_x + c * corner_y
-    elif kind != SMOOTH_FACET:
-        return index
-    elif not _below_centre(rows, a):
-        _, _, _, rx, ry = placed(rows, a, (px, py, c, s))
-        px, py = px + rx, py + ry
-    first, last, found = int(facets[index, RUN_FIRST]), int(facets[index, RUN_LAST]), index
-    while True:
-        along = (px - facets[found, POINT_X]) * facets[found, TANGENT_X]
-        along += (py - facets[found, POINT_Y]) * facets[found, TANGENT_Y]
-        if along < 0.0 and found > first and found <= index:
-            found -= 1
-        elif along > facets[found, LENGTH] and found < last and found >= index:
-            found += 1
-        else:
-            break
-    if found != index:
-        _load_facet(loaded, a, facets[found], q, (q[X], q[Y], c, s), audit)
-    return found
-
-
-@kernel(forceinline=True)
-def _below_centre(rows, a):
-    """Whether a smooth profile is a ball's, whose contact point lies below its centre."""
-    round_about = rows[a, F_SHAPE + 2] == 0.0 and rows[a, F_SHAPE + 3] == 0.0
-    return round_about and rows[a, F_SHAPE] == rows[a, F_SHAPE + 1]
-
-
-@kernel
-def _load_facet(loaded, a, facet, q, pose, audit):
-    """Let a contact go on at the next facet of its run, see `change_feature`."""
-    rows, trial = loaded.rows, loaded.trial
-    rows[a, F_POINT], rows[a, F_POINT + 1] = facet[POINT_X], facet[POINT_Y]
-    rows[a, F_NORMAL], rows[a, F_NORMAL + 1] = facet[NORMAL_X], facet[NORMAL_Y]
-    depth, nx, ny, rx, ry = placed(rows, a, pose)
-    row = rows[a, L_LAW:]
-    force_n = normal_force(trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK], row[K_L], row[K_UL])
-    force_t = tangential_force(rows[a, L_DISPLACEMENT], force_n, row[K_T], row[MU])
-    rows[a, L_OFFSET], _, _, lost = change_feature(
-        row, depth, depth - trial[a, DEPTH_0], (rows[a, L_OFFSET], rows[a, L_PEAK]), (force_n, force_t)
-    )
-    audit[PLASTIC] += lost
-    trial[a, DEPTH_0] = depth
-    trial[a, RATE_0] = -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
+    hop: float  # the longest hop of a ball in s, see `hops`
+    until: float  # x in m that only the last step may pass, and no hop
 
 
 @kernel(forceinline=True)
@@ -184,7 +116,8 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
 
     Returns (time now in s, number of steps, whether the ground has stopped pressing, why it ended: GUARD_LEFT,
-    CONTACT_ENDS if a contact is about to end, STEP_TOO_LONG if a step errs too much, else 0).
+    CONTACT_ENDS if a contact is about to end, HOPPED if the one step of the series was a hop, a free flight, else 0,
+    share that is left of the step sizes).
     """
     loaded = contacts[1].loaded
     active = load_active(world, contacts[0], loaded)
@@ -210,92 +143,137 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     with effects. Ten parameters: it is written once and compiled for both."""
     horizon, sizes = limits
     current, left, audit = log
-    body = Body(world.block, world.gravity)
     memory, scratch = contacts
     ints, reals, block = memory.ints, memory.reals, world.block
     q1, loaded = scratch.state, scratch.loaded
-    rows, which, rates, trial = loaded.rows, loaded.which, loaded.rates, loaded.trial
+    rows, which, trial = loaded.rows, loaded.which, loaded.trial
     for a in range(active):
         trial[a, DEPTH_0], trial[a, RATE_0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
-    turning = not is_ball(block)
-    arm = TURN_ARM * block.radius
     zero: Any = np.int64(0)
-    done, why = zero, zero
-    while done < horizon.steps:
+    done, why, share = zero, zero, sizes.share
+    while done < horizon.steps and q[X] < horizon.until:
         loading, unpressed = _branches(active, rows, trial, sizes, effects)
         unpressed = unpressed and left
-        h = sizes.loading if loading else sizes.other
+        h, hops = share * (sizes.loading if loading else sizes.other), False
         if unpressed:
-            pace = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius
-            h = min(sizes.floating, max(sizes.other, GUARD_SHARE * anchor[GUARD] / max(pace, 1e-300)))
+            h, hops = _afloat(q, active, loaded, ints, world, anchor, limits, effects)
+        if hops and done > 0:
+            break
         h = min(h, horizon.time_limit - t)
         if h <= 0.0 or (done > 0 and t + h >= horizon.pause):
             break
-        note_pressed(active, loaded, h)
-        first, work_t, work_r, work_e, pushed = h, 0.0, 0.0, 0.0, 0.0
-        for attempt in range(MOST_LANDINGS):
-            pressing = np.int64(0) if unpressed else active
-            work_t, work_r, work_e, pushed = advance(q, (c, s), first, body, (pressing, rows, rates), q1)
-            if unpressed:
-                for a in range(active):
-                    rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]
-            c1, s1 = c, s
-            if turning:
-                c1, s1 = np.cos(q1[THETA]), np.sin(q1[THETA])
-            moved = abs(q1[X] - anchor[X]) + abs(q1[Y] - anchor[Y]) + arm * abs(q1[THETA] - anchor[THETA])
-            if moved >= anchor[GUARD]:
-                why = GUARD_LEFT
-            pose = (q1[X], q1[Y], c1, s1)
-            for a in range(active):
-                depth, nx, ny, rx, ry = placed(rows, a, pose)
-                trial[a, DEPTH_1] = depth
-                ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
-                trial[a, RATE_1] = -(ux * nx + uy * ny)
-                if effects:
-                    trial[a, SLIP] = ux * ny - uy * nx
-                trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
-                if depth <= 0.0:
-                    why = CONTACT_ENDS
-            if why > 0:
-                break
-            event_s = _first_event(first, h, active, rows, trial, effects)
-            if event_s >= first or (attempt > 0 and event_s > LANDED * first):
-                break
-            first = event_s
+        why, taken, (c1, s1), works, (error, scale), halved = _step(
+            q, (c, s), h, world, (active, unpressed), loaded, anchor, q1, advance, effects
+        )
         if why > 0:
             break
-        for a in range(active):
-            note_outcome(a, loaded, effects)
-        error, scale, too_long = 0.0, 0.0, False
-        if not effects:  # of effects, the work is known no better than the motion
-            error, scale, too_long, work_t, work_r = step_error(
-                q, q1, first, (work_t, work_r), body, active, loaded
-            )
-        if too_long:
-            why = STEP_TOO_LONG
-            break
-        force, deepest = _commit(active, loaded, (work_t, work_r), audit)
+        share *= halved
+        force, deepest = _commit(active, loaded, works, audit)
         if effects:
-            audit[EFFECTS] += work_e
-            audit[RECOIL] += pushed
+            audit[EFFECTS] += works[2]
+            audit[RECOIL] += works[3]
         else:
-            keep_energy(q, q1, first, error, scale, body, audit)
+            keep_energy(q, q1, taken, error, scale, Body(block, world.gravity), audit)
         for a in range(active):
-            ints[which[a], INDEX] = _follow_run(
+            ints[which[a], INDEX] = follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
             )
         copy(q1, q)
         c, s = c1, s1
-        t += first
+        t += taken
         done += 1
         left = note_pressure(current, left, force, deepest, t, q)
+        if hops:
+            why = zero + HOPPED
+            break
     for a in range(active):
         j = which[a]
         reals[j, DEPTH], reals[j, RATE], reals[j, PEAK] = trial[a, DEPTH_0], trial[a, RATE_0], rows[a, L_PEAK]
         reals[j, OFFSET] = rows[a, L_OFFSET]
         reals[j, DISPLACEMENT], reals[j, ROTATION] = rows[a, L_DISPLACEMENT], rows[a, L_ROTATION]
-    return t, done, left, why
+    return t, done, left, why, share
+
+
+@kernel(forceinline=True)
+def _step(q, direction, h, world, contacts, loaded, anchor, q1, advance, effects):
+    """One step of at most h (s) into q1: to the first event of the law, and halved while it errs too much.
+
+    contacts : (number of active contacts, whether none of them presses)
+
+    Returns (GUARD_LEFT or CONTACT_ENDS if there is no step, else 0; its length in s; (cos θ, sin θ) after it; work in J
+    of the tangential springs, of the rolling springs and of effects, and velocity in m/s of recoiling ground; energy in
+    J that it made, and energy that this should be small against; by what factor it was halved).
+    """
+    active, unpressed = contacts
+    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    block, body = world.block, Body(world.block, world.gravity)
+    turning = not is_ball(block)
+    arm = TURN_ARM * block.radius if turning else 0.0  # a ball that turns comes no nearer to anything
+    zero: Any = np.int64(0)
+    why, landings, halvings, halved = zero, zero, zero, 1.0
+    first, whole, error, scale = h, h, 0.0, 0.0
+    pressing = zero if unpressed else active
+    note_pressed(active, loaded, h)
+    while True:
+        work_t, work_r, work_e, pushed = advance(q, direction, first, body, (pressing, rows, rates), q1)
+        if unpressed:
+            for a in range(active):
+                rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]
+        c1, s1 = direction
+        if turning:
+            c1, s1 = np.cos(q1[THETA]), np.sin(q1[THETA])
+        moved = abs(q1[X] - anchor[X]) + abs(q1[Y] - anchor[Y]) + arm * abs(q1[THETA] - anchor[THETA])
+        if moved >= anchor[GUARD]:
+            why = zero + GUARD_LEFT
+        pose = (q1[X], q1[Y], c1, s1)
+        for a in range(active):
+            depth, nx, ny, rx, ry = placed(rows, a, pose)
+            trial[a, DEPTH_1] = depth
+            ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
+            trial[a, RATE_1] = -(ux * nx + uy * ny)
+            if effects:
+                trial[a, SLIP] = ux * ny - uy * nx
+            trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
+            if depth <= 0.0:
+                why = zero + CONTACT_ENDS
+            elif not turning and depth > block.radius:
+                why = zero + GUARD_LEFT
+        if why > 0:
+            break
+        event_s = _first_event(first, whole, active, rows, trial, effects)
+        if lands(event_s, first, landings):
+            first = event_s
+            landings += 1
+            continue
+        for a in range(active):
+            note_outcome(a, loaded, effects)
+        if effects:  # of them, the work is known no better than the motion
+            break
+        error, scale, too_long, work_t, work_r = step_error(
+            q, q1, first, (work_t, work_r), body, active, loaded
+        )
+        if not too_long or halvings == MOST_HALVINGS:
+            break
+        first *= 0.5
+        halved *= 0.5
+        whole, landings = first, zero
+        halvings += 1
+        note_pressed(active, loaded, whole)
+    return why, first, (c1, s1), (work_t, work_r, work_e, pushed), (error, scale), halved
+
+
+@kernel(forceinline=True)
+def _afloat(q, active, loaded, ints, world, anchor, limits, effects):
+    """(step in s while no contact presses, whether it is a hop)."""
+    block, (horizon, sizes) = world.block, limits
+    if not effects and is_ball(block):
+        longest = min(horizon.hop, (horizon.until - q[X]) / q[VX]) if q[VX] > 0.0 else horizon.hop
+        hop = hop_s(q, active, loaded, ints, world, anchor, longest)
+        if hop > sizes.floating:
+            return hop, True
+    pace = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius
+    return min(sizes.floating, max(sizes.other, GUARD_SHARE * anchor[GUARD] / max(pace, 1e-300))), False
 
 
 @kernel(forceinline=True)

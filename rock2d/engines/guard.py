@@ -32,8 +32,35 @@ from rock2d.engines.geometry import (
     pose_of,
     profile_bend,
 )
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
+GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
 TURN_ARM = 1.5  # block radii with which rotation counts as motion: a vertex near the block is as far off
+VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
+BALL_VIEW_RADII = 10.0  # of a ball, which hops far between two contacts
+VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
+
+
+@kernel
+def set_anchor(anchor, q, h, world, memory):
+    """Take q as the pose whose guard is known, if it lasts for a step of h (s); returns whether the centroid lies below
+    the surface. Within the guard it stays above."""
+    block, ground = world.block, world.ground
+    ball = is_ball(block)
+    most = (BALL_VIEW_RADII if ball else VIEW_RADII) - 1.0
+    allowance = min(most, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
+    half = max(VIEW_RADII * block.radius, block.radius + allowance)
+    near = facet_range(ground, q[X] - half, q[X] + half)
+    anchor[X], anchor[Y], anchor[THETA] = q[X], q[Y], q[THETA]
+    depth, _, _ = near_depth(q[X], q[Y], ground, near[0], near[1], block.radius)
+    anchor[GUARD] = guard_distance(q, allowance, near, world, memory)
+    pace = abs(q[VX]) + abs(q[VY])
+    if not ball:  # `fast_contact_steps` sees how deep a ball is
+        anchor[GUARD] = min(anchor[GUARD], max(-depth, 0.0))
+        pace += TURN_ARM * block.radius * abs(q[OMEGA])
+    if anchor[GUARD] < h * pace:
+        anchor[GUARD] = 0.0
+    return depth > 0.0
 
 
 @kernel

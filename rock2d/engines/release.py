@@ -25,8 +25,8 @@ from rock2d.engines.contact_state import (
     ZONE,
 )
 from rock2d.engines.fast_contact_steps import (
-    GUARD,
     GUARD_LEFT,
+    HOPPED,
     Horizon,
     StepSizes,
     fast_contact_steps,
@@ -40,10 +40,9 @@ from rock2d.engines.geometry import (
     GroundArrays,
     WorldArrays,
     facet_range,
-    near_depth,
     point_depth,
 )
-from rock2d.engines.guard import TURN_ARM, guard_distance
+from rock2d.engines.guard import GUARD, set_anchor
 from rock2d.engines.recording import (
     close_impact,
     cross,
@@ -72,7 +71,6 @@ from rock2d.records.columns import (
     STOP_REST,
     STOP_SPENT,
     STOP_TIME,
-    THETA,
     VX,
     VY,
     X,
@@ -82,8 +80,6 @@ from rock2d.records.columns import (
 LARGEST_BATCH_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
 STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
 LEAST_STRIDE = 0.01  # of a contact step: the bound of a ball is renewed as long as it gains this much
-VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
-VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
 FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
 TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
@@ -152,13 +148,11 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
         np.full(N_IMPACT, np.nan),
     )  # fmt: skip
     world = WorldArrays(block, ground, packed.tables[table_id], gravity)
-    h_loading, h_contact = step_sizes
-    sizes = StepSizes(h_loading, FLOATING_STEPS * h_contact, h_contact)
-    return _descend(world, tree, q, sizes, rules, (recorder, held), workspace)
+    return _descend(world, tree, q, step_sizes, rules, (recorder, held), workspace)
 
 
 @kernel
-def _descend(world, tree, q, sizes, rules, written, workspace):
+def _descend(world, tree, q, step_sizes, rules, written, workspace):
     """`release` on prepared arrays."""
     memory, found, scratch, stack, old, anchor, watch, current = workspace
     recorder, held = written
@@ -166,7 +160,7 @@ def _descend(world, tree, q, sizes, rules, written, workspace):
     body, line_record, sample_record = Body(world.block, world.gravity), recorder.lines, recorder.samples
     block, ground, law, gravity = world.block, world.ground, world.law, world.gravity
     lines, times, audit, knots = line_record.ends, sample_record.times, recorder.audit, recorder.knots
-    spent, time_limit, h_contact = rules.spent, rules.time_limit, sizes.other
+    spent, time_limit, (h_loading, h_contact) = rules.spent, rules.time_limit, step_sizes
     anchor[GUARD] = 0.0
     radius, corners = block.radius, block.sides.shape[0]
     highest_energy = 0.0  # kinetic, at the beginning of any contact so far
@@ -179,7 +173,7 @@ def _descend(world, tree, q, sizes, rules, written, workspace):
     # the impact that is open: whether there is one, and whether the ground has stopped pressing
     is_open, left = no, no
     rest.forget_rest(watch)
-    active, steps, looked, growth = zero, zero, zero, 1.0
+    active, steps, looked, growth, share = zero, zero, zero, 1.0, 1.0
     stale = no  # whether the contacts have not looked at the ground since the block moved
     noticed = no  # whether the contacts know the ground at the present pose
     recording, airy = len(knots) > 0, in_air(block)
@@ -228,7 +222,7 @@ def _descend(world, tree, q, sizes, rules, written, workspace):
         if steps >= looked:
             looked = steps + STEPS_BETWEEN_LOOKS
             growth = contact_energy.step_growth(highest_energy, block, memory, law)
-            growth = min(LARGEST_BATCH_STEP_GROWTH, growth)
+            growth, share = min(LARGEST_BATCH_STEP_GROWTH, growth), 1.0
             if active > 0 and is_open:
                 if rules.captured and rest.captured(q, world, memory):
                     stop = STOP_REST
@@ -248,28 +242,34 @@ def _descend(world, tree, q, sizes, rules, written, workspace):
                 q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), line_record
             )
             pause = times[at] if at < times.size else np.inf
-            horizon = Horizon(1 if near or recording else looked - steps, time_limit, pause)
-            grown = StepSizes(sizes.loading * growth, FLOATING_STEPS * h, h)
-            until, done, left, why = fast_contact_steps(
+            hop = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
+            several = 1 if near or recording else looked - steps
+            horizon = Horizon(several, time_limit, pause, hop, rules.until)
+            grown = StepSizes(h_loading * growth, FLOATING_STEPS * h, h, share)
+            until, done, left, why, share = fast_contact_steps(
                 q, t, (horizon, grown), anchor, world, fast_contacts, (current, left, audit)
             )
             steps += done
-            if why > 0:
+            hopped = why == HOPPED
+            if hopped:
+                looked = steps
+            elif why > 0:
                 moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
                 anchor[GUARD] = 0.0
                 if why == GUARD_LEFT and moved:
-                    buried = _set_anchor(anchor, q, h, world, memory)
+                    buried = set_anchor(anchor, q, h, world, memory)
             stale = stale or done > 0
             if done == 0:
                 continue
-            used = knot(knots, used, t, old, 0.0)
+            used = knot(knots, used, t, old, 1.0 if hopped else 0.0)
+            flying = hopped
         else:
             steps += 1
             near = True
-            loading, floating = _pressing(memory, law, sizes.loading * growth, FLOATING_STEPS * h)
+            loading, floating = _pressing(memory, law, h_loading * growth, FLOATING_STEPS * h)
             floating = floating and left and active > 0
             if active > 0:
-                h = FLOATING_STEPS * h if floating else (sizes.loading * growth if loading else h)
+                h = FLOATING_STEPS * h if floating else (h_loading * growth if loading else h)
             pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * radius, 1e-300)
             h = min(h, time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * radius / pace))
             half = near_reach(q, h, gravity, radius)
@@ -298,7 +298,7 @@ def _descend(world, tree, q, sizes, rules, written, workspace):
                 highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
             if active > before or flying:
                 looked = steps  # a contact has begun: how large may its steps be
-            buried = _set_anchor(anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
+            buried = set_anchor(anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
         gone = until - t
         if near:
             cross((t, gone), old, q, flying, body, line_record)
@@ -342,21 +342,6 @@ def _reach(q, h, world, memory):
 def near_reach(q, h, gravity, radius):
     """Half-width in m of the ground that a contact step looks at."""
     return (np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + gravity * h) * h + 1.1 * radius
-
-
-@kernel
-def _set_anchor(anchor, q, h, world, memory):
-    """Take q as the pose whose guard is known, if it lasts for a step of h (s); returns whether the centroid lies below
-    the surface. Within the guard it stays above."""
-    block, ground = world.block, world.ground
-    near = facet_range(ground, q[X] - VIEW_RADII * block.radius, q[X] + VIEW_RADII * block.radius)
-    anchor[X], anchor[Y], anchor[THETA] = q[X], q[Y], q[THETA]
-    allowance = min(VIEW_RADII - 1.0, max(0.1, VIEW_FACETS * ground.facet_m / block.radius)) * block.radius
-    depth, _, _ = near_depth(q[X], q[Y], ground, near[0], near[1], block.radius)
-    anchor[GUARD] = min(guard_distance(q, allowance, near, world, memory), max(-depth, 0.0))
-    if anchor[GUARD] < h * (abs(q[VX]) + abs(q[VY]) + TURN_ARM * block.radius * abs(q[OMEGA])):
-        anchor[GUARD] = 0.0
-    return depth > 0.0
 
 
 @kernel

@@ -7,16 +7,25 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.effects.forces import flight
 from rock2d.engines.free_flight import fly, in_air
-from rock2d.engines.geometry import is_ball
+from rock2d.engines.geometry import SMOOTH_FACET, is_ball
 from rock2d.engines.loaded_contacts import (
+    L_BOTTOM,
     L_DISPLACEMENT,
+    L_KIND,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    L_PRESSED,
     L_ROTATION,
+    LEAST_EVENT,
     SLIP_RATE,
     SPIN_RATE,
     TAKEN_DISPLACEMENT,
     TAKEN_ROTATION,
     contact_rates,
+    placed,
 )
+from rock2d.laws.contact import K_L, K_UL
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 
@@ -30,6 +39,32 @@ def _turned(c, s, angle):
         ca = 1.0 - u * (1.0 / 2 - u * (1.0 / 24 - u * (1.0 / 720 - u / 40320.0)))
         sa = angle * (1.0 - u * (1.0 / 6 - u * (1.0 / 120 - u * (1.0 / 5040 - u / 362880.0))))
     return c * ca - s * sa, s * ca + c * sa
+
+
+@kernel
+def _oscillation(q, h, body, rows):
+    """Depth in m of a ball that one facet presses, half a step of h (s) on and at its end, and its rate in m/s there.
+
+    On one branch of the law m δ'' = m g n_y - F(δ) is a harmonic oscillation, whatever the ball does along the facet. A
+    Runge-Kutta step of the size that friction needs would damp it.
+    """
+    block, gravity = body
+    depth, nx, ny, _, _ = placed(rows, 0, (q[X], q[Y], 1.0, 0.0))
+    rate, pull = -(q[VX] * nx + q[VY] * ny), gravity * ny
+    stiffness, bottom = rows[0, L_LAW + K_UL], rows[0, L_BOTTOM]
+    pressed, k_l = depth - rows[0, L_OFFSET], rows[0, L_LAW + K_L]
+    at_peak = pressed + LEAST_EVENT * h * rate >= rows[0, L_PEAK]
+    if at_peak and rate > LEAST_EVENT * h * (
+        k_l * pressed / block.mass - pull
+    ):  # it does not turn back at once
+        stiffness, bottom = k_l, 0.0
+    rest = rows[0, L_OFFSET] + bottom + block.mass * pull / stiffness
+    omega = np.sqrt(stiffness / block.mass)
+    c, s = np.cos(0.5 * omega * h), np.sin(0.5 * omega * h)
+    a, b = depth - rest, rate / omega
+    half = rest + a * c + b * s
+    c, s = c * c - s * s, 2.0 * c * s
+    return half, rest + a * c + b * s, omega * (b * c - a * s)
 
 
 @kernel
@@ -75,6 +110,11 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
     work_t = work_r = work_e = pushed = 0.0
     c, s = c0, s0
     turning = not is_ball(block)
+    oscillates = not effects and not turning and active == 1
+    oscillates = oscillates and rows[0, L_KIND] == SMOOTH_FACET and rows[0, L_PRESSED] != 0.0
+    half = end = rate = 0.0
+    if oscillates:
+        half, end, rate = _oscillation(q, h, body, rows)
     for k in range(4):
         weight = 1.0 / 6.0 if k % 3 == 0 else 1.0 / 3.0
         ahead = 0.0 if k == 0 else (0.5 * h if k < 3 else h)
@@ -83,6 +123,10 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
             if turning:
                 c, s = _turned(c0, s0, ahead * omega)
             vx, vy, omega = q[VX] + ahead * ax, q[VY] + ahead * ay, q[OMEGA] + ahead * alpha
+            if oscillates:
+                depth, nx, ny, _, _ = placed(rows, 0, (x, y, c, s))
+                up = depth - (half if k < 3 else end)
+                x, y = x + up * nx, y + up * ny
         fx = fy = moment = push = 0.0
         for a in range(active):
             f, g, m, slip, spin, power_t, power_r, power_e, recoiled = contact_rates(
@@ -112,6 +156,11 @@ def _four_stages(q, direction, h, body, contacts, q1, effects):
         dvx, dvy, domega = dvx + weight * ax, dvy + weight * ay, domega + weight * alpha
     q1[X], q1[Y], q1[THETA] = q[X] + h * dx, q[Y] + h * dy, q[THETA] + h * dtheta
     q1[VX], q1[VY], q1[OMEGA] = q[VX] + h * dvx, q[VY] + h * dvy, q[OMEGA] + h * domega
+    if oscillates:
+        depth, nx, ny, _, _ = placed(rows, 0, (q1[X], q1[Y], c, s))
+        up, faster = depth - end, -(q1[VX] * nx + q1[VY] * ny) - rate
+        q1[X], q1[Y] = q1[X] + up * nx, q1[Y] + up * ny
+        q1[VX], q1[VY] = q1[VX] + faster * nx, q1[VY] + faster * ny
     for a in range(active):
         rates[a, TAKEN_DISPLACEMENT] = rows[a, L_DISPLACEMENT] + h * rates[a, TAKEN_DISPLACEMENT]
         rates[a, TAKEN_ROTATION] = rows[a, L_ROTATION] + h * rates[a, TAKEN_ROTATION]

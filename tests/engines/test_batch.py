@@ -61,11 +61,12 @@ def test_passing_frequencies_agree_with_the_pymunk_engine():
     assert np.mean(passed != truth) < 0.05
 
 
-def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does():
+@pytest.mark.parametrize("block", [CUBE, SPHERE], ids=["cube", "sphere"])
+def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does(block):
     start = states(4, 5)
-    batch = run_batch(Ensemble([CUBE], [SETUP], [TABLE]), start)
+    batch = run_batch(Ensemble([block], [SETUP], [TABLE]), start)
     for i, state in enumerate(start):
-        track = run_batch_track(CUBE, SETUP, TABLE, state)
+        track = run_batch_track(block, SETUP, TABLE, state)
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
 

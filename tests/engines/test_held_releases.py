@@ -53,7 +53,8 @@ def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, B
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_it_goes_on_as_if_it_had_not_been_held(name):
-    """Steps fall elsewhere: that makes far less of a difference than steps of half the size do."""
+    """Steps fall elsewhere: nine of ten speeds at the next line change by less than a thousandth of the speed, and by
+    less than half the step changes the median."""
     whole, first, rest = whole_and_held(name)
     on = first.stop == STOP_REACHED
     assert on.mean() > 0.9
@@ -65,7 +66,9 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     ensemble = Ensemble([BLOCKS[name]], [GROUND], [TABLE])
     fine = run_batch(ensemble, starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION)
     apart, of_a_step = (np.abs(found[:, AT_VX] - then[:, AT_VX]) for found in (now, fine.crossings[on, 0]))
-    assert np.nanpercentile(apart, [50, 90]) == pytest.approx(0.0, abs=0.05 * np.nanmedian(of_a_step))
+    most = np.nanpercentile(apart, 90)
+    assert most < 1e-3 * np.nanmedian(then[:, AT_VX])
+    assert most < np.nanmedian(of_a_step)
     assert [np.mean(whole.stop[on] == k) for k in range(len(STOPS))] == pytest.approx(
         [np.mean(rest.stop == k) for k in range(len(STOPS))], abs=0.02
     )

@@ -112,12 +112,15 @@ static double reach_of(const double *q, double h, const World *w, const Contact 
 }
 
 static bool set_anchor(Anchor *anchor, const double *q, double h, const World *w, const Contact *memory) {
-    Range near = facet_range(w, q[X] - 2.0 * w->radius, q[X] + 2.0 * w->radius);
+    bool ball = w->corners == 0;
     int64_t kind, index;
-    double allowance = least(1.0, most(0.1, 16 * w->facet_m / w->radius)) * w->radius;
+    double allowance = least(ball ? 9.0 : 1.0, most(0.1, 16 * w->facet_m / w->radius)) * w->radius;
+    double half = most(2.0 * w->radius, w->radius + allowance);
+    Range near = facet_range(w, q[X] - half, q[X] + half);
     double depth = near_depth(q[X], q[Y], w, near, w->radius, &kind, &index);
-    double guard = least(guard_distance(q, allowance, near, w, memory), most(-depth, 0.0));
-    if (guard < h * (fabs(q[VX]) + fabs(q[VY]) + 1.5 * w->radius * fabs(q[OMEGA]))) guard = 0.0;
+    double guard = guard_distance(q, allowance, near, w, memory), pace = fabs(q[VX]) + fabs(q[VY]);
+    if (!ball) guard = least(guard, most(-depth, 0.0)), pace += 1.5 * w->radius * fabs(q[OMEGA]);
+    if (guard < h * pace) guard = 0.0;
     *anchor = (Anchor){q[X], q[Y], q[THETA], guard};
     return depth > 0.0;
 }
@@ -144,7 +147,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
     Watch watch;
     Audit audit = {0};
     Impact impact = {0};
-    double t = 0.0, until, old[N_STATE], highest = 0.0, growth = 1.0, force, depth, h_contact = sizes.other;
+    double t = 0.0, until, old[N_STATE], highest = 0.0, growth = 1.0, share = 1.0, force, depth, h_contact = sizes.other;
     int64_t active = 0, steps = 0, looked = 0, count = 0, done;
     bool is_open = false, left = false, stale = false, noticed = false, buried = is_buried(q, w), near, flying;
     int stop = STOP_TIME;
@@ -173,7 +176,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
         }
         if (steps >= looked) {
             looked = steps + 8;
-            growth = least(4.0, step_growth(highest, memory, w));
+            growth = least(4.0, step_growth(highest, memory, w)), share = 1.0;
             if (active > 0 && is_open && watch_rest(&watch, t, q, w)) {
                 stop = STOP_REST;
                 break;
@@ -185,10 +188,13 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
                    near_line(q, least(reach_of(q, h, w, memory), 2.0 * anchor.guard), w, crossings);
             until = t;
             int why = fast_contact_steps(q, &until, near ? 1 : looked - steps, time_limit,
-                                         (StepSizes){sizes.loading * growth, 8.0 * h, h}, &anchor, w, memory, &impact,
-                                         &left, &audit, &done);
+                                         (StepSizes){sizes.loading * growth, 8.0 * h, h, 64.0 * h, share}, &anchor, w, memory, &impact,
+                                         &left, &audit, &done, &share);
             steps += done;
-            if (why) {
+            flying = why == HOPPED;
+            if (flying) {
+                looked = steps;
+            } else if (why) {
                 bool moved = done > 0 || old[X] != anchor.x || old[Y] != anchor.y;
                 anchor.guard = 0.0;
                 if (why == GUARD_LEFT && moved) buried = set_anchor(&anchor, q, h, w, memory);
@@ -261,7 +267,7 @@ void run_releases(const World *w, int64_t n, const double (*states)[N_STATE], co
     for (int64_t i = 0; i < n; i++) {
         double q[N_STATE];
         for (int k = 0; k < N_STATE; k++) q[k] = states[i][k];
-        StepSizes sizes = {step_sizes[i][0], 8.0 * step_sizes[i][1], step_sizes[i][1]};
+        StepSizes sizes = {step_sizes[i][0], 0.0, step_sizes[i][1], 0.0, 1.0};
         stop[i] = release(w, q, sizes, time_limits[i], impact_limit, ends[i], impacts + i, crossings + i * w->line_count);
         for (int k = 0; k < N_STATE; k++) ends[i][1 + k] = q[k];
     }

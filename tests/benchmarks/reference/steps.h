@@ -2,8 +2,9 @@
    fast_contact_steps.py, without effects. */
 #define MOST_LANDINGS 8
 #define LANDED 0.99
+#define MOST_HALVINGS 12
 
-typedef struct { double loading, floating, other; } StepSizes;
+typedef struct { double loading, floating, other, hop, share; } StepSizes;
 
 /* of the state after an impact, only the instant is kept; the arithmetic is that of recording.note_pressure */
 typedef struct { double penetration, force, time_after, after[N_STATE]; int64_t zone; } Impact;
@@ -53,6 +54,21 @@ static inline void turned(double c, double s, double angle, double *c1, double *
     *c1 = c * ca - s * sa, *s1 = s * ca + c * sa;
 }
 
+/* a ball that one facet presses: its depth half a step on and at the end, and its rate there */
+static void oscillation(const double *q, double h, const World *w, const Loaded *l, double *half, double *end,
+                        double *rate_1) {
+    Point at = place_feature(&l->feature, (Pose){q[X], q[Y], 1.0, 0.0});
+    double rate = -(q[VX] * at.nx + q[VY] * at.ny), pull = w->gravity * at.ny;
+    double stiffness = l->law.k_ul, bottom = l->bottom, pressed = at.depth - l->offset, k_l = l->law.k_l;
+    if (pressed + LEAST_EVENT * h * rate >= l->peak && rate > LEAST_EVENT * h * (k_l * pressed / w->mass - pull))
+        stiffness = k_l, bottom = 0.0;
+    double rest = l->offset + bottom + w->mass * pull / stiffness, omega = sqrt(stiffness / w->mass);
+    double c = cos(0.5 * omega * h), s = sin(0.5 * omega * h), a = at.depth - rest, b = rate / omega;
+    *half = rest + a * c + b * s;
+    double c1 = c * c - s * s, s1 = 2.0 * c * s;
+    *end = rest + a * c1 + b * s1, *rate_1 = omega * (b * c1 - a * s1);
+}
+
 static void runge_kutta(const double *q, double c0, double s0, double h, const World *w, int64_t active,
                         Loaded *loaded, double *q1, double *taken_t, double *taken_r) {
     double x = q[X], y = q[Y], vx = q[VX], vy = q[VY], omega = q[OMEGA], g = w->gravity, c = c0, s = s0;
@@ -66,12 +82,20 @@ static void runge_kutta(const double *q, double c0, double s0, double h, const W
     double dx = 0.0, dy = 0.0, dtheta = 0.0, dvx = 0.0, dvy = 0.0, domega = 0.0, work_t = 0.0, work_r = 0.0;
     for (int64_t a = 0; a < active; a++)
         loaded[a].taken_displacement = loaded[a].taken_rotation = loaded[a].slip_rate = loaded[a].spin_rate = 0.0;
+    bool oscillates = w->corners == 0 && active == 1 && loaded->feature.kind == SMOOTH_FACET && loaded->pressed;
+    double half = 0.0, end = 0.0, rate = 0.0;
+    if (oscillates) oscillation(q, h, w, loaded, &half, &end, &rate);
     for (int k = 0; k < 4; k++) {
         double weight = k % 3 == 0 ? 1.0 / 6.0 : 1.0 / 3.0, ahead = k == 0 ? 0.0 : (k < 3 ? 0.5 * h : h);
         if (k > 0) {
             x = q[X] + ahead * vx, y = q[Y] + ahead * vy;
             if (w->corners > 0) turned(c0, s0, ahead * omega, &c, &s);
             vx = q[VX] + ahead * ax, vy = q[VY] + ahead * ay, omega = q[OMEGA] + ahead * alpha;
+            if (oscillates) {
+                Point at = place_feature(&loaded->feature, (Pose){x, y, c, s});
+                double up = at.depth - (k < 3 ? half : end);
+                x += up * at.nx, y += up * at.ny;
+            }
         }
         double fx = 0.0, fy = 0.0, moment = 0.0;
         for (int64_t a = 0; a < active; a++) {
@@ -98,6 +122,11 @@ static void runge_kutta(const double *q, double c0, double s0, double h, const W
     }
     q1[X] = q[X] + h * dx, q1[Y] = q[Y] + h * dy, q1[THETA] = q[THETA] + h * dtheta;
     q1[VX] = q[VX] + h * dvx, q1[VY] = q[VY] + h * dvy, q1[OMEGA] = q[OMEGA] + h * domega;
+    if (oscillates) {
+        Point at = place_feature(&loaded->feature, (Pose){q1[X], q1[Y], c, s});
+        double up = at.depth - end, faster = -(q1[VX] * at.nx + q1[VY] * at.ny) - rate;
+        q1[X] += up * at.nx, q1[Y] += up * at.ny, q1[VX] += faster * at.nx, q1[VY] += faster * at.ny;
+    }
     for (int64_t a = 0; a < active; a++) {
         loaded[a].taken_displacement = loaded[a].displacement + h * loaded[a].taken_displacement;
         loaded[a].taken_rotation = loaded[a].rotation + h * loaded[a].taken_rotation;
@@ -172,6 +201,9 @@ static inline void keep_energy(const double *q, double *q1, double h, double err
     audit->corrected += fabs(paid), audit->pending -= paid;
 }
 
+static inline bool lands(double event_s, double h, int landings) {
+    return event_s < h && landings < MOST_LANDINGS && (landings == 0 || event_s <= LANDED * h);
+}
 static inline bool floats(double depth, double rate, double step) { return depth <= 0.0 && depth + 0.01 * rate * step < 0.0; }
 static inline bool goes_deeper(double depth, double rate, double step) { return rate * step > LEAST_EVENT * depth; }
 
@@ -316,15 +348,14 @@ static double step(double *q, double h, Range near, const World *w, Contact *mem
         Pose at_1 = pose_of(q1);
         for (int64_t a = 0; a < active; a++) place(loaded + a, q1, at_1), note_outcome(loaded + a);
         bool too_long = step_error(q, q1, h, &work_t, &work_r, w, active, loaded, &error, &scale);
-        if (too_long && halvings < 12) {
-            h *= 0.5, halvings++;
-            if (landings == 0) whole = h;
-            continue;
-        }
         find_features(q1, reach, near, w, memory, found);
         double event_s = first_event(h, whole, q, q1, w, memory, found);
-        if (event_s >= h || landings == MOST_LANDINGS || (landings > 0 && event_s > LANDED * h)) break;
-        h = event_s, landings++;
+        if (lands(event_s, h, landings)) {
+            h = event_s, landings++;
+            continue;
+        }
+        if (!too_long || halvings == MOST_HALVINGS) break;
+        h *= 0.5, whole = h, landings = 0, halvings++;
     }
     if (active > 0) keep_energy(q, q1, h, error, scale, w, audit);
     for (int i = 0; i < N_STATE; i++) q[i] = q1[i];
@@ -333,7 +364,7 @@ static double step(double *q, double h, Range near, const World *w, Contact *mem
 }
 
 /* ---- fast steps ---- */
-enum { GUARD_LEFT = 1, CONTACT_ENDS, STEP_TOO_LONG };
+enum { GUARD_LEFT = 1, CONTACT_ENDS, HOPPED };
 typedef struct { double x, y, theta, guard; } Anchor;
 
 static void load_facet(Loaded *l, const Facet *facet, const double *q, Pose at, Audit *audit) {
@@ -394,14 +425,40 @@ static inline void commit_loaded(Loaded *loaded, int64_t active, double work_t, 
     audit->friction += work_t - stored_t, audit->rolling += work_r - stored_r;
 }
 
+/* how long a floating ball may fly in one step */
+static double hop_s(const double *q, int64_t active, const Loaded *loaded, const World *w, const Contact *memory,
+                    const Anchor *anchor, double longest) {
+    double g = w->gravity, pace = fabs(q[VX]) + fabs(q[VY]) + g * longest;
+    double time = least(longest, (anchor->guard - fabs(q[X] - anchor->x) - fabs(q[Y] - anchor->y)) / most(pace, 1e-300));
+    for (int64_t a = 0; a < active; a++) {
+        const Loaded *l = loaded + a;
+        const Facet *f = w->facets + memory[l->which].index;
+        double pull = 0.5 * g * f->ny;
+        if (l->feature.kind != SMOOTH_FACET || pull <= 0.0) return 0.0;
+        double along = (q[X] - f->px) * f->tx + (q[Y] - f->py) * f->ty;
+        double ahead = q[VX] * f->tx + q[VY] * f->ty > 0.0 ? f->length - along : along;
+        time = least(time, ahead / most(pace, 1e-300));
+        double depth = l->depth_0, rate = l->rate_0;
+        if (rate < 0.0 && rate * rate >= 4.0 * pull * depth) {
+            double out = 2.0 * depth / (sqrt(rate * rate - 4.0 * pull * depth) - rate);
+            time = least(time, 0.9 * out);
+        } else {
+            double above = l->bottom + l->offset - depth;
+            time = least(time, 1.01 * (sqrt(rate * rate + 4.0 * pull * above) - rate) / (2.0 * pull));
+        }
+    }
+    return time;
+}
+
 /* steps within the guard; returns why it ended, 0 for no reason of its own */
 static int fast_contact_steps(double *q, double *now, int64_t steps, double time_limit, StepSizes sizes,
                               const Anchor *anchor, const World *w, Contact *memory, Impact *impact, bool *is_left,
-                              Audit *audit, int64_t *made) {
+                              Audit *audit, int64_t *made, double *share) {
     Loaded loaded[MOST_CONTACTS];
     int64_t active = load_active(w, memory, loaded), done = 0;
-    double q1[N_STATE], c = cos(q[THETA]), s = sin(q[THETA]), t = *now, arm = 1.5 * w->radius;
-    bool left = *is_left;
+    double q1[N_STATE], c = cos(q[THETA]), s = sin(q[THETA]), t = *now;
+    double arm = w->corners > 0 ? 1.5 * w->radius : 0.0;
+    bool left = *is_left, hops = false;
     int why = 0;
     while (done < steps) {
         bool loading = true, unpressed = true;
@@ -412,16 +469,24 @@ static int fast_contact_steps(double *q, double *now, int64_t steps, double time
             unpressed = unpressed && floats(d0 - l->bottom, l->rate_0, sizes.floating) && l->law.indentation == 0.0;
         }
         unpressed = unpressed && left;
-        double h = loading ? sizes.loading : sizes.other;
+        double h = sizes.share * (loading ? sizes.loading : sizes.other);
         if (unpressed) {
             double pace = sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + fabs(q[OMEGA]) * w->radius;
             h = least(sizes.floating, most(sizes.other, 0.3 * anchor->guard / most(pace, 1e-300)));
+            if (w->corners == 0) {
+                double hop = hop_s(q, active, loaded, w, memory, anchor, sizes.hop);
+                if (hop > sizes.floating) {
+                    if (done > 0) break;
+                    h = hop, hops = true;
+                }
+            }
         }
         h = least(h, time_limit - t);
         if (h <= 0.0) break;
+        double first = h, whole = h, work_t = 0.0, work_r = 0.0, error, scale, force, deepest, c1 = c, s1 = s;
+        int landings = 0, halvings = 0;
         note_pressed(loaded, active, h);
-        double first = h, work_t = 0.0, work_r = 0.0, error, scale, force, deepest, c1 = c, s1 = s;
-        for (int attempt = 0; attempt < MOST_LANDINGS; attempt++) {
+        while (true) {
             runge_kutta(q, c, s, first, w, unpressed ? 0 : active, loaded, q1, &work_t, &work_r);
             if (unpressed)
                 for (int64_t a = 0; a < active; a++)
@@ -432,18 +497,21 @@ static int fast_contact_steps(double *q, double *now, int64_t steps, double time
             for (int64_t a = 0; a < active; a++) {
                 place(loaded + a, q1, (Pose){q1[X], q1[Y], c1, s1});
                 if (loaded[a].depth_1 <= 0.0) why = CONTACT_ENDS;
+                else if (w->corners == 0 && loaded[a].depth_1 > w->radius) why = GUARD_LEFT;
             }
             if (why) break;
-            double event_s = first_loaded_event(first, h, loaded, active);
-            if (event_s >= first || (attempt > 0 && event_s > LANDED * first)) break;
-            first = event_s;
+            double event_s = first_loaded_event(first, whole, loaded, active);
+            if (lands(event_s, first, landings)) {
+                first = event_s, landings++;
+                continue;
+            }
+            for (int64_t a = 0; a < active; a++) note_outcome(loaded + a);
+            bool too_long = step_error(q, q1, first, &work_t, &work_r, w, active, loaded, &error, &scale);
+            if (!too_long || halvings == MOST_HALVINGS) break;
+            first *= 0.5, sizes.share *= 0.5, whole = first, landings = 0, halvings++;
+            note_pressed(loaded, active, whole);
         }
         if (why) break;
-        for (int64_t a = 0; a < active; a++) note_outcome(loaded + a);
-        if (step_error(q, q1, first, &work_t, &work_r, w, active, loaded, &error, &scale)) {
-            why = STEP_TOO_LONG;
-            break;
-        }
         commit_loaded(loaded, active, work_t, work_r, audit, &force, &deepest);
         keep_energy(q, q1, first, error, scale, w, audit);
         for (int64_t a = 0; a < active; a++) {
@@ -453,12 +521,16 @@ static int fast_contact_steps(double *q, double *now, int64_t steps, double time
         for (int i = 0; i < N_STATE; i++) q[i] = q1[i];
         c = c1, s = s1, t += first, done++;
         left = note_pressure(impact, left, force, deepest, t, q);
+        if (hops) {
+            why = HOPPED;
+            break;
+        }
     }
     for (int64_t a = 0; a < active; a++) {
         Contact *m = memory + loaded[a].which;
         m->depth = loaded[a].depth_0, m->rate = loaded[a].rate_0, m->peak = loaded[a].peak;
         m->offset = loaded[a].offset, m->displacement = loaded[a].displacement, m->rotation = loaded[a].rotation;
     }
-    *now = t, *is_left = left, *made = done;
+    *now = t, *is_left = left, *made = done, *share = sizes.share;
     return why;
 }

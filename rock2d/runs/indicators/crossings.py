@@ -62,8 +62,17 @@ def crossings_table(
 def crossing_values(found: Array, line: Array, cross_section: CrossSection, masses: Array) -> Array:
     """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line; `masses`
     (n, 2) or (2,) are the mass in kg and the moment of inertia in kg m² of the blocks."""
+    return values_at(found, *foot_and_up(line, cross_section), masses).T
+
+
+def foot_and_up(line: Array, cross_section: CrossSection) -> tuple[Array, Array]:
+    """(2,) foot of a measure line (2, 2), and (2,) the direction from it to the head, of length 1."""
     foot, head = cross_section.foot_and_head(line)
-    up = (head - foot) / np.hypot(*(head - foot))
+    return foot, (head - foot) / np.hypot(*(head - foot))
+
+
+def values_at(found: Array, foot: Array, up: Array, masses: Array) -> Array:
+    """(13, n) values, see `crossing_values`; `foot`, `up`: (2,), or (2, n) where crossings are of several lines."""
     x, y, vx, vy, omega = found[:, 1], found[:, 2], found[:, 4], found[:, 5], found[:, 6]
     speed, rising = np.hypot(vx, vy), vx * up[0] + vy * up[1]
     across = np.abs(vy * up[0] - vx * up[1])
@@ -71,9 +80,7 @@ def crossing_values(found: Array, line: Array, cross_section: CrossSection, mass
     moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
     incidence = np.degrees(np.arctan2(-rising, across))
     height = (x - foot[0]) * up[0] + (y - foot[1]) * up[1]
-    return np.column_stack(
-        [found[:, :6], speed, omega, incidence, height, moving, spinning, moving + spinning]
-    )
+    return np.stack([*found[:, :6].T, speed, omega, incidence, height, moving, spinning, moving + spinning])
 
 
 INDICATOR = Indicator(

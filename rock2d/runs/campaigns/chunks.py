@@ -21,7 +21,7 @@ from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.conditions import Group
 from rock2d.runs.engines import ENGINES
 from rock2d.runs.incident_states import DRAW_GROUP
-from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, values_at
+from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_rows
 from rock2d.runs.indicators.stops import STOP_COLUMNS
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.nearest_facet import nearest_facets
@@ -214,9 +214,8 @@ def _ends(job: Job, group: Group, found: Outcome, counts: Counts) -> dict[str, A
 
 def _crossings(job: Job, group: Group, found: Outcome, counts: Counts) -> tuple[Array, dict[str, Any]]:
     """Index of the releases that cross lines, once for each line, and their columns."""
-    lines, (feet, ups) = list(job.cross_section.measure_lines), job.lines
-    release, line = np.nonzero(found.passed(len(lines)))
-    values = values_at(found.crossings[release, line], feet[line].T, ups[line].T, group.masses()[release])
+    lines = list(job.cross_section.measure_lines)
+    release, line, values = crossing_rows(found.crossings, *job.lines, group.masses())
     counts.add_crossings(line, values)
     return release, {"line": _text(lines, line), **dict(zip(CROSSING_VALUES, values, strict=True))}
 

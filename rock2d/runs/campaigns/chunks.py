@@ -36,10 +36,13 @@ SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
 FINGERPRINT = b"rock2d_fingerprint"  # key of the campaign's fingerprint in a file's metadata
-ROW_GROUP = 1 << 16  # rows that are written at once, about
+ROW_GROUP = 1 << 17  # rows that are written at once, about
 COUNTS = b"rock2d_chunk"  # key of its Counts, in the file of the first output
-# columns whose last digits are noise, which no compression shortens
-NOISE = {"ends": {"t_s", "x_m", "runout_m"}, "crossings": {*CROSSING_VALUES} - {"x_m", "y_m"}}
+# columns whose last digits are noise, which no compression shortens, and the compression of the others
+NOISE = {
+    "ends": ({"t_s", "x_m", "runout_m"}, "lz4"),
+    "crossings": ({*CROSSING_VALUES} - {"x_m", "y_m"}, "lz4"),
+}
 
 
 def chunk_path(folder: Path, output: str, number: int) -> Path:
@@ -137,11 +140,11 @@ class _Writer:
 
         table = pa.concat_tables(self._waiting)
         if self._file is None:
-            noise = NOISE.get(self._output, ())
+            noise, compression = NOISE.get(self._output, ((), "zstd"))
             self._file = pq.ParquetWriter(
                 self._path,
                 table.schema.with_metadata({FINGERPRINT: self._fingerprint}),
-                compression={name: "none" if name in noise else "zstd" for name in table.column_names},
+                compression={name: "none" if name in noise else compression for name in table.column_names},
                 use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
                 column_encoding={"release": "DELTA_BINARY_PACKED"},  # they ascend
                 write_statistics=False,
@@ -198,7 +201,7 @@ def _simulate(
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
     counts.unclosed[...] += found.unclosed
-    counts.unresolved[...] += found.unresolved(len(job.cross_section.measure_lines)).sum(axis=0)
+    counts.unresolved[...] += found.unresolved_counts(len(job.cross_section.measure_lines))
     return out
 
 
@@ -224,5 +227,6 @@ def _text(names: Sequence[str], index: Array) -> pa.DictionaryArray:
     """Column of names[index], null for -1."""
     import pyarrow as pa
 
-    codes = pa.array(index.astype(np.int32), mask=index < 0)
+    missing = index < 0
+    codes = pa.array(index.astype(np.int32), mask=missing if missing.any() else None)
     return pa.DictionaryArray.from_arrays(codes, pa.array(names, pa.string()))

@@ -52,6 +52,11 @@ class Outcome:
         """(n, lines) bool, which were cut short or buried before they crossed it."""
         return ~self.passed(lines) & UNRESOLVED[self.stop][:, None]
 
+    def unresolved_counts(self, lines: int) -> Array:
+        """(lines,) how many."""
+        cut = np.flatnonzero(UNRESOLVED[self.stop])  # mostly none
+        return np.count_nonzero(np.isnan(self.crossings[cut, :lines, 0]), axis=0)
+
 
 def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
     """A group of releases with the batch engine, held at the x `until_m`; held ones go on from their states.

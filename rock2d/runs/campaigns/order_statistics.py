@@ -68,9 +68,11 @@ class OrderStatistics:
     def settle(self) -> None:
         """Take in what all numbers gave."""
         if self._collected:
-            ranked = {settled: np.sort(np.concatenate(own)) for settled, own in self._collected.items()}
-            found = zip(self._settled, self._within, strict=True)
-            self._settled = [int(ranked[settled][within]) for settled, within in found]
+            for settled, parts in self._collected.items():
+                own = [i for i, leading in enumerate(self._settled) if leading == settled]
+                ranked = np.partition(np.concatenate(parts), [self._within[i] for i in own])
+                for i in own:
+                    self._settled[i] = int(ranked[self._within[i]])
             self._collected, self._open_bits = {}, 0
             return
         self._shared: dict[int, int] = {}

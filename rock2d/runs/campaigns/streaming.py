@@ -140,7 +140,7 @@ class _Block:
         for table in self._tables("crossings", ["line", *QUANTITIES]):
             text = table["line"].combine_chunks()
             line = np.array([self.lines.index(name) for name in text.dictionary.to_pylist()])[text.indices]
-            here = {name: line == k for k, name in enumerate(self.lines)}
+            here = {name: np.flatnonzero(line == k) for k, name in enumerate(self.lines)}
             values = {quantity: table[quantity].to_numpy() for quantity in QUANTITIES}
             yield {(name, q): values[q][own] for name, own in here.items() for q in QUANTITIES}
 

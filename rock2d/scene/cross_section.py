@@ -176,13 +176,10 @@ class CrossSection:
         return np.asarray(shapely.covers(ground, shapely.points(points_m)))
 
     def highest_m(self, low_m: float, high_m: float) -> float:
-        """The highest y of the surface between two x; NaN where there is none."""
-        import shapely
-
-        far = 2.0 * np.abs(self.points_m).max()
-        left, right = np.clip([low_m, high_m], -far, far)
-        own = shapely.clip_by_rect(shapely.LineString(self.points_m), left, -far, right, far)
-        return float(shapely.bounds(own)[3])
+        """The highest y of the surface between two x; beside the cross-section as at its end."""
+        x = self.points_m[:, 0]
+        ends = np.clip([low_m, high_m], x.min(), x.max())
+        return float(self.height_m(np.array([*ends, *x[(x > low_m) & (x < high_m)]])).max())
 
     def foot_and_head(self, line_m: Array) -> tuple[Array, Array]:
         """The ends of a measure line (2, 2): the one nearer to the surface (the first, if equal) and the other."""

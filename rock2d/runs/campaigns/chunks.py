@@ -82,7 +82,7 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
     token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
-    writers = {output: _Writer(path, output, job.fingerprint) for output, path in partial.items()}
+    writers = {output: _Writer(path, output) for output, path in partial.items()}
     end, counts = chunk.first + chunk.count, Counts.none(job)
     try:
         at_once = _releases_at_once(job)
@@ -92,7 +92,8 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
                 writers[output].add(columns)
             on_progress(stop - first)
         for output, writer in writers.items():
-            writer.finish({COUNTS: counts.text()} if output == job.keep[0] else {})
+            own = {COUNTS: counts.text()} if output == job.keep[0] else {}
+            writer.finish({FINGERPRINT: job.fingerprint, **own})
             os.replace(partial[output], paths[output])
     finally:
         for writer in writers.values():
@@ -105,8 +106,8 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
 class _Writer:
     """Writes a columnar file in few row groups: each costs as much as a thousand of its rows."""
 
-    def __init__(self, path: Path, output: str, fingerprint: str) -> None:
-        self._path, self._output, self._fingerprint = path, output, fingerprint
+    def __init__(self, path: Path, output: str) -> None:
+        self._path, self._output = path, output
         self._waiting: list[pa.Table] = []
         self._rows = 0
         self._file: pq.ParquetWriter | None = None
@@ -143,7 +144,7 @@ class _Writer:
             noise, compression = NOISE.get(self._output, ((), "zstd"))
             self._file = pq.ParquetWriter(
                 self._path,
-                table.schema.with_metadata({FINGERPRINT: self._fingerprint}),
+                table.schema,
                 compression={name: "none" if name in noise else compression for name in table.column_names},
                 use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
                 column_encoding={"release": "DELTA_BINARY_PACKED"},  # they ascend

@@ -95,11 +95,15 @@ class OrderStatistics:
 def settle_all(
     sought: Mapping[Any, OrderStatistics],
     parts: Callable[[], Iterable[Mapping[Any, Array]]],
-    most_collected: int = MOST_COLLECTED,
+    most_collected: int | None = None,
 ) -> None:
-    """Find the values of several sets of numbers, of which `parts` gives all, again in each pass."""
+    """Find the values of several sets of numbers, of which `parts` gives all, again in each pass.
+
+    most_collected : numbers in memory; default MOST_COLLECTED
+    """
+    most = MOST_COLLECTED if most_collected is None else most_collected
     while any(own.open for own in sought.values()):
-        collect = sum(own.candidates for own in sought.values()) <= most_collected
+        collect = sum(own.candidates for own in sought.values()) <= most
         for part in parts():
             for key, own in sought.items():
                 own.look(part[key], collect)

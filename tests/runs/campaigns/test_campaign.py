@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import errno
 import hashlib
 import os
@@ -12,6 +13,7 @@ import threading
 import time
 from pathlib import Path
 
+import numba
 import numpy as np
 import pandas as pd
 import psutil
@@ -21,9 +23,8 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.campaigns import ensembles
+from rock2d.runs.campaigns import chunks, ensembles, order_statistics
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
-from rock2d.runs.campaigns.streaming import PASSES, OrderStatistics
 from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
@@ -38,6 +39,7 @@ from tests.test_processes import heed_interrupts
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 CUT_SHORT = 4  # exit code
 SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
+several_threads = pytest.mark.skipif(numba.get_num_threads() < 2, reason="there is one thread")
 
 
 def campaign(
@@ -111,6 +113,32 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
         same(sampled, result.to_pandas("trajectories")[list(sampled)], rtol=0, atol=1e-12)
     same(tables["passing"], passing_table(tracks, cross_section))
     same(tables["percentiles"], percentile_table(crossings))
+
+
+def test_tables_are_those_of_all_values(tmp_path):
+    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    tables, _ = campaign(tmp_path / "out", scenario=slope, engine="point_mass", releases=4000, chunk=1500)
+    ends, crossings = kept(tmp_path / "out", "ends"), kept(tmp_path / "out", "crossings")
+    order = {"by": ["block", "line", "quantity", "percentile"], "ignore_index": True}
+    same(tables["percentiles"].sort_values(**order), percentile_table(crossings).sort_values(**order))
+    for row in tables["runout"].itertuples():
+        assert row.value == np.percentile(ends[ends["block"] == row.block]["runout_m"], row.percentile)
+    counts = ends.groupby(["block", "stop", "zone"], dropna=False).size().reset_index(name="releases")
+    places = ["block", "stop", "zone"]
+    same(tables["stops"][[*places, "releases"]].sort_values(places, ignore_index=True), counts)
+    passed = crossings.groupby(["block", "line"]).size()
+    found = tables["passing"].set_index(["block", "line"])["passed"]
+    assert found[found > 0].to_dict() == passed.to_dict() and (found == 0).any()
+
+
+def test_tables_do_not_depend_on_the_size_of_chunks_or_on_how_much_is_in_memory(tmp_path, monkeypatch):
+    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    many = {"scenario": slope, "engine": "point_mass", "releases": 3000}
+    tables, _ = campaign(tmp_path / "large", chunk=3000, **many)
+    monkeypatch.setattr(order_statistics, "MOST_COLLECTED", 100)
+    others, _ = campaign(tmp_path / "small", chunk=700, **many)
+    for name, table in tables.items():
+        same(others[name], table)
 
 
 def test_one_two_or_eight_workers_write_the_same_bytes(tmp_path):
@@ -191,13 +219,14 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     assert digest(cut) == digest(tmp_path / "whole" / "paper_setup_batch")
 
 
-def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path):
-    campaign(tmp_path)
+@pytest.mark.parametrize("engine", ["batch", "point_mass"])
+def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path, engine):
+    campaign(tmp_path, engine=engine)
     before = digest(tmp_path)
     first, second, *_ = sorted((tmp_path / "chunks" / "ends").iterdir())
     first.write_bytes(first.read_bytes()[:-100])
     second.unlink()
-    _, lines = campaign(tmp_path)
+    _, lines = campaign(tmp_path, engine=engine)
     assert any("7 of 9 chunks are done already" in line for line in lines)
     assert digest(tmp_path) == before
 
@@ -229,6 +258,38 @@ def test_a_full_disk_says_how_far_it_came_and_leaves_no_half_written_file(tmp_pa
     with pytest.raises(OSError, match=r"No space left.*4 of 9 chunks are done") as caught:
         campaign(tmp_path)
     assert caught.value.filename == str(tmp_path) and not list(tmp_path.rglob(".*"))
+
+
+@several_threads
+def test_threads_that_take_a_chunk_each_write_what_one_writes(tmp_path):
+    campaign(tmp_path / "one", engine="point_mass", workers=Workers(1))
+    campaign(tmp_path / "all", engine="point_mass")
+    assert digest(tmp_path / "one") == digest(tmp_path / "all")
+
+
+@several_threads
+@pytest.mark.parametrize("caught", [KeyboardInterrupt, OSError])
+def test_threads_that_take_a_chunk_each_end_with_the_campaign(tmp_path, monkeypatch, caught):
+    many = {"engine": "point_mass", "releases": 20_000, "chunk": 1000}
+    campaign(tmp_path / "whole", **many)
+    whole, threads = chunks.run_chunk, threading.active_count()
+
+    def stopped(job, chunk, on_progress):
+        if chunk.number == 6:
+            if caught is OSError:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            _thread.interrupt_main()
+        return whole(job, chunk, on_progress)
+
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with monkeypatch.context() as patched, pytest.raises(caught, match=r"\d of 60 chunks are done"):
+        patched.setattr(chunks, "run_chunk", stopped)
+        campaign(tmp_path / "cut", **many)
+    signal.signal(signal.SIGINT, handler)
+    assert written(tmp_path / "cut") < 60 and threading.active_count() == threads
+    assert not list((tmp_path / "cut").rglob(".*"))
+    campaign(tmp_path / "cut", **many)
+    assert digest(tmp_path / "cut") == digest(tmp_path / "whole")
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path):
@@ -314,19 +375,6 @@ def test_a_release_is_the_same_however_releases_are_shared_out():
 
 
 UNTIMED = settings(deadline=None)  # a loaded machine is no fault
-numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
-
-
-@UNTIMED
-@given(st.lists(st.lists(numbers | st.sampled_from([0.0, -0.0, 1.0]), max_size=20), min_size=1, max_size=5))
-def test_order_statistics_are_those_of_sorting(parts):
-    values = np.sort(np.concatenate([np.array(part, float) for part in parts]))
-    statistics = OrderStatistics(range(len(values)))
-    for _ in range(PASSES):
-        for part in reversed(parts):
-            statistics.count(np.array(part, float))
-        statistics.settle()
-    assert list(statistics.values().values()) == values.tolist()
 
 
 @UNTIMED

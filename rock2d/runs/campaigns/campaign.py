@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rock2d.scene.cross_section import CrossSection
 
 MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
+OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each is prepared for itself, which takes longer
 BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
 WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
@@ -106,9 +107,7 @@ def run_campaign(
     job, about = _prepare(scenario, folder, options)
     if workers.scheduler is not None:
         require_dask()
-    chunks = _plan(
-        len(job.blocks), options.releases or scenario.releases, _chunk_releases(options, job.engine)
-    )
+    chunks = _plan(len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options))
     _claim(folder, about, job, overwrite)
     _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
@@ -175,7 +174,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "engine": engine.name,
         "seed": seed,
         "releases": options.releases or scenario.releases,
-        "chunk_releases": _chunk_releases(options, engine.name),
+        "chunk_releases": _chunk_releases(scenario, options),
         "keep": list(keep),
         **({"fps": fps} if "samples" in keep else {}),
         "versions": versions(),
@@ -262,8 +261,12 @@ def _objection(path: Path, manifest: dict[str, Any]) -> InputError | None:
     return InputError(message, path, code="not_a_result", differ=differ)
 
 
-def _chunk_releases(options: CampaignOptions, engine: str) -> int:
-    return options.chunk_releases or ENGINES[engine].chunk_releases
+def _chunk_releases(scenario: Scenario, options: CampaignOptions) -> int:
+    if options.chunk_releases is not None:
+        return options.chunk_releases
+    most = engine_named(options.engine or scenario.engine).chunk_releases
+    own = scenario.scatter or scenario.roughness or scenario.populations
+    return min(most, OWN_CONDITIONS_CHUNK) if own else most
 
 
 def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:

@@ -47,12 +47,6 @@ class Counts:
         """(lines,) releases that crossed each line."""
         return self.crossings[:, 0].sum(axis=-1)
 
-    def add(self, other: Counts) -> None:
-        """Add those of other releases."""
-        for each in fields(self):
-            own = getattr(self, each.name)
-            own += getattr(other, each.name)
-
     def add_ends(self, stop: Array, zone: Array, runout_m: Array) -> None:
         """Count ends (n,): index into STOPS, index of the zone or -1, distance from the start."""
         counts, zones = np.ravel(self.stops), self.stops.shape[1]

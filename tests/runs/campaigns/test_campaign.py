@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import errno
 import hashlib
 import os
@@ -13,7 +12,6 @@ import threading
 import time
 from pathlib import Path
 
-import numba
 import numpy as np
 import pandas as pd
 import psutil
@@ -23,8 +21,8 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.campaigns import chunks, ensembles, order_statistics
-from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
+from rock2d.runs.campaigns import ensembles, order_statistics
+from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_releases, run_campaign
 from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
@@ -39,7 +37,6 @@ from tests.test_processes import heed_interrupts
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 CUT_SHORT = 4  # exit code
 SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
-several_threads = pytest.mark.skipif(numba.get_num_threads() < 2, reason="there is one thread")
 
 
 def campaign(
@@ -260,38 +257,6 @@ def test_a_full_disk_says_how_far_it_came_and_leaves_no_half_written_file(tmp_pa
     assert caught.value.filename == str(tmp_path) and not list(tmp_path.rglob(".*"))
 
 
-@several_threads
-def test_threads_that_take_a_chunk_each_write_what_one_writes(tmp_path):
-    campaign(tmp_path / "one", engine="point_mass", workers=Workers(1))
-    campaign(tmp_path / "all", engine="point_mass")
-    assert digest(tmp_path / "one") == digest(tmp_path / "all")
-
-
-@several_threads
-@pytest.mark.parametrize("caught", [KeyboardInterrupt, OSError])
-def test_threads_that_take_a_chunk_each_end_with_the_campaign(tmp_path, monkeypatch, caught):
-    many = {"engine": "point_mass", "releases": 20_000, "chunk": 1000}
-    campaign(tmp_path / "whole", **many)
-    whole, threads = chunks.run_chunk, threading.active_count()
-
-    def stopped(job, chunk, on_progress):
-        if chunk.number == 6:
-            if caught is OSError:
-                raise OSError(errno.ENOSPC, "No space left on device")
-            _thread.interrupt_main()
-        return whole(job, chunk, on_progress)
-
-    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
-    with monkeypatch.context() as patched, pytest.raises(caught, match=r"\d of 60 chunks are done"):
-        patched.setattr(chunks, "run_chunk", stopped)
-        campaign(tmp_path / "cut", **many)
-    signal.signal(signal.SIGINT, handler)
-    assert written(tmp_path / "cut") < 60 and threading.active_count() == threads
-    assert not list((tmp_path / "cut").rglob(".*"))
-    campaign(tmp_path / "cut", **many)
-    assert digest(tmp_path / "cut") == digest(tmp_path / "whole")
-
-
 def test_a_folder_of_something_else_is_refused(tmp_path):
     campaign(tmp_path / "one")
     with pytest.raises(InputError, match="differs in seed, keep"):
@@ -339,6 +304,20 @@ def test_missing_extras_are_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pyarrow.*rock2d\[scale\]"):
         campaign(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    ("engine", "more", "chunk"),
+    [
+        ("batch", {}, 10_000),
+        ("point_mass", {}, 100_000),
+        ("point_mass", {"populations": {"cube": None}}, 10_000),
+    ],
+)
+def test_chunks_are_as_large_as_what_is_lost_is_small(engine, more, chunk):
+    scenario = SETUP.model_copy(update=more)
+    assert _chunk_releases(scenario, CampaignOptions(engine=engine)) == chunk
+    assert _chunk_releases(scenario, CampaignOptions(engine=engine, chunk_releases=7)) == 7
 
 
 def test_crossings_alone_are_those_of_whole_releases(tmp_path):

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.files.scenario import Scenario
-from rock2d.records.columns import AT, N_INSTANT, STOP_REACHED, STOPS, TIME
+from rock2d.records.columns import AT, N_INSTANT, STOP_REACHED, TIME
 from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
 from rock2d.runs.campaigns.job import Job, job_of
 from rock2d.runs.conditions import Group, Past
@@ -38,7 +38,7 @@ class Descent:
     until_m, radius_m : the x at which they are held, and the largest radius of the blocks
     states : (n, 6) where they go on with each size, or ended
     past : what they bring along
-    stop : (n,) why they ended; "reached": they go on
+    stop : (n,) index into STOPS, why they ended; STOP_REACHED: they go on
     """
 
     starts: Array
@@ -62,12 +62,12 @@ class Descent:
         n, lines = len(group.states), len(job.cross_section.measure_lines)
         ends, crossings = np.full((n, N_INSTANT), np.nan), np.full((n, lines, N_INSTANT), np.nan)
         ends[:, TIME], ends[:, AT], stop = self.past.elapsed_s, self.states, self.stop.copy()
-        on = np.flatnonzero(stop == STOPS[STOP_REACHED])
+        on = np.flatnonzero(stop == STOP_REACHED)
         if len(on):
             held = group.part(on)._replace(states=self.states[on], past=self.past.part(on))
             found = batch_outcome(job, held)
             ends[on], crossings[on], stop[on] = found.ends, found.crossings, found.stop
-        return Outcome(stop.tolist(), ends, crossings)
+        return Outcome(stop, ends, crossings)
 
 
 class SharedDescents:
@@ -131,6 +131,4 @@ def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
     assert found.held is not None
     grounds = [own.cross_section for own in group.conditions]
     past = Past(found.ends[:, TIME], found.held)
-    return Descent(
-        group.states, grounds, until, radius, found.ends[:, AT], past, np.array(found.stop, object)
-    )
+    return Descent(group.states, grounds, until, radius, found.ends[:, AT], past, found.stop)

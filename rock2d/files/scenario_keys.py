@@ -273,7 +273,7 @@ class Incident(Checked):
         source = self.fixed or self.distribution or self.above_ground or self.along
         if source is None:
             raise ValueError("measured incident states are fitted, not drawn")
-        states = np.empty((count, len(STATE_KEYS)))
+        states = np.empty((len(STATE_KEYS), count)).T  # so that each draw fills contiguous memory
         if self.along is not None:
             states[:, :2] = _points_along(np.array(self.along.points_m), generator.uniform(size=count))
         for i, key in enumerate(STATE_KEYS):

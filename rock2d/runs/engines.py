@@ -58,6 +58,9 @@ class Engine:
     audits_energy : its tracks carry an energy audit that is written with a run
     keeps_samples : a campaign can keep sampled trajectories
     groups_at_once : groups of releases (`DRAW_GROUP`) that a campaign simulates in one call, for about a second's work
+    chunk_releases : releases of a chunk of a campaign by default: enough that its files and tables take little beside
+        it, but some seconds' work, which an interruption loses
+    chunk_a_thread : the threads of a campaign compute a chunk each, since a release is little work beside its output
     """
 
     name: str
@@ -69,6 +72,8 @@ class Engine:
     audits_energy: bool = False
     keeps_samples: bool = False
     groups_at_once: int = 1
+    chunk_releases: int = 10_000
+    chunk_a_thread: bool = False
 
 
 def engine_named(name: str) -> Engine:
@@ -150,6 +155,8 @@ _ALL = (
         _point_mass_track,
         _point_mass_ensemble,
         groups_at_once=10,
+        chunk_releases=100_000,
+        chunk_a_thread=True,
     ),
 )
 ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})

@@ -10,7 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from rock2d.scene.cross_section import CrossSection
 
 MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
-CHUNK_RELEASES = 10_000
+OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each is prepared for itself, which takes longer
 BYTES_OF_A_SAMPLE = 32
 MANIFEST = "campaign.json"
 WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
@@ -67,14 +69,14 @@ class CampaignOptions:
     engine, seed, releases : instead of the scenario's; releases are those of each block
     keep : names of `outputs.OUTPUTS`, default ends and crossings. Where only crossings are kept a release stops as
         soon as it lacks the energy to reach another measure line
-    chunk_releases : releases of a chunk
+    chunk_releases : releases of a chunk; None: as the engine has it
     """
 
     engine: str | None = None
     seed: int | None = None
     releases: int | None = None
     keep: Sequence[str] = ()
-    chunk_releases: int = CHUNK_RELEASES
+    chunk_releases: int | None = None
 
 
 def run_campaign(
@@ -99,13 +101,13 @@ def run_campaign(
     from tqdm import tqdm
 
     from rock2d.files.folders import write_whole
-    from rock2d.runs.campaigns.chunks import counts_of, is_done
-    from rock2d.runs.campaigns.streaming import campaign_tables, files_read
+    from rock2d.runs.campaigns.chunks import is_done
+    from rock2d.runs.campaigns.streaming import all_counts, campaign_tables
 
     job, about = _prepare(scenario, folder, options)
     if workers.scheduler is not None:
         require_dask()
-    chunks = _plan(len(job.blocks), options.releases or scenario.releases, options.chunk_releases)
+    chunks = _plan(len(job.blocks), options.releases or scenario.releases, _chunk_releases(scenario, options))
     _claim(folder, about, job, overwrite)
     _remove_partial_files(job)
     todo = [chunk for chunk in chunks if not is_done(job, chunk)]
@@ -116,11 +118,12 @@ def run_campaign(
         first = total - sum(chunk.count for chunk in todo)
         with tqdm(total=total, initial=first, desc=title, unit="release", disable=not progress) as bar:
             _compute(job, todo, workers, bar.update)
-        with tqdm(total=files_read(job, chunks), desc="tables", unit="file", disable=not progress) as bar:
-            tables = campaign_tables(job, chunks, bar.update)
+        counts = all_counts(job, chunks)
+        with tqdm(desc="tables", unit="file", disable=not progress) as bar:
+            tables = campaign_tables(job, chunks, counts, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        if unclosed := sum(counts_of(job, chunk).unclosed for chunk in chunks):
+        if unclosed := sum(int(own.unclosed) for own in counts):
             report(f"energy audit: DOES NOT CLOSE for {unclosed} of {total} releases")
     except KeyboardInterrupt:
         raise KeyboardInterrupt(_how_far(job, chunks)) from None
@@ -171,7 +174,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "engine": engine.name,
         "seed": seed,
         "releases": options.releases or scenario.releases,
-        "chunk_releases": options.chunk_releases,
+        "chunk_releases": _chunk_releases(scenario, options),
         "keep": list(keep),
         **({"fps": fps} if "samples" in keep else {}),
         "versions": versions(),
@@ -258,6 +261,14 @@ def _objection(path: Path, manifest: dict[str, Any]) -> InputError | None:
     return InputError(message, path, code="not_a_result", differ=differ)
 
 
+def _chunk_releases(scenario: Scenario, options: CampaignOptions) -> int:
+    if options.chunk_releases is not None:
+        return options.chunk_releases
+    most = engine_named(options.engine or scenario.engine).chunk_releases
+    own = scenario.scatter or scenario.roughness or scenario.populations
+    return min(most, OWN_CONDITIONS_CHUNK) if own else most
+
+
 def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
     from rock2d.runs.campaigns.job import Chunk
 
@@ -281,7 +292,10 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
         warm_up(job)  # so that workers find compiled code in the cache
         finished = as_finished(run_chunk, jobs, workers.processes or 1, (job,))
     else:
-        with _numba_threads(workers.processes):
+        with _numba_threads(workers.processes) as threads:
+            if ENGINES[job.engine].chunk_a_thread and min(threads, len(todo)) > 1:
+                _compute_in_threads(job, todo, threads, on_progress)
+                return
             for chunk in todo:
                 run_chunk(job, chunk, on_progress)
         return
@@ -290,13 +304,45 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
             on_progress(count)
 
 
+def _compute_in_threads(
+    job: Job, todo: Sequence[Chunk], threads: int, on_progress: Callable[[int], Any]
+) -> None:
+    """Compute chunks on threads of this process, each on one; the last ones share out those that are free."""
+    import numba
+
+    from rock2d.runs.campaigns.chunks import run_chunk, warm_up
+
+    warm_up(job)  # compiled before it is shared
+    over, lock = threading.Event(), threading.Lock()
+
+    def count(releases: int) -> None:
+        if over.is_set():
+            raise CancelledError
+        with lock:
+            on_progress(releases)
+
+    def compute(k: int) -> None:
+        left = min(threads, len(todo) - k)
+        numba.set_num_threads(threads // left)  # of this thread
+        run_chunk(job, todo[k], count)
+
+    pool = ThreadPoolExecutor(min(threads, len(todo)))
+    try:
+        for done in as_completed([pool.submit(compute, k) for k in range(len(todo))]):
+            done.result()
+    finally:
+        over.set()  # Ctrl-C waits for the groups at hand alone
+        pool.shutdown(cancel_futures=True)
+
+
 @contextmanager
-def _numba_threads(count: int | None) -> Iterator[None]:
+def _numba_threads(count: int | None) -> Iterator[int]:
+    """Limit the threads to `count`; gives their number."""
     import numba
 
     before = numba.get_num_threads()
     numba.set_num_threads(min(count or before, before))
     try:
-        yield
+        yield numba.get_num_threads()
     finally:
         numba.set_num_threads(before)

@@ -6,25 +6,24 @@ name and renamed when whole. Any process can compute any chunk: its releases are
 
 from __future__ import annotations
 
-import json
 import os
 import secrets
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES
+from rock2d.records.columns import IMPACT_COLUMNS, IMPACT_NAMES, STOP_EXIT, STOPS
+from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.ensembles import Outcome
 from rock2d.runs.campaigns.job import Chunk, Job
+from rock2d.runs.conditions import Group
 from rock2d.runs.engines import ENGINES
 from rock2d.runs.incident_states import DRAW_GROUP
-from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_values
+from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_rows
 from rock2d.runs.indicators.stops import STOP_COLUMNS
 from rock2d.runs.recording import FRAME_TOLERANCE
-from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.nearest_facet import nearest_facets
 
 if TYPE_CHECKING:
@@ -36,27 +35,14 @@ Array = np.ndarray
 SAMPLE_VALUES = ("x_m", "y_m", "theta_rad")
 SAMPLE_COLUMNS = ("block", "release", "t_s", *SAMPLE_VALUES)
 TEXT_COLUMNS = ("block", "line", "zone", "stop")
-FINGERPRINT = b"rock2d_campaign"  # key of the campaign's fingerprint in a file's metadata
-ROW_GROUP = 1 << 16  # rows that are written at once, about
-COUNTS = b"rock2d_counts"  # key of its Counts, as JSON
-
-
-@dataclass(frozen=True)
-class Counts:
-    """What the files of a chunk say beside their columns.
-
-    Attributes
-    ----------
-    unclosed : releases whose energy audit does not close
-    unresolved : of each measure line, the releases that were cut short or buried before they crossed it
-    """
-
-    unclosed: int
-    unresolved: tuple[int, ...]
-
-    def __add__(self, other: Counts) -> Counts:
-        both = zip(self.unresolved, other.unresolved, strict=True)
-        return Counts(self.unclosed + other.unclosed, tuple(a + b for a, b in both))
+FINGERPRINT = b"rock2d_fingerprint"  # key of the campaign's fingerprint in a file's metadata
+ROW_GROUP = 1 << 17  # rows that are written at once, about
+COUNTS = b"rock2d_chunk"  # key of its Counts, in the file of the first output
+# columns whose last digits are noise, which no compression shortens, and the compression of the others
+NOISE = {
+    "ends": ({"t_s", "x_m", "runout_m"}, "lz4"),
+    "crossings": ({*CROSSING_VALUES} - {"x_m", "y_m"}, "lz4"),
+}
 
 
 def chunk_path(folder: Path, output: str, number: int) -> Path:
@@ -71,10 +57,9 @@ def is_done(job: Job, chunk: Chunk) -> bool:
     )
 
 
-def counts_of(job: Job, chunk: Chunk) -> Counts:
-    """The counts of a chunk that is done."""
-    found = json.loads(_metadata(job, job.keep[0], chunk)[COUNTS])
-    return Counts(found["unclosed"], tuple(found["unresolved"]))
+def add_counts(counts: Counts, job: Job, chunk: Chunk) -> None:
+    """Add the counts of a chunk that is done."""
+    counts.add_text(_metadata(job, job.keep[0], chunk)[COUNTS])
 
 
 def _metadata(job: Job, output: str, chunk: Chunk) -> dict[bytes, bytes]:
@@ -92,25 +77,23 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
     """Simulate a chunk and write its files; returns its number of releases.
 
     Of each output, the rows that wait for `ROW_GROUP` are in memory; after each group of releases, `on_progress` gets
-    their number. Raises OSError
-    if a file cannot be written. No interruption leaves an incomplete file.
+    their number. Raises OSError if a file cannot be written. No interruption leaves an incomplete file.
     """
     paths = {output: chunk_path(job.folder, output, chunk.number) for output in job.keep}
     token = secrets.token_hex(4)  # a process taken for dead may write the same chunk at the same time
     partial = {output: path.with_name(f".{path.name}.{token}") for output, path in paths.items()}
-    writers = {output: _Writer(path, job.fingerprint) for output, path in partial.items()}
-    end, counts = chunk.first + chunk.count, Counts(0, (0,) * len(job.cross_section.measure_lines))
+    writers = {output: _Writer(path, output) for output, path in partial.items()}
+    end, counts = chunk.first + chunk.count, Counts.none(job)
     try:
         at_once = _releases_at_once(job)
         for first in range(chunk.first, end, at_once):
             stop = min(first + at_once, end)
-            outputs, own = _simulate(job, chunk, first, stop)
-            counts += own
-            for output, columns in outputs.items():
+            for output, columns in _simulate(job, chunk, first, stop, counts).items():
                 writers[output].add(columns)
             on_progress(stop - first)
         for output, writer in writers.items():
-            writer.finish({COUNTS: json.dumps(asdict(counts))})
+            own = {COUNTS: counts.text()} if output == job.keep[0] else {}
+            writer.finish({FINGERPRINT: job.fingerprint, **own})
             os.replace(partial[output], paths[output])
     finally:
         for writer in writers.values():
@@ -123,8 +106,8 @@ def run_chunk(job: Job, chunk: Chunk, on_progress: Callable[[int], Any] = lambda
 class _Writer:
     """Writes a columnar file in few row groups: each costs as much as a thousand of its rows."""
 
-    def __init__(self, path: Path, fingerprint: str) -> None:
-        self._path, self._fingerprint = path, fingerprint
+    def __init__(self, path: Path, output: str) -> None:
+        self._path, self._output = path, output
         self._waiting: list[pa.Table] = []
         self._rows = 0
         self._file: pq.ParquetWriter | None = None
@@ -133,7 +116,8 @@ class _Writer:
         """Add rows; all columns each time."""
         import pyarrow as pa
 
-        self._waiting.append(pa.table(columns))
+        fields = [pa.field(name, own.type, nullable=name == "zone") for name, own in columns.items()]
+        self._waiting.append(pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields)))
         self._rows += len(self._waiting[-1])
         if self._rows >= ROW_GROUP:
             self._write()
@@ -157,9 +141,15 @@ class _Writer:
 
         table = pa.concat_tables(self._waiting)
         if self._file is None:
-            schema = table.schema.with_metadata({FINGERPRINT: self._fingerprint})
+            noise, compression = NOISE.get(self._output, ((), "zstd"))
             self._file = pq.ParquetWriter(
-                self._path, schema, compression="zstd", use_dictionary=list(TEXT_COLUMNS)
+                self._path,
+                table.schema,
+                compression={name: "none" if name in noise else compression for name in table.column_names},
+                use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
+                column_encoding={"release": "DELTA_BINARY_PACKED"},  # they ascend
+                write_statistics=False,
+                store_schema=False,  # so that readers see text, not codes
             )
         self._file.write_table(table)
         self._waiting, self._rows = [], 0
@@ -174,38 +164,31 @@ def _releases_at_once(job: Job) -> int:
 
 def warm_up(job: Job) -> None:
     """Compile the code that chunks need, or load it from the cache."""
-    _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1)
+    _simulate(job, Chunk(0, 0, 0, 1, 0), 0, 1, Counts.none(job))
 
 
-def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, dict[str, pa.Array]], Counts]:
-    """(output -> columns of releases first .. stop - 1 of the chunk's block, their counts)."""
+def _simulate(
+    job: Job, chunk: Chunk, first: int, stop: int, counts: Counts
+) -> dict[str, dict[str, pa.Array]]:
+    """Output -> columns of releases first .. stop - 1 of the chunk's block, which are added to `counts`."""
     import pyarrow as pa
 
     group = job.conditions.group(chunk.block, first, stop)
     ensemble = ENGINES[job.engine].ensemble
     assert ensemble is not None, f"engine {job.engine} is for single releases"
     found = ensemble(job, group)
-    block, numbers = job.blocks[chunk.block], chunk.offset + np.arange(first, stop)
+    numbers = chunk.offset + np.arange(first, stop)
 
     def columns(names: Sequence[str], release: Array, **of: Any) -> dict[str, pa.Array]:
-        of |= {"release": numbers[release], "block": pa.repeat(pa.scalar(block.name), len(release))}
-        return {name: of[name] for name in names}
+        of |= {"release": numbers[release], "block": _text(block, np.zeros(len(release), int))}
+        return {name: pa.array(of[name]) for name in names}
 
-    out = {}
+    block, out = [job.blocks[chunk.block].name], {}
     if "ends" in job.keep:
-        stopped = _ends(job.cross_section, group.states, found)
-        out["ends"] = columns(STOP_COLUMNS, np.arange(len(group.states)), **stopped)
+        out["ends"] = columns(STOP_COLUMNS, np.arange(len(group.states)), **_ends(job, group, found, counts))
     if "crossings" in job.keep:
-        lines = job.cross_section.measure_lines
-        release, line = np.nonzero(np.isfinite(found.crossings[:, :, 0]))
-        values, masses = np.empty((len(release), len(CROSSING_VALUES))), group.masses()
-        for k, ends in enumerate(lines.values()):
-            own = line == k
-            values[own] = crossing_values(
-                found.crossings[release[own], k], ends, job.cross_section, masses[release[own]]
-            )
-        named = dict(zip(CROSSING_VALUES, values.T, strict=True))
-        out["crossings"] = columns(CROSSING_COLUMNS, release, line=_text(list(lines), line), **named)
+        release, crossings = _crossings(job, group, found, counts)
+        out["crossings"] = columns(CROSSING_COLUMNS, release, **crossings)
     if found.impacts is not None:
         release, zone, values = found.impacts
         named = dict(zip(IMPACT_NAMES[1:], values.T, strict=True))
@@ -218,26 +201,33 @@ def _simulate(job: Job, chunk: Chunk, first: int, stop: int) -> tuple[dict[str, 
         )
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
-    unresolved = found.unresolved(len(job.cross_section.measure_lines)).sum(axis=0)
-    return out, Counts(found.unclosed, tuple(unresolved.tolist()))
+    counts.unclosed[...] += found.unclosed
+    counts.unresolved[...] += found.unresolved_counts(len(job.cross_section.measure_lines))
+    return out
 
 
-def _ends(cross_section: CrossSection, states: Array, found: Outcome) -> dict[str, Any]:
-    import pyarrow as pa
-
-    stop = np.array(found.stop)
-    zones = cross_section.zone_ids[nearest_facets(found.ends[:, 1:3], cross_section.points_m)]
-    return {
-        "stop": pa.array(stop),
-        "zone": _text(cross_section.zone_names, np.where(stop == "exit", -1, zones)),
-        "runout_m": found.ends[:, 1] - states[:, 0],
-        **{name: found.ends[:, i] for i, name in enumerate(("t_s", "x_m", "y_m"))},
-    }
+def _ends(job: Job, group: Group, found: Outcome, counts: Counts) -> dict[str, Any]:
+    ground, (t, x, y) = job.cross_section, found.ends[:, :3].T
+    zone = ground.zone_ids[nearest_facets(found.ends[:, 1:3], ground.points_m)]
+    zone[found.stop == STOP_EXIT] = -1
+    runout = x - group.states[:, 0]
+    counts.add_ends(found.stop, zone, runout)
+    stop, zones = _text(STOPS, found.stop), _text(ground.zone_names, zone)
+    return {"stop": stop, "zone": zones, "runout_m": runout, "t_s": t, "x_m": x, "y_m": y}
 
 
-def _text(names: Sequence[str], index: Array) -> pa.Array:
+def _crossings(job: Job, group: Group, found: Outcome, counts: Counts) -> tuple[Array, dict[str, Any]]:
+    """Index of the releases that cross lines, once for each line, and their columns."""
+    lines = list(job.cross_section.measure_lines)
+    release, line, values = crossing_rows(found.crossings, *job.lines, group.masses())
+    counts.add_crossings(line, values)
+    return release, {"line": _text(lines, line), **dict(zip(CROSSING_VALUES, values, strict=True))}
+
+
+def _text(names: Sequence[str], index: Array) -> pa.DictionaryArray:
     """Column of names[index], null for -1."""
     import pyarrow as pa
 
-    codes = pa.array(index.astype(np.int32), mask=index < 0)
-    return pa.DictionaryArray.from_arrays(codes, pa.array(names, pa.string())).dictionary_decode()
+    missing = index < 0
+    codes = pa.array(index.astype(np.int32), mask=missing if missing.any() else None)
+    return pa.DictionaryArray.from_arrays(codes, pa.array(names, pa.string()))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+UNRESOLVED = np.isin(STOPS, UNRESOLVED_STOPS)  # (STOPS,) bool
 FIRST_IMPACT_ROOM = 64  # impacts of a release that are recorded at first; a release with more runs once more
 OWN_CONDITIONS_AT_ONCE = (
     200  # releases with their own blocks, grounds or parameters that are in memory together
@@ -29,12 +30,13 @@ SECOND_IMPACT_ROWS = 64 * DRAW_GROUP  # impacts that such a second run may have 
 class Outcome:
     """What an engine found out about n releases; shapes as in `engines.batch.BatchResult`.
 
+    stop : (n,) index into STOPS
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
     held : what releases that were held bring along
     """
 
-    stop: list[str]
+    stop: Array
     ends: Array
     crossings: Array
     impacts: tuple[Array, Array, Array] | None = None
@@ -48,7 +50,12 @@ class Outcome:
 
     def unresolved(self, lines: int) -> Array:
         """(n, lines) bool, which were cut short or buried before they crossed it."""
-        return ~self.passed(lines) & np.isin(self.stop, UNRESOLVED_STOPS)[:, None]
+        return ~self.passed(lines) & UNRESOLVED[self.stop][:, None]
+
+    def unresolved_counts(self, lines: int) -> Array:
+        """(lines,) how many."""
+        cut = np.flatnonzero(UNRESOLVED[self.stop])  # mostly none
+        return np.count_nonzero(np.isnan(self.crossings[cut, :lines, 0]), axis=0)
 
 
 def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
@@ -165,7 +172,7 @@ def _outcome(
     rows to zone indices and values."""
     keep = "impacts" in job.keep
     result = _in_parts(group, run, FIRST_IMPACT_ROOM if keep else 0)
-    outcome = Outcome([STOPS[i] for i in result.stop], result.ends, result.crossings)
+    outcome = Outcome(result.stop, result.ends, result.crossings)
     if keep:
         release, rows = _all_impacts(
             result.impacts, result.impact_count, lambda some, room: _in_parts(group.part(some), run, room)

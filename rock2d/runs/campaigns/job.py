@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.runs.conditions import Conditions
+from rock2d.runs.indicators.crossings import foot_and_up
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -53,6 +55,13 @@ class Job:
     def blocks(self) -> tuple[Block, ...]:
         """The blocks; of a population, the one of median size."""
         return self.conditions.blocks
+
+    @cached_property
+    def lines(self) -> tuple[Array, Array]:
+        """(lines, 2) feet of the measure lines, and (lines, 2) their directions; see `foot_and_up`."""
+        found = [foot_and_up(line, self.cross_section) for line in self.cross_section.measure_lines.values()]
+        feet, ups = np.array(found).reshape(-1, 2, 2).transpose(1, 0, 2)
+        return feet, ups
 
     def times_s(self) -> Array:
         """Instants at which samples are taken."""

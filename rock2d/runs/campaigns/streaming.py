@@ -1,21 +1,22 @@
-"""Indicators of a campaign, read from its chunk files one at a time: memory does not grow with the releases.
+"""Indicators of a campaign, from the counts in its chunk files and one look at their values: memory does not grow with
+the releases.
 
-Passing frequencies and stops are counts. Percentiles are exact order statistics. A number is read as an
-unsigned integer of 64 bits with the same order. Four passes over the files find its bits, 16 in each pass: a pass
-counts the values that share the bits found before. The result does not depend on which worker computed a chunk, or
-when.
+Passing frequencies and stops are counts. Percentiles are exact order statistics, of which the counts tell the leading
+digits. The result does not depend on which worker computed a chunk, or when.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.runs.campaigns.chunks import chunk_path, counts_of
+from rock2d.records.columns import STOPS
+from rock2d.runs.campaigns.chunks import add_counts, chunk_path
+from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
+from rock2d.runs.campaigns.order_statistics import OrderStatistics, settle_all
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
 from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
 from rock2d.statistics import percentile_estimate, percentile_ranks
@@ -29,12 +30,21 @@ Array = np.ndarray
 STOP_COUNT_COLUMNS = ["block", "stop", "zone", "releases", "frequency"]
 RUNOUT_COLUMNS = ["block", "quantity", "percentile", "releases", "value", "low95", "high95"]
 RUNOUT_PERCENTILES = (50.0, 95.0, 99.0)
-DIGIT_BITS = 16
-PASSES = 64 // DIGIT_BITS
+
+
+def all_counts(job: Job, chunks: Sequence[Chunk]) -> list[Counts]:
+    """Of each block, the counts of its chunks, which are done."""
+    found = [Counts.none(job) for _ in job.blocks]
+    for chunk in chunks:
+        add_counts(found[chunk.block], job, chunk)
+    return found
 
 
 def campaign_tables(
-    job: Job, chunks: Sequence[Chunk], on_progress: Callable[[int], Any] = lambda count: None
+    job: Job,
+    chunks: Sequence[Chunk],
+    counts: Sequence[Counts],
+    on_progress: Callable[[int], Any] = lambda count: None,
 ) -> dict[str, pd.DataFrame]:
     """Tables by name: passing and percentiles if crossings were kept, stops and runout if ends were.
 
@@ -44,159 +54,105 @@ def campaign_tables(
     - runout: percentiles, as above, of the distance from start to end; what left the cross-section counts
       with the place where it left.
 
-    `on_progress` gets the number of further files that were read. Raises OSError if a file is not there.
+    `counts` are those of each block; `on_progress` gets the number of further files that were read. Raises OSError if a
+    file is not there.
     """
     import pandas as pd
 
-    files = _Files(job, chunks, on_progress)
-    tables: dict[str, pd.DataFrame] = {}
+    blocks = [
+        _Block(job, [own for own in chunks if own.block == b], found, on_progress)
+        for b, found in enumerate(counts)
+    ]
+
+    def table(columns: Sequence[str], rows: Callable[[_Block], list[Any]]) -> pd.DataFrame:
+        return pd.DataFrame([row for block in blocks for row in rows(block)], columns=list(columns))
+
+    tables = {}
     if "crossings" in job.keep:
-        passing, percentiles = [], []
-        for b in range(len(job.blocks)):
-            passed, rows = _of_crossings(files, b)
-            passing += passed
-            percentiles += rows
-        tables["passing"] = pd.DataFrame(passing, columns=list(PASSING_COLUMNS))
-        tables["percentiles"] = pd.DataFrame(percentiles, columns=list(PERCENTILE_COLUMNS))
+        tables["passing"] = table(PASSING_COLUMNS, _Block.passing)
+        tables["percentiles"] = table(PERCENTILE_COLUMNS, _Block.percentiles)
     if "ends" in job.keep:
-        stops, runout = [], []
-        for b in range(len(job.blocks)):
-            stops += _stop_counts(files, b)
-            runout += _runouts(files, b)
-        tables["stops"] = pd.DataFrame(stops, columns=STOP_COUNT_COLUMNS)
-        tables["runout"] = pd.DataFrame(runout, columns=RUNOUT_COLUMNS)
+        tables["stops"] = table(STOP_COUNT_COLUMNS, _Block.stops)
+        tables["runout"] = table(RUNOUT_COLUMNS, _Block.runouts)
     return tables
 
 
-def files_read(job: Job, chunks: Sequence[Chunk]) -> int:
-    """How many files `campaign_tables` reads, each pass counted."""
-    return (1 + PASSES) * len(chunks) * len({"crossings", "ends"} & set(job.keep))
+class _Block:
+    """Releases of one block: their chunks and counts."""
 
+    def __init__(
+        self, job: Job, chunks: Sequence[Chunk], counts: Counts, on_progress: Callable[[int], Any]
+    ) -> None:
+        self.job, self.chunks, self.counts, self.on_progress = job, chunks, counts, on_progress
+        self.name = job.blocks[chunks[0].block].name
+        self.releases = sum(chunk.count for chunk in chunks)
+        self.lines = list(job.cross_section.measure_lines)
 
-class _Files:
-    """Chunk files of a campaign, block by block."""
+    def passing(self) -> list[Any]:
+        """Rows of PASSING_COLUMNS."""
+        found = zip(self.lines, self.counts.passed.tolist(), self.counts.unresolved.tolist(), strict=True)
+        return [
+            passing_row(self.name, line, self.releases, passed, unresolved)
+            for line, passed, unresolved in found
+        ]
 
-    def __init__(self, job: Job, chunks: Sequence[Chunk], on_progress: Callable[[int], Any]) -> None:
-        self.job, self.chunks, self.on_progress = job, chunks, on_progress
+    def percentiles(self) -> list[Any]:
+        """Rows of PERCENTILE_COLUMNS."""
+        passed = dict(zip(self.lines, self.counts.passed.tolist(), strict=True))
+        sought = {
+            (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES), self.counts.crossings[k, q])
+            for k, line in enumerate(self.lines)
+            for q, quantity in enumerate(QUANTITIES)
+            if passed[line]
+        }
+        settle_all(sought, self._values_at_lines)
+        return [
+            (self.name, *key, p, passed[key[0]], *percentile_estimate(own.values(), passed[key[0]], p))
+            for key, own in sought.items()
+            for p in PERCENTILES
+        ]
 
-    def releases(self, block: int) -> int:
-        return sum(chunk.count for chunk in self.chunks if chunk.block == block)
+    def stops(self) -> list[Any]:
+        """Rows of STOP_COUNT_COLUMNS."""
+        zones = [*self.job.cross_section.zone_names, None]
+        return [
+            (self.name, stop, zone, count, count / self.releases)
+            for stop, counts in sorted(zip(STOPS, self.counts.stops.tolist(), strict=True))
+            for zone, count in zip(zones, counts, strict=True)
+            if count
+        ]
 
-    def unresolved(self, block: int) -> dict[str, int]:
-        """Of each measure line, the releases that were cut short or buried before they crossed it."""
-        lines = self.job.cross_section.measure_lines
-        own = [counts_of(self.job, chunk).unresolved for chunk in self.chunks if chunk.block == block]
-        return dict(zip(lines, map(sum, zip(*own, strict=True)), strict=True))
+    def runouts(self) -> list[Any]:
+        """Rows of RUNOUT_COLUMNS."""
+        own = OrderStatistics(_ranks(self.releases, RUNOUT_PERCENTILES), self.counts.runouts)
+        settle_all(
+            {"runout_m": own},
+            lambda: (
+                {"runout_m": table["runout_m"].to_numpy()} for table in self._tables("ends", ["runout_m"])
+            ),
+        )
+        return [
+            (self.name, "runout_m", p, self.releases, *percentile_estimate(own.values(), self.releases, p))
+            for p in RUNOUT_PERCENTILES
+        ]
 
-    def tables(self, output: str, block: int, columns: Sequence[str]) -> Iterator[pa.Table]:
+    def _values_at_lines(self) -> Iterator[dict[tuple[str, str], Array]]:
+        for table in self._tables("crossings", ["line", *QUANTITIES]):
+            text = table["line"].combine_chunks()
+            line = np.array([self.lines.index(name) for name in text.dictionary.to_pylist()])[text.indices]
+            here = {name: np.flatnonzero(line == k) for k, name in enumerate(self.lines)}
+            values = {quantity: table[quantity].to_numpy() for quantity in QUANTITIES}
+            yield {(name, q): values[q][own] for name, own in here.items() for q in QUANTITIES}
+
+    def _tables(self, output: str, columns: Sequence[str]) -> Iterator[pa.Table]:
         import pyarrow.parquet as pq
 
         for chunk in self.chunks:
-            if chunk.block == block:
-                with pq.ParquetFile(chunk_path(self.job.folder, output, chunk.number)) as file:
-                    yield file.read(columns=list(columns))
-                self.on_progress(1)
-
-
-def _of_crossings(files: _Files, block: int) -> tuple[list[Any], list[Any]]:
-    """Rows of PASSING_COLUMNS and of PERCENTILE_COLUMNS of one block."""
-    import pyarrow.compute as pc
-
-    name, releases = files.job.blocks[block].name, files.releases(block)
-    passed: Counter[str] = Counter()
-    for table in files.tables("crossings", block, ["line"]):
-        for item in pc.value_counts(table["line"]).to_pylist():
-            passed[item["values"]] += item["counts"]
-    unresolved = files.unresolved(block)
-    lines = list(unresolved)
-    passing = [passing_row(name, line, releases, passed[line], unresolved[line]) for line in lines]
-    sought = {
-        (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES))
-        for line in lines
-        for quantity in QUANTITIES
-        if passed[line]
-    }
-    for _ in range(PASSES):
-        for table in files.tables("crossings", block, ["line", *QUANTITIES]):
-            values = {quantity: table[quantity].to_numpy() for quantity in QUANTITIES}
-            here = {line: pc.equal(table["line"], line).to_numpy() for line in lines}
-            for (line, quantity), statistics in sought.items():
-                statistics.count(values[quantity][here[line]])
-        for statistics in sought.values():
-            statistics.settle()
-    rows = []
-    for (line, quantity), statistics in sought.items():
-        for percentile in PERCENTILES:
-            estimate = percentile_estimate(statistics.values(), passed[line], percentile)
-            rows.append((name, line, quantity, percentile, passed[line], *estimate))
-    return passing, rows
-
-
-def _stop_counts(files: _Files, block: int) -> list[Any]:
-    counts: Counter[tuple[str, str | None]] = Counter()
-    for table in files.tables("ends", block, ["stop", "zone"]):
-        groups = table.group_by(["stop", "zone"]).aggregate([([], "count_all")])
-        for row in groups.to_pylist():
-            counts[row["stop"], row["zone"]] += row["count_all"]
-    name, releases = files.job.blocks[block].name, files.releases(block)
-    zones = [*files.job.cross_section.zone_names, None]
-    order = sorted(counts, key=lambda key: (key[0], zones.index(key[1])))
-    return [(name, *key, counts[key], counts[key] / releases) for key in order]
-
-
-def _runouts(files: _Files, block: int) -> list[Any]:
-    name, releases = files.job.blocks[block].name, files.releases(block)
-    statistics = OrderStatistics(_ranks(releases, RUNOUT_PERCENTILES))
-    for _ in range(PASSES):
-        for table in files.tables("ends", block, ["runout_m"]):
-            statistics.count(table["runout_m"].to_numpy())
-        statistics.settle()
-    return [
-        (name, "runout_m", p, releases, *percentile_estimate(statistics.values(), releases, p))
-        for p in RUNOUT_PERCENTILES
-    ]
+            path = chunk_path(self.job.folder, output, chunk.number)
+            with pq.ParquetFile(path, read_dictionary={"line"} & set(columns)) as file:
+                yield file.read(columns=list(columns))
+            self.on_progress(1)
 
 
 def _ranks(n: int, percentiles: Sequence[float]) -> list[int]:
     return sorted({rank for percentile in percentiles for rank in percentile_ranks(n, percentile)})
-
-
-class OrderStatistics:
-    """Exact values of given ranks (from 0, in ascending order) among numbers that come in parts.
-
-    All parts go through `count`, then `settle` is called, PASSES times over; then `values` gives rank ->
-    value. The parts' order does not matter. Numbers must be finite.
-    """
-
-    def __init__(self, ranks: Sequence[int]) -> None:
-        self._ranks = list(ranks)
-        self._within = list(ranks)  # rank among the numbers that share the settled bits
-        self._settled = [0] * len(ranks)  # leading bits of the value sought
-        self._shift = 64 - DIGIT_BITS
-        self._counts = {0: np.zeros(1 << DIGIT_BITS, np.int64)}  # settled bits -> numbers by their next digit
-
-    def count(self, numbers: Array) -> None:
-        bits = (numbers + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
-        sign = np.uint64(1 << 63)
-        keys = np.where(bits & sign, ~bits, bits | sign)
-        digits = keys >> np.uint64(self._shift)
-        leading = digits >> np.uint64(DIGIT_BITS)
-        for settled, counts in self._counts.items():
-            own = digits[leading == np.uint64(settled)] & np.uint64((1 << DIGIT_BITS) - 1)
-            np.add.at(counts, own.astype(np.int64), 1)
-
-    def settle(self) -> None:
-        for i, settled in enumerate(self._settled):
-            below = np.cumsum(self._counts[settled])
-            digit = int(np.searchsorted(below, self._within[i], side="right"))
-            self._within[i] -= int(below[digit - 1]) if digit else 0
-            self._settled[i] = settled << DIGIT_BITS | digit
-        self._shift -= DIGIT_BITS
-        if self._shift >= 0:
-            self._counts = {settled: np.zeros(1 << DIGIT_BITS, np.int64) for settled in set(self._settled)}
-
-    def values(self) -> dict[int, float]:
-        keys = np.array(self._settled, np.uint64)
-        sign = np.uint64(1 << 63)
-        bits = np.where(keys & sign, keys ^ sign, ~keys)
-        return dict(zip(self._ranks, bits.view(np.float64).tolist(), strict=True))

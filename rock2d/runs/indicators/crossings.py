@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.compiled import njit
+from rock2d.records.columns import AT_OMEGA, AT_VX, AT_VY, AT_X, AT_Y, TIME
 from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.blocks import Block
@@ -62,18 +64,54 @@ def crossings_table(
 def crossing_values(found: Array, line: Array, cross_section: CrossSection, masses: Array) -> Array:
     """(n, 13) values of CROSSING_COLUMNS from t_s on, of crossings `found` (n, 7: t and state) of one line; `masses`
     (n, 2) or (2,) are the mass in kg and the moment of inertia in kg m² of the blocks."""
+    foot, up = foot_and_up(line, cross_section)
+    each = np.broadcast_to(np.asarray(masses, float), (len(found), 2))
+    return crossing_rows(found[:, None], foot[None], up[None], each)[2].T
+
+
+def foot_and_up(line: Array, cross_section: CrossSection) -> tuple[Array, Array]:
+    """(2,) foot of a measure line (2, 2), and (2,) the direction from it to the head, of length 1."""
     foot, head = cross_section.foot_and_head(line)
-    up = (head - foot) / np.hypot(*(head - foot))
-    x, y, vx, vy, omega = found[:, 1], found[:, 2], found[:, 4], found[:, 5], found[:, 6]
-    speed, rising = np.hypot(vx, vy), vx * up[0] + vy * up[1]
-    across = np.abs(vy * up[0] - vx * up[1])
-    mass, inertia = np.asarray(masses, float).T
-    moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
-    incidence = np.degrees(np.arctan2(-rising, across))
-    height = (x - foot[0]) * up[0] + (y - foot[1]) * up[1]
-    return np.column_stack(
-        [found[:, :6], speed, omega, incidence, height, moving, spinning, moving + spinning]
-    )
+    return foot, (head - foot) / np.hypot(*(head - foot))
+
+
+def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple[Array, Array, Array]:
+    """Of crossings `found` (n, lines, 7: t and state, NaN where there is none), release after release: index of the
+    release (k,), of the line (k,), and values (13, k), see `crossing_values`.
+
+    `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).
+    """
+    rows: tuple[Array, Array, Array] = _rows(*map(np.ascontiguousarray, (found, feet, ups, masses)))
+    return rows
+
+
+@njit(nogil=True)
+def _rows(found, feet, ups, masses):
+    n, lines = found.shape[:2]
+    k = 0
+    for i in range(n):
+        for j in range(lines):
+            k += np.isfinite(found[i, j, TIME])
+    release, line, values = np.empty(k, np.int64), np.empty(k, np.int64), np.empty((13, k))
+    k = 0
+    for i in range(n):
+        mass, inertia = masses[i]
+        for j in range(lines):
+            own = found[i, j]
+            if not np.isfinite(own[TIME]):
+                continue
+            release[k], line[k] = i, j
+            vx, vy, omega, up_x, up_y = own[AT_VX], own[AT_VY], own[AT_OMEGA], ups[j, 0], ups[j, 1]
+            speed, rising, across = np.hypot(vx, vy), vx * up_x + vy * up_y, abs(vy * up_x - vx * up_y)
+            height = (own[AT_X] - feet[j, 0]) * up_x + (own[AT_Y] - feet[j, 1]) * up_y
+            moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
+            for q in range(AT_OMEGA):
+                values[q, k] = own[q]
+            values[6, k], values[7, k] = speed, omega
+            values[8, k], values[9, k] = np.degrees(np.arctan2(-rising, across)), height
+            values[10, k], values[11, k], values[12, k] = moving, spinning, moving + spinning
+            k += 1
+    return release, line, values
 
 
 INDICATOR = Indicator(

@@ -21,9 +21,8 @@ from hypothesis import strategies as st
 
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.runs.campaigns import ensembles
-from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
-from rock2d.runs.campaigns.streaming import PASSES, OrderStatistics
+from rock2d.runs.campaigns import ensembles, order_statistics
+from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, _chunk_releases, run_campaign
 from rock2d.runs.conditions import incident_states
 from rock2d.runs.incident_states import DRAW_GROUP, drawn_seeds, drawn_states
 from rock2d.runs.indicators.crossings import crossings_table
@@ -113,6 +112,32 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
     same(tables["percentiles"], percentile_table(crossings))
 
 
+def test_tables_are_those_of_all_values(tmp_path):
+    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    tables, _ = campaign(tmp_path / "out", scenario=slope, engine="point_mass", releases=4000, chunk=1500)
+    ends, crossings = kept(tmp_path / "out", "ends"), kept(tmp_path / "out", "crossings")
+    order = {"by": ["block", "line", "quantity", "percentile"], "ignore_index": True}
+    same(tables["percentiles"].sort_values(**order), percentile_table(crossings).sort_values(**order))
+    for row in tables["runout"].itertuples():
+        assert row.value == np.percentile(ends[ends["block"] == row.block]["runout_m"], row.percentile)
+    counts = ends.groupby(["block", "stop", "zone"], dropna=False).size().reset_index(name="releases")
+    places = ["block", "stop", "zone"]
+    same(tables["stops"][[*places, "releases"]].sort_values(places, ignore_index=True), counts)
+    passed = crossings.groupby(["block", "line"]).size()
+    found = tables["passing"].set_index(["block", "line"])["passed"]
+    assert found[found > 0].to_dict() == passed.to_dict() and (found == 0).any()
+
+
+def test_tables_do_not_depend_on_the_size_of_chunks_or_on_how_much_is_in_memory(tmp_path, monkeypatch):
+    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    many = {"scenario": slope, "engine": "point_mass", "releases": 3000}
+    tables, _ = campaign(tmp_path / "large", chunk=3000, **many)
+    monkeypatch.setattr(order_statistics, "MOST_COLLECTED", 100)
+    others, _ = campaign(tmp_path / "small", chunk=700, **many)
+    for name, table in tables.items():
+        same(others[name], table)
+
+
 def test_one_two_or_eight_workers_write_the_same_bytes(tmp_path):
     campaign(tmp_path / "threads")
     for workers in (1, 2, 8):
@@ -191,13 +216,14 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     assert digest(cut) == digest(tmp_path / "whole" / "paper_setup_batch")
 
 
-def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path):
-    campaign(tmp_path)
+@pytest.mark.parametrize("engine", ["batch", "point_mass"])
+def test_chunks_that_are_damaged_or_gone_are_computed_anew(tmp_path, engine):
+    campaign(tmp_path, engine=engine)
     before = digest(tmp_path)
     first, second, *_ = sorted((tmp_path / "chunks" / "ends").iterdir())
     first.write_bytes(first.read_bytes()[:-100])
     second.unlink()
-    _, lines = campaign(tmp_path)
+    _, lines = campaign(tmp_path, engine=engine)
     assert any("7 of 9 chunks are done already" in line for line in lines)
     assert digest(tmp_path) == before
 
@@ -280,6 +306,20 @@ def test_missing_extras_are_named(tmp_path, monkeypatch):
         campaign(tmp_path / "c")
 
 
+@pytest.mark.parametrize(
+    ("engine", "more", "chunk"),
+    [
+        ("batch", {}, 10_000),
+        ("point_mass", {}, 100_000),
+        ("point_mass", {"populations": {"cube": None}}, 10_000),
+    ],
+)
+def test_chunks_are_as_large_as_what_is_lost_is_small(engine, more, chunk):
+    scenario = SETUP.model_copy(update=more)
+    assert _chunk_releases(scenario, CampaignOptions(engine=engine)) == chunk
+    assert _chunk_releases(scenario, CampaignOptions(engine=engine, chunk_releases=7)) == 7
+
+
 def test_crossings_alone_are_those_of_whole_releases(tmp_path):
     campaign(tmp_path / "whole")
     campaign(tmp_path / "spent", keep=["crossings"])
@@ -314,19 +354,6 @@ def test_a_release_is_the_same_however_releases_are_shared_out():
 
 
 UNTIMED = settings(deadline=None)  # a loaded machine is no fault
-numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
-
-
-@UNTIMED
-@given(st.lists(st.lists(numbers | st.sampled_from([0.0, -0.0, 1.0]), max_size=20), min_size=1, max_size=5))
-def test_order_statistics_are_those_of_sorting(parts):
-    values = np.sort(np.concatenate([np.array(part, float) for part in parts]))
-    statistics = OrderStatistics(range(len(values)))
-    for _ in range(PASSES):
-        for part in reversed(parts):
-            statistics.count(np.array(part, float))
-        statistics.settle()
-    assert list(statistics.values().values()) == values.tolist()
 
 
 @UNTIMED

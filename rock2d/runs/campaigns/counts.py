@@ -1,0 +1,73 @@
+"""What a chunk says of itself: counts from which the tables of a campaign follow, but for the digits of percentiles."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rock2d.records.columns import STOPS
+from rock2d.runs.campaigns.job import Job
+from rock2d.runs.campaigns.order_statistics import DIGITS, leading_digits
+from rock2d.runs.indicators.crossings import CROSSING_VALUES
+from rock2d.runs.indicators.percentiles import QUANTITIES
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Counts of releases, and of numbers by their leading digits.
+
+    Attributes
+    ----------
+    unclosed : () releases whose energy audit does not close
+    unresolved : (lines,) releases that were cut short or buried before they crossed a measure line
+    stops : (STOPS, zones + 1) releases by how and in which zone they ended; last: outside
+    runouts : (DIGITS,) distances from start to end
+    crossings : (lines, QUANTITIES, DIGITS) values at a line
+    """
+
+    unclosed: Array
+    unresolved: Array
+    stops: Array
+    runouts: Array
+    crossings: Array
+
+    @staticmethod
+    def none(job: Job) -> Counts:
+        """Counts of nothing."""
+        lines, zones = len(job.cross_section.measure_lines), len(job.cross_section.zone_names)
+        shapes = (), (lines,), (len(STOPS), zones + 1), (DIGITS,), (lines, len(QUANTITIES), DIGITS)
+        return Counts(*(np.zeros(shape, np.int64) for shape in shapes))
+
+    @property
+    def passed(self) -> Array:
+        """(lines,) releases that crossed each line."""
+        return self.crossings[:, 0].sum(axis=-1)
+
+    def add_ends(self, stop: Array, zone: Array, runout_m: Array) -> None:
+        """Count ends (n,): index into STOPS, index of the zone or -1, distance from the start."""
+        counts, zones = np.ravel(self.stops), self.stops.shape[1]
+        np.add.at(counts, stop * zones + zone % zones, 1)
+        np.add.at(self.runouts, leading_digits(runout_m), 1)
+
+    def add_crossings(self, line: Array, values: Array) -> None:
+        """Count crossings (n,) of lines with the index `line`; `values` (CROSSING_VALUES, n)."""
+        counts, n = np.ravel(self.crossings), len(QUANTITIES)
+        for k, quantity in enumerate(QUANTITIES):
+            digits = leading_digits(values[CROSSING_VALUES.index(quantity)])
+            np.add.at(counts, (line * n + k) * DIGITS + digits, 1)  # much faster than with several indices
+
+    def text(self) -> str:
+        """As JSON; of each array the places, in the flat array, of what is not 0, and their counts."""
+        arrays = {each.name: np.ravel(getattr(self, each.name)) for each in fields(self)}
+        places = {name: np.flatnonzero(array) for name, array in arrays.items()}
+        return json.dumps({name: [at.tolist(), arrays[name][at].tolist()] for name, at in places.items()})
+
+    def add_text(self, text: str | bytes) -> None:
+        """Add what `text` gave of other releases."""
+        for name, own in json.loads(text).items():
+            places, counts = np.array(own, np.int64)
+            np.ravel(getattr(self, name))[places] += counts

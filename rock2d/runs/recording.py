@@ -51,7 +51,7 @@ def trajectories_table(
     import pandas as pd
 
     sigma = [recording.position_noise_m, recording.position_noise_m, recording.angle_noise_rad]
-    frames = []
+    times, poses = [], []
     for track in tracks:
         t = recording.times_s.get(track.release)
         if t is None:
@@ -62,17 +62,16 @@ def trajectories_table(
         centre = np.array(bodies(track).centre_of_mass_m if bodies else (0.0, 0.0))
         pose = poses_at(pose, -centre) if centre.any() else pose
         stream = np.random.SeedSequence(recording.seed, spawn_key=(NOISE_STREAM, track.release))
-        pose = pose + np.random.default_rng(stream).normal(size=pose.shape) * sigma
-        frames.append(
-            pd.DataFrame(
-                {
-                    "release": track.release,
-                    "block": track.block,
-                    "t_s": t,
-                    "x_m": pose[:, 0],
-                    "y_m": pose[:, 1],
-                    "theta_rad": pose[:, 2],
-                }
-            )
-        )
-    return pd.concat(frames, ignore_index=True)
+        times.append(t)
+        poses.append(pose + np.random.default_rng(stream).normal(size=pose.shape) * sigma)
+    frames, every = [len(t) for t in times], np.concatenate(poses)
+    return pd.DataFrame(
+        {
+            "release": np.repeat([track.release for track in tracks], frames),
+            "block": np.repeat(np.array([track.block for track in tracks], object), frames),
+            "t_s": np.concatenate(times),
+            "x_m": every[:, 0],
+            "y_m": every[:, 1],
+            "theta_rad": every[:, 2],
+        }
+    )

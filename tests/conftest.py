@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order the tests by their files: those of `FIRST`, then all others as they were found."""
     place = {_TESTS / name: k for k, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(item.path, len(FIRST)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread() -> None:
+    """Compiled code runs on one thread: every core has a worker of pytest, and ensembles of tests are so small that
+    threads cost more than they compute."""
+    import numba
+
+    numba.set_num_threads(1)
+
+
+@pytest.fixture
+def all_threads() -> Iterator[None]:
+    """Compiled code runs on all threads, as for a user."""
+    import numba
+
+    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    yield
+    numba.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

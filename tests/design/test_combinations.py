@@ -10,7 +10,7 @@ from rock2d.design.combinations import run_combinations
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
 from rock2d.errors import InputError
-from tests.design.small_site import small_site
+from tests.design.small_site import UNKNOWN, small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.3, 0.9)
 OVER = [("embankment.uphill_deg", 40.0, 90.0)]
@@ -19,7 +19,7 @@ OVER = [("embankment.uphill_deg", 40.0, 90.0)]
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory):
     folder = tmp_path_factory.mktemp("combinations")
-    small_site(folder)
+    small_site(folder, UNKNOWN.replace("releases: 40", "releases: 10"))
     options = {"tolerance": 0.4, "progress": False, "report": str}
     found = run_combinations(folder / "small.yaml", PLACE, BOUNDS, OVER, TARGET, folder / "out", **options)
     return folder, found, options
@@ -33,6 +33,7 @@ def test_a_combination_is_the_search_of_its_own_scenario(searched):
     own = run_design(folder / "own.yaml", PLACE, BOUNDS, TARGET, folder / "own", **options)
     assert own.least == found[1][1].least
     assert [j.high for j in own.judgements] == [j.high for j in found[1][1].judgements]
+    assert own.least is not None
     table = pd.read_csv(folder / "out" / "combinations.csv")
     expected = [np.nan if answer.least is None else answer.least for _, answer in found]
     assert table[f"least {PLACE}"].to_numpy() == pytest.approx(np.array(expected), nan_ok=True)

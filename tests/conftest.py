@@ -13,27 +13,26 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Files that take longest come first, so that no worker is left alone with one of them at the end (`--durations` of the
-# settings tells which).
+# settings tells which). The second file needs nothing that the first compiles, so that no worker waits for the other.
 FIRST = (
     "runs/campaigns/test_campaign.py",
-    "diagnosis/test_attribution.py",
     "engines/test_pymunk_engine.py",
-    "reproduction/test_reproduce.py",
     "blind/test_trial.py",
-    "engines/test_agreement.py",
-    "diagnosis/test_report.py",
-    "diagnosis/test_cause_sets.py",
-    "diagnosis/test_learnt.py",
-    "diagnosis/test_predict.py",
-    "docs/test_tutorials.py",
-    "effects/test_catalogue.py",
+    "diagnosis/test_attribution.py",
     "field_tests/test_field_forecasts.py",
-    "design/test_least_size.py",
-    "hunt/test_releases.py",
+    "reproduction/test_reproduce.py",
     "hunt/test_faults.py",
     "runs/test_run.py",
+    "docs/test_tutorials.py",
+    "tracking/test_command.py",
+    "effects/test_catalogue.py",
+    "engines/test_batch.py",
+    "diagnosis/test_report.py",
+    "diagnosis/test_cause_sets.py",
+    "diagnosis/test_predict.py",
+    "hunt/test_files.py",
+    "design/test_least_size.py",
     "runs/test_found_causes.py",
-    "runs/test_resolution.py",
 )
 _TESTS = Path(__file__).parent
 

@@ -109,7 +109,7 @@ def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong
     setup, out = tmp_path / "setup.yaml", tmp_path / "out"
     setup.write_text(text.replace(true, wrong))
     with pytest.raises(InputError, match=said):
-        run("track", filmed / "film.avi", "--config", setup, "--out", out, "--quiet")
+        run("track", filmed / "film.avi", "--config", setup, "--frames", 360, "--out", out, "--quiet")
     assert not out.exists()
 
 

@@ -19,7 +19,7 @@ OVER = [("embankment.uphill_deg", 40.0, 90.0)]
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory):
     folder = tmp_path_factory.mktemp("combinations")
-    small_site(folder, UNKNOWN.replace("releases: 40", "releases: 10"))
+    small_site(folder, UNKNOWN.replace("releases: 40", "releases: 20"))
     options = {"tolerance": 0.4, "progress": False, "report": str}
     found = run_combinations(folder / "small.yaml", PLACE, BOUNDS, OVER, TARGET, folder / "out", **options)
     return folder, found, options

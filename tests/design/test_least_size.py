@@ -109,7 +109,7 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):
-    small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 10"))
+    small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 20"))
     question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET)
     whole = run_design(*question, tmp_path / "whole", tolerance=3.0, progress=False, report=lambda line: None)
     asked: list[float] = []

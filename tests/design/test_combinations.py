@@ -6,20 +6,29 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rock2d.design import command
 from rock2d.design.combinations import run_combinations
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
 from rock2d.errors import InputError
-from tests.design.small_site import UNKNOWN, small_site
+from tests.design.small_site import small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.3, 0.9)
 OVER = [("embankment.uphill_deg", 40.0, 90.0)]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_page():
+    """The page of an answer, which takes longer than the search; `test_least_size.py` has one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "_write_page", lambda *of: [])
+        yield
+
+
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory):
     folder = tmp_path_factory.mktemp("combinations")
-    small_site(folder, UNKNOWN.replace("releases: 40", "releases: 20"))
+    small_site(folder)
     options = {"tolerance": 0.4, "progress": False, "report": str}
     found = run_combinations(folder / "small.yaml", PLACE, BOUNDS, OVER, TARGET, folder / "out", **options)
     return folder, found, options

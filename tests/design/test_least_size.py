@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from rock2d.design import command
 from rock2d.design.command import answer_text, run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, least_size
 from rock2d.design.possible_sites import SiteResults
@@ -109,9 +110,10 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "_write_page", lambda *of: [])
     small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 20"))
     question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET)
-    whole = run_design(*question, tmp_path / "whole", tolerance=3.0, progress=False, report=lambda line: None)
+    whole = run_design(*question, tmp_path / "whole", tolerance=1.0, progress=False, report=lambda line: None)
     asked: list[float] = []
 
     judge_one = Search.judge
@@ -124,10 +126,10 @@ def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch)
 
     monkeypatch.setattr(Search, "judge", counted)
     with pytest.raises(KeyboardInterrupt, match="2 sizes are judged"):
-        run_design(*question, tmp_path / "cut", tolerance=3.0, progress=False)
+        run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False)
     before = list(asked)
     monkeypatch.setattr(Search, "judge", lambda *given: asked.append(given[1]) or judge_one(*given))
-    again = run_design(*question, tmp_path / "cut", tolerance=3.0, progress=False, report=lambda line: None)
+    again = run_design(*question, tmp_path / "cut", tolerance=1.0, progress=False, report=lambda line: None)
     assert again == whole
     assert not set(before) & set(asked[2:])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,27 +13,26 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Files that take longest come first, so that no worker is left alone with one of them at the end (`--durations` of the
-# settings tells which).
+# settings tells which). The second file needs nothing that the first compiles, so that no worker waits for the other.
 FIRST = (
     "runs/campaigns/test_campaign.py",
-    "diagnosis/test_attribution.py",
     "engines/test_pymunk_engine.py",
-    "reproduction/test_reproduce.py",
     "blind/test_trial.py",
-    "engines/test_agreement.py",
-    "diagnosis/test_report.py",
-    "diagnosis/test_cause_sets.py",
-    "diagnosis/test_learnt.py",
-    "diagnosis/test_predict.py",
-    "docs/test_tutorials.py",
-    "effects/test_catalogue.py",
+    "diagnosis/test_attribution.py",
     "field_tests/test_field_forecasts.py",
-    "design/test_least_size.py",
-    "hunt/test_releases.py",
+    "reproduction/test_reproduce.py",
     "hunt/test_faults.py",
     "runs/test_run.py",
+    "docs/test_tutorials.py",
+    "tracking/test_command.py",
+    "effects/test_catalogue.py",
+    "engines/test_batch.py",
+    "diagnosis/test_report.py",
+    "diagnosis/test_cause_sets.py",
+    "diagnosis/test_predict.py",
+    "hunt/test_files.py",
+    "design/test_least_size.py",
     "runs/test_found_causes.py",
-    "runs/test_resolution.py",
 )
 _TESTS = Path(__file__).parent
 
@@ -41,6 +41,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Order the tests by their files: those of `FIRST`, then all others as they were found."""
     place = {_TESTS / name: k for k, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(item.path, len(FIRST)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread() -> None:
+    """Compiled code runs on one thread: every core has a worker of pytest, and ensembles of tests are so small that
+    threads cost more than they compute."""
+    import numba
+
+    numba.set_num_threads(1)
+
+
+@pytest.fixture
+def all_threads() -> Iterator[None]:
+    """Compiled code runs on all threads, as for a user."""
+    import numba
+
+    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    yield
+    numba.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

@@ -208,39 +208,34 @@ def test_what_hides_in_films_that_show_nothing_is_counted():
     assert unseen(cases, some) == pytest.approx(1 / 3, abs=0.02)
 
 
-def test_cases_are_diagnosed_without_their_labels(tmp_path, small, monkeypatch):
-    from rock2d.blind.running import run_trial
-
-    make_trial(1, 3, tmp_path / "t", causes=[()])
-    sealed = (tmp_path / "t" / "labels.json").rename(tmp_path / "sealed.json")
-    run_trial(tmp_path / "t")
-    result = json.loads((tmp_path / "t" / "results" / "000.json").read_text())
-    assert sum(result["diagnosis"]["probabilities"].values()) == pytest.approx(1.0)
-    with pytest.raises(InputError, match="sealed elsewhere"):
-        score_table(tmp_path / "t")
-    sealed.rename(tmp_path / "t" / "labels.json")
-    assert len(score_table(tmp_path / "t")) == 1
-
-
-def test_the_workers_of_a_scheduler_write_the_same_bytes(tmp_path, small, monkeypatch):
+def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(
+    tmp_path, small, monkeypatch
+):
     from distributed import LocalCluster
 
     from rock2d.blind.running import run_trial
 
-    def written(name: str, **workers: str) -> str:
-        make_trial(1, 3, tmp_path / name, causes=[("camera_tilt",)])
-        text = (run_trial(tmp_path / name, **workers) / "000.json").read_text()
+    def written(trial, **workers: str) -> str:
+        make_trial(1, 3, trial, causes=[()])
+        labels = (trial / "labels.json").rename(tmp_path / "labels.json")
+        text = (run_trial(trial, **workers) / "000.json").read_text()
+        with pytest.raises(InputError, match="sealed elsewhere"):
+            score_table(trial)
+        labels.rename(trial / "labels.json")
+        assert len(score_table(trial)) == 1
+        assert [path.name for path in trial.glob(".*")] == []
         return re.sub(r'"seconds": [^,]*', "", text)
 
-    few = {name: catalogue()[name] for name in ("air_drag", "camera_tilt")}
+    few = {"camera_tilt": catalogue()["camera_tilt"]}
     monkeypatch.setattr("rock2d.diagnosis.diagnose.catalogue", lambda: few)
+    here = written(tmp_path / "process")
+    result = json.loads((tmp_path / "process" / "results" / "000.json").read_text())
+    assert sum(result["diagnosis"]["probabilities"].values()) == pytest.approx(1.0)
     with LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:
-        on_cluster = written("scheduler", scheduler=cluster.scheduler_address)
+        assert written(tmp_path / "scheduler", scheduler=cluster.scheduler_address) == here
         assert cluster.workers[0].state.executed_count == 1
-    assert on_cluster == written("process")
-    assert [path.name for path in (tmp_path / "scheduler").glob(".*")] == []
 
 
 def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from rock2d.design.assessment import assess
+from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.runs.command import run_scenarios
 from tests.design.small_site import UNKNOWN, small_site
@@ -13,8 +14,9 @@ from tests.design.small_site import UNKNOWN, small_site
 FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
 
 
-@pytest.mark.parametrize("releases", [5, 10_001])  # a run and a campaign
-def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases, capsys):
+@pytest.mark.parametrize("releases", [5, 51])  # a run and a campaign
+def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases, capsys, monkeypatch):
+    monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 50)
     small_site(tmp_path)
     options = CampaignOptions(releases=releases)
     run_scenarios(
@@ -26,6 +28,7 @@ def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases,
         report=lambda line: None,
     )
     folder = tmp_path / "out" / "small_batch"
+    assert (folder / "campaign.json").is_file() == (releases > 50)
     assert {path.name for path in folder.iterdir()} >= FILES
     table = pd.read_csv(folder / "uncertainty.csv").set_index(["line", "quantity"])
     assert set(table.index.get_level_values("line")) == {"arrival", "facing_1_3", "facing_2_3", "crest"}

@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from rock2d.design import command
 from rock2d.design.command import answer_text, run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, least_size
 from rock2d.design.possible_sites import SiteResults
@@ -109,6 +110,7 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "_write_page", lambda *of: [])
     small_site(tmp_path, UNKNOWN.replace("releases: 40", "releases: 20"))
     question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET)
     whole = run_design(*question, tmp_path / "whole", tolerance=1.0, progress=False, report=lambda line: None)

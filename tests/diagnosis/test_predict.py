@@ -31,7 +31,7 @@ TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 def content():
     known = catalogue()
     effects = {name: known[name] for name in ("camera_tilt", "angle_offset")}
-    return json.loads(json.dumps(diagnosis_json(diagnose(film(TILTED, 14, seed=1), effects=effects))))
+    return json.loads(json.dumps(diagnosis_json(diagnose(film(TILTED, 10, seed=1), effects=effects))))
 
 
 def misses(table: pd.DataFrame, measured: pd.DataFrame) -> np.ndarray:

@@ -42,6 +42,9 @@ def test_diagnosis_tutorial_finds_the_tilt_and_obeys_the_schema(tmp_path, monkey
     assert content["verdict"] == "camera_tilt"
     value = content["effects"]["camera_tilt"]["parameters"]["tilt_rad"]["value"]
     assert value == pytest.approx(scope["tilt"], rel=0.1)
+    assert content["gap"]["closure"] > 0.85
+    assert sum(content["probabilities"].values()) == pytest.approx(1.0)
+    assert content["where"] and sum(c["share"] for c in content["where"]) == pytest.approx(1.0)
     schema = file_schema("diagnosis")
     Draft202012Validator(schema).validate(content)
     assert set(content) <= set(schema["properties"]), "a key of diagnosis.json is not in its schema"

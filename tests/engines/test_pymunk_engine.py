@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -273,15 +274,16 @@ GROUNDS = {
 @every_block
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_the_energy_audit_closes_and_no_mechanism_gives_energy_back(name, ground):
+    """One release of each block on each ground, no two alike: 30 in all. What breaks the balance in one of ten releases
+    is met with 96 %. The releases of `tests/hunt/test_releases.py` are audited, too."""
     cross_section, parameters = GROUNDS[ground]
-    for seed in range(2):
-        state = random_state(100 + seed)
-        gap, fall, sim = audited(BLOCKS[name], cross_section, parameters, state, 0.5)
-        # on rough ground a circle or ellipse rolls over many corners, where the law has events of second order
-        assert gap < 1e-6
-        # where the ground stops to press, the rolling moment ends within a step
-        assert fall < 1e-6
-        assert sim.audit.sum() > 0.0
+    state = random_state(100 + len(BLOCKS) * list(GROUNDS).index(ground) + list(BLOCKS).index(name))
+    gap, fall, sim = audited(BLOCKS[name], cross_section, parameters, state, 0.5)
+    # on rough ground a circle or ellipse rolls over many corners, where the law has events of second order
+    assert gap < 1e-6
+    # where the ground stops to press, the rolling moment ends within a step
+    assert fall < 1e-6
+    assert sim.audit.sum() > 0.0
 
 
 @given(st.sampled_from(sorted(BLOCKS)), st.integers(0, 10**6), st.integers(0, 10**6))
@@ -320,14 +322,16 @@ def test_a_block_laid_on_a_slope_rests_below_the_friction_angle_and_slides_above
     along, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
     slope = CrossSection([-2 * along, 2 * along], ["slope"])
     reach = float(block.lowest_reach(np.array([0.0]))[0])
-    track = run_pymunk(block, slope, LAW, np.array([*(reach * out), -angle, 0, 0, 0]), time_limit_s=1.0)
+    rests = degrees < LAW.friction_angle_deg
+    time_s = 1.0 if rests else 0.4
+    track = run_pymunk(block, slope, LAW, np.array([*(reach * out), -angle, 0, 0, 0]), time_limit_s=time_s)
     speed = float(np.hypot(*track.knots[-1, 4:6]))
-    if degrees < LAW.friction_angle_deg:
+    if rests:
         assert track.stop == "rest"
         assert np.hypot(*(track.knots[-1, 1:3] - reach * out)) < 3 * block.radius_m
     else:
         assert track.stop == "time"
-        assert speed > 0.9 * 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
+        assert speed > 0.9 * time_s * 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
 
 
 @pytest.mark.parametrize("degrees", [5, 15])
@@ -397,27 +401,19 @@ def test_a_state_that_is_no_longer_a_number_stops_the_run(monkeypatch):
         run_pymunk(SPHERE, FLOOR, LAW, [0, np.nan, 0, 0, -2, 0])
 
 
-RUN = """
-import hashlib, sys
-sys.path.insert(0, sys.argv[1])
-from tests.engines.test_pymunk_engine import SETUP, BLOCKS, CONTRAST, random_state, run_pymunk
-digest = hashlib.sha256()
-for i, block in enumerate(BLOCKS.values()):
-    digest.update(run_pymunk(block, SETUP, CONTRAST, random_state(i), time_limit_s=0.3).knots.tobytes())
-print(digest.hexdigest())
-"""
+def digest() -> str:
+    """Of every knot of a release of each block."""
+    found = hashlib.sha256()
+    for i, block in enumerate(BLOCKS.values()):
+        found.update(run_pymunk(block, SETUP, CONTRAST, random_state(i), time_limit_s=0.3).knots.tobytes())
+    return found.hexdigest()
 
 
 def test_two_processes_with_unlike_hash_seeds_agree_to_the_last_bit():
-    here = str(Path(__file__).parents[2])
-    runs = [
-        subprocess.Popen(
-            [sys.executable, "-c", RUN, here],
-            stdout=subprocess.PIPE,
-            env={**os.environ, "PYTHONHASHSEED": seed},
-        )
-        for seed in ("1", "2718")
-    ]
-    digests = [run.communicate()[0] for run in runs]
-    assert all(run.returncode == 0 for run in runs)
-    assert len(digests[0]) == 65 and digests[0] == digests[1]
+    code = "from tests.engines.test_pymunk_engine import digest; print(digest())"
+    other = "1" if os.environ.get("PYTHONHASHSEED") == "2718" else "2718"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2],
+        env={**os.environ, "PYTHONHASHSEED": other},
+    )  # fmt: skip
+    assert done.stdout.strip() == digest()

@@ -263,7 +263,8 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
     assert "leads out" in refusal(file, data_root=tmp_path / "root")
 
 
-@settings(max_examples=300, deadline=None)
+# what one of fifty damaged files does is met with 87 %; `tests/hunt/files.py` tries thousands
+@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 2**32))
 def test_damaged_scenarios_never_end_in_a_traceback(tmp_path_factory, seed):
     rng = random.Random(seed)

@@ -76,9 +76,9 @@ def test_releases_that_ran_out_of_time_are_said_and_widen_the_interval(site, eng
 
 def test_the_command_says_whether_a_run_is_resolved(site, tmp_path):
     lines: list[str] = []
-    assert not simulated(site("time_limit_s: 4"), tmp_path / "cut", lines)
+    assert not simulated(site("time_limit_s: 4", 10), tmp_path / "cut", lines)
     assert sum("NOT RESOLVED" in line for line in lines) == 3
-    assert simulated(site(), tmp_path / "whole", lines := [])
+    assert simulated(site(releases=10), tmp_path / "whole", lines := [])
     assert not any("NOT RESOLVED" in line for line in lines)
 
 

@@ -96,20 +96,20 @@ def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said)
 
 
 @pytest.mark.parametrize(
-    ("true", "wrong", "said"),
+    ("true", "wrong", "frames", "said"),
     [
-        ("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001", "no block was seen"),
-        ("fps: 1000.0", "fps: 250.0", "accelerate by"),
-        ("up: up", "up: down", r"no block was seen .* `up`"),
+        ("metres_per_pixel: 0.0006", "metres_per_pixel: 0.0001", 180, "no block was seen"),
+        ("fps: 1000.0", "fps: 250.0", 540, "accelerate by"),
+        ("up: up", "up: down", 180, r"no block was seen .* `up`"),
     ],
 )
-def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong, said):
+def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong, frames, said):
     text = (filmed / "setup.yaml").read_text()
     assert true in text
     setup, out = tmp_path / "setup.yaml", tmp_path / "out"
     setup.write_text(text.replace(true, wrong))
     with pytest.raises(InputError, match=said):
-        run("track", filmed / "film.avi", "--config", setup, "--out", out, "--quiet")
+        run("track", filmed / "film.avi", "--config", setup, "--frames", frames, "--out", out, "--quiet")
     assert not out.exists()
 
 

@@ -12,7 +12,7 @@ from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.fitting import Enough, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -101,7 +101,9 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     setup, start = setup_world(experiment), base_start(experiment)
     data = FilmData.of(load_film(experiment), setup)
     proper = fit(Model(setup, start), data)
-    stuck = fit(Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=np.inf)
+    stuck = fit(
+        Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=Enough(np.inf)
+    )
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
     assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)

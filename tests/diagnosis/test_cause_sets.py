@@ -9,7 +9,7 @@ import pytest
 
 from rock2d.diagnosis.cause_sets import CauseSet, Search
 from rock2d.diagnosis.cross_validation import by_release, cross_validate
-from rock2d.diagnosis.exploring import fit_effects, fit_to_some
+from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -102,6 +102,6 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     data = FilmData.of(load_film(experiment), setup)
     base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
     model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
-    found = fit_effects(model, data, base, fit_to_some(base, data))
+    found = fit_effects(model, data, base, explored(model, data, base, fit_to_some(base, data)))
     assert model.values(found.p) == [[MIRROR_THETA]]
     assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5

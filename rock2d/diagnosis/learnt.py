@@ -19,7 +19,7 @@ from rock2d.diagnosis.fitting import Enough, Fit, fit
 from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -132,7 +132,7 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
     state, kept = Learnt(start, held_out, []), []
     for _ in range(MOST_LEARNT if start.free else 0):
         found = discrepancies(state.fit, data) if found is None else found
-        levers, tried = Levers(state.fit, data), []
+        levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
             answer = levers.answer(dependence.lever, dependence.basis)
             enough = Enough(CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf))

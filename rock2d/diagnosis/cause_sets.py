@@ -19,7 +19,7 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
-from rock2d.diagnosis.fitting import Enough, Fit, fit
+from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
@@ -174,22 +174,21 @@ class Search:
             known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
             self._prune(self.best.names - known.names)
 
-    def _additions(self, own: CauseSet, but: Names, most: int, rival: float = -np.inf) -> list[CauseSet]:
+    def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
         """The sets with one more effect, none of `but`: the `most` of them from which screening expects most.
 
-        `rival`: log likelihood of the fit that they are compared with.
+        `ahead`: see `_fit`.
         """
         if not own.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in but]
         expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
         ranked = sorted(expected, key=lambda name: -expected[name])
-        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, rival)
+        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, ahead)
 
-    def _with(self, names: Sequence[str], own: CauseSet, rival: float = -np.inf) -> list[CauseSet]:
+    def _with(self, names: Sequence[str], own: CauseSet, ahead: float = 0.0) -> list[CauseSet]:
         """A set with each of these effects in addition."""
         new = [name for name in names if own.names | {name} not in self.known]
-        steps = [_Addition(own.fit, name, self._start(own, name), rival=rival) for name in new]
-        self._fit(steps, rival - own.fit.total())
+        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new], ahead)
         return [self.known[own.names | {name}] for name in names]
 
     def _prune(self, kept: Names) -> None:
@@ -205,7 +204,8 @@ class Search:
         """Exchange a member for a rival that gains more; whether there is one."""
         rivals: list[CauseSet] = []
         for own in self.without(self.best).values():
-            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE, self.best.fit.total())
+            ahead = self.best.fit.total() - own.fit.total()
+            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE, ahead)
         best = max(rivals, key=lambda own: self.gain(own, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
@@ -222,11 +222,11 @@ class Search:
     def _start(self, own: CauseSet, name: str) -> Array | None:
         return None if self.effects[name].scatter else self.beside(own)[name].p
 
-    def _fit(self, steps: Sequence[_Addition | _Reduction], ahead: float = -np.inf) -> None:
+    def _fit(self, steps: Sequence[_Addition | _Reduction], ahead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
         their own noise: that of a fit far from the truth is wrong, too.
 
-        `ahead`: what the fit that they are compared with gains over the known one.
+        `ahead`: what the set that they are compared with gains over the known one.
         """
         results = self._finished(steps)
         gains = {
@@ -257,7 +257,7 @@ class Search:
 class _Addition:
     """A fit, the effect that is added to it, and parameters to start from; without these they are explored.
 
-    `found`: what exploring found, if it is known; `rival`: log likelihood of another fit, see `Enough`.
+    `found`: what exploring found, if it is known; `rival`: log likelihood that another addition will reach.
     """
 
     before: Fit
@@ -281,7 +281,7 @@ class _Addition:
 
     def fitted(self, data: Data) -> Fit:
         if self.start is not None:
-            return fit(self.model, data, self.start, old=self.before, enough=Enough(rival=self.rival))
+            return fit(self.model, data, self.start, old=self.before)
         return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival)
 
 

@@ -119,9 +119,9 @@ def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path
 
     with pytest.raises(KeyboardInterrupt):
         diagnose(experiment, effects=effects, folder=tmp_path, on_progress=stop_after_one)
-    kept = list(tmp_path.rglob("*.npz"))
-    assert [path.stem.rsplit("_", 1)[0] for path in kept] == ["angle_offset"]
-    before = kept[0].stat().st_mtime_ns
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+    names = sorted(path.stem.rsplit("_", 1)[0] for path in kept)
+    assert names == ["angle_offset", *(f"explored_{name}" for name in sorted(effects))]
     again = diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path))
-    assert kept[0].stat().st_mtime_ns == before
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert again == undisturbed

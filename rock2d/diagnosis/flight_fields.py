@@ -7,6 +7,7 @@ acceleration, so no simulation is needed.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,8 +132,8 @@ def response(data: FilmSegments, world: World, paths: FlightPaths, basis: Basis)
     begin = paths.start[:-1]
     moving = integral(paths.t_s, basis.features(paths.quantities), begin)
     moved = integral(paths.t_s, moving, begin)
-    products = data.basis.values[:, :, None] * moved[:, None]
-    coefficient = np.add.reduceat(products, begin)
+    values = data.basis.values
+    coefficient = np.stack([values[a:b].T @ moved[a:b] for a, b in itertools.pairwise(paths.start)])
     slope = data.basis.slope / world.view.time_scale
     return Response(
         coefficient[:, 2:],
@@ -151,5 +152,6 @@ def integral(t: Array, values: Array, begin: Array | int = 0) -> Array:
     steps = np.zeros_like(values)
     steps[1:] = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
     steps[begin] = 0.0
-    total = np.cumsum(steps, axis=0)
-    return np.asarray(total - np.repeat(total[begin], np.diff(np.append(begin, len(t))), axis=0))
+    for a, b in itertools.pairwise([*begin, len(t)]):
+        np.cumsum(steps[a:b], axis=0, out=steps[a:b])
+    return steps

@@ -18,8 +18,8 @@ import stat
 import sys
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, partial
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cached_property, lru_cache, partial
 from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
@@ -240,6 +240,15 @@ def copy(source, target):
         target[i] = source[i]
 
 
+@lru_cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # its threads stay behind
+
+
 def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> None:
     """Do work(low, high, *given) for parts of range(n) on the threads of numba; `work` is compiled without the lock of
     the interpreter (nogil). Below `least` jobs on one thread."""
@@ -249,9 +258,17 @@ def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> Non
         return
     work(0, 0, *given)  # compiled before it is shared
     ends = np.linspace(0, n, min(n, PARTS_PER_THREAD * threads) + 1).astype(int).tolist()
-    pool = ThreadPoolExecutor(threads)
+    parts = pairwise(ends)  # each thread takes the next part; that is one step under the lock of the interpreter
+
+    def take_parts() -> None:
+        for low, high in parts:
+            work(low, high, *given)
+
+    taking = [_pool(threads).submit(take_parts) for _ in range(threads)]
     try:
-        for done in [pool.submit(work, low, high, *given) for low, high in pairwise(ends)]:
-            done.result()
+        for own in taking:
+            own.result()
     finally:
-        pool.shutdown(cancel_futures=True)  # Ctrl-C waits for the parts at hand alone
+        for _ in parts:  # Ctrl-C waits for the parts at hand alone
+            pass
+        wait(taking)

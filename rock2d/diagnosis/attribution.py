@@ -21,7 +21,7 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Fit, fit, some_releases
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, fit, some_releases
 from rock2d.diagnosis.inclusion import (
     BesideLearnt,
     explained_away,
@@ -141,7 +141,7 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
     if registered is None:
         return fit(best.model, data, best.p, old=best, renew_noise=True)
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
-    return replace(fit(stated, data, best.p, enough=np.inf), free=False)
+    return replace(fit(stated, data, best.p, enough=Enough(np.inf)), free=False)
 
 
 def attribute(

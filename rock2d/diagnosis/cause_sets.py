@@ -18,13 +18,14 @@ from rock2d.diagnosis.checkpoint import load_fit, save_fit
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import Slopes
-from rock2d.diagnosis.exploring import REFIT_GAIN, fit_effects, fit_to_some
+from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
+from rock2d.files.saved_arrays import load_arrays, save_arrays
 from rock2d.processes import Processes
 
 Array = np.ndarray
@@ -88,9 +89,13 @@ class Search:
         self.known, self.best, self.expected = {frozenset(): self.base}, self.base, {}
 
     def try_alone(self) -> None:
-        """Fit the base law with each effect alone."""
-        on_some = fit_to_some(self.base.fit, self.data)
-        self._fit([_Addition(self.base.fit, name, None, on_some) for name in self.effects])
+        """Fit the base law with each effect alone. All are explored first: no fit goes on far behind another one."""
+        base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
+        found: dict[int, Explored] = {}
+        jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
+        found.update(self.processes.as_finished(_explore_step, jobs))
+        rival = base.total() + max((own.gain for own in found.values()), default=0.0)
+        self._fit([_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)])
 
     @property
     def alone(self) -> dict[str, CauseSet]:
@@ -169,18 +174,21 @@ class Search:
             known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
             self._prune(self.best.names - known.names)
 
-    def _additions(self, own: CauseSet, but: Names, most: int) -> list[CauseSet]:
-        """The sets with one more effect, none of `but`: the `most` of them from which screening expects most."""
+    def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
+        """The sets with one more effect, none of `but`: the `most` of them from which screening expects most.
+
+        `ahead`: see `_fit`.
+        """
         if not own.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in but]
         expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
         ranked = sorted(expected, key=lambda name: -expected[name])
-        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own)
+        return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, ahead)
 
-    def _with(self, names: Sequence[str], own: CauseSet) -> list[CauseSet]:
+    def _with(self, names: Sequence[str], own: CauseSet, ahead: float = 0.0) -> list[CauseSet]:
         """A set with each of these effects in addition."""
         new = [name for name in names if own.names | {name} not in self.known]
-        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new])
+        self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new], ahead)
         return [self.known[own.names | {name}] for name in names]
 
     def _prune(self, kept: Names) -> None:
@@ -196,7 +204,8 @@ class Search:
         """Exchange a member for a rival that gains more; whether there is one."""
         rivals: list[CauseSet] = []
         for own in self.without(self.best).values():
-            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE)
+            ahead = self.best.fit.total() - own.fit.total()
+            rivals += self._additions(own, self.best.names, EXCHANGED_AT_ONCE, ahead)
         best = max(rivals, key=lambda own: self.gain(own, self.best).total, default=None)
         if best is None or self.gain(best, self.best).total < EXCHANGE_GAIN:
             return False
@@ -213,16 +222,19 @@ class Search:
     def _start(self, own: CauseSet, name: str) -> Array | None:
         return None if self.effects[name].scatter else self.beside(own)[name].p
 
-    def _fit(self, steps: Sequence[_Addition | _Reduction]) -> None:
+    def _fit(self, steps: Sequence[_Addition | _Reduction], ahead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
-        their own noise: that of a fit far from the truth is wrong, too."""
+        their own noise: that of a fit far from the truth is wrong, too.
+
+        `ahead`: what the set that they are compared with gains over the known one.
+        """
         results = self._finished(steps)
         gains = {
             k: results[k].fit.total() - step.before.total()
             for k, step in enumerate(steps)
             if isinstance(step, _Addition) and not self.effects[step.name].scatter
         }
-        least = max(REFIT_GAIN, REFIT_SHARE * max(gains.values(), default=0.0))
+        least = max(REFIT_GAIN, REFIT_SHARE * max([ahead, *gains.values()]))
         again = [k for k, gain in gains.items() if gain > least]
         refitted = self._finished([_Refit(results[k].fit) for k in again])
         for k, own in zip(again, refitted, strict=True):
@@ -245,13 +257,14 @@ class Search:
 class _Addition:
     """A fit, the effect that is added to it, and parameters to start from; without these they are explored.
 
-    `on_some`: log likelihood of `fit_to_some` of the fit before; needed for exploring.
+    `found`: what exploring found, if it is known; `rival`: log likelihood that another addition will reach.
     """
 
     before: Fit
     name: str
     start: Array | None
-    on_some: float = -np.inf
+    found: Explored | None = None
+    rival: float = -np.inf
 
     @property
     def names(self) -> list[str]:
@@ -262,10 +275,14 @@ class _Addition:
         known = self.before.model
         return Model(known.setup, known.base, [catalogue()[n] for n in self.names], self.before.p)
 
+    def explored(self, data: Data, on_some: float = -np.inf) -> Explored:
+        """Where to start; `on_some`: log likelihood of `fit_to_some` of the fit before."""
+        return explored(self.model, data, self.before, on_some)
+
     def fitted(self, data: Data) -> Fit:
-        if self.start is None:
-            return fit_effects(self.model, data, self.before, self.on_some)
-        return fit(self.model, data, self.start, old=self.before)
+        if self.start is not None:
+            return fit(self.model, data, self.start, old=self.before)
+        return fit_effects(self.model, data, self.before, self.found or self.explored(data), self.rival)
 
 
 @dataclass
@@ -324,15 +341,22 @@ class _Reduction:
         return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], slope=slope)
 
 
+def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:
+    """Explore an addition, or read the result if it is kept."""
+    path = None if folder is None else folder / f"explored_{_name(step)}.npz"
+    if path is not None and (kept := load_arrays(path)) is not None:
+        return Explored(kept["p"], float(kept["gain"]), bool(kept["useful"]))
+    found = step.explored(data, on_some)
+    if path is not None:
+        save_arrays(path, **{name: np.asarray(part) for name, part in found._asdict().items()})
+    return found
+
+
 def _fit_step(data: Data, step: _Addition | _Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
     """Fit and cross-validate, or read the result if it is kept."""
-    path = None
-    if folder is not None:
-        key = hashlib.sha256(b"".join(part.tobytes() for part in (step.before.p, getattr(step, "start", None))
-                                      if part is not None)).hexdigest()[:8]  # fmt: skip
-        path = folder / f"{'+'.join(step.names)}_{key}.npz"
-        if (found := load_fit(path, step.model)) is not None:
-            return found
+    path = None if folder is None else folder / f"{_name(step)}.npz"
+    if path is not None and (found := load_fit(path, step.model)) is not None:
+        return found
     fitted = step.fitted(data)
     out = cross_validate(fitted, data)
     if path is not None:
@@ -340,3 +364,10 @@ def _fit_step(data: Data, step: _Addition | _Reduction | _Refit, folder: Path | 
         # read back, so that a resumed diagnosis uses arrays with the same memory layout
         return load_fit(path, fitted.model) or (fitted, out)
     return fitted, out
+
+
+def _name(step: _Addition | _Reduction | _Refit) -> str:
+    """Of what a step fits, and from where."""
+    parts = (step.before.p, getattr(step, "start", None))
+    key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]
+    return f"{'+'.join(step.names)}_{key}"

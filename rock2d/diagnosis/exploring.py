@@ -6,11 +6,13 @@ are tried first, on some of the releases.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
-from rock2d.diagnosis.fitting import CONVERGED_GAIN, EXPLORING_ITERATIONS, Fit, extended, fit, some_releases
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
 
@@ -39,28 +41,50 @@ def fit_to_some(base: Fit, data: Data) -> float:
     return _short(Tried(base.model, data.only(some).coarse()), part.p, part).total()
 
 
-def fit_effects(model: Model, data: Data, base: Fit, on_some: float) -> Fit:
-    """Fit a model with more effects than `base` has (which come first).
+class Explored(NamedTuple):
+    """What exploring an effect found on some releases.
 
-    Parameters are explored on some releases first (`explore`); the fit to all of them starts there.
+    Attributes
+    ----------
+    p : parameters from which the fit to all releases starts
+    gain : log likelihood of these releases that the effect gains
+    useful : whether that is enough to start there; else p is the known fit, with a neutral effect
+    """
+
+    p: Array
+    gain: float
+    useful: bool
+
+
+def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
+    """Explore a model with more effects than `base` has (which come first), on some releases.
 
     `on_some`: of `fit_to_some`. The base gains, too, if it is fitted to a few releases.
     """
-    start, some = extended(base, model), some_releases(data)
+    some = some_releases(data)
     if some.all():
         found = explore(model, data.coarse(), base)
-        found = fit(model, data, found.p, old=base)
-    else:
-        part = base.only(some[data.impact_release], some[data.flight_release])
-        few = data.only(some).coarse()
-        explored = explore(model, few, part)
-        useful = explored.total() > on_some + EXPLORED_GAIN
-        enough = CONVERGED_GAIN if useful else COARSE_CONVERGED_GAIN
-        found = fit(model, data, explored.p if useful else start, old=base, enough=enough)
-    if found.total() < base.total():
+        return Explored(found.p, found.total() - on_some, True)
+    part = base.only(some[data.impact_release], some[data.flight_release])
+    found = explore(model, data.only(some).coarse(), part)
+    gain = found.total() - on_some
+    useful = gain > EXPLORED_GAIN
+    return Explored(found.p if useful else extended(base, model), gain, useful)
+
+
+def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: float = -np.inf) -> Fit:
+    """Fit a model with more effects than `base` has (which come first) to all releases, from where it was explored.
+
+    `rival`: log likelihood that another effect will reach, see `Enough`.
+    """
+    coarse = Enough(COARSE_CONVERGED_GAIN, rival)
+    fitted = fit(model, data, found.p, old=base, enough=Enough(rival=rival) if found.useful else coarse)
+    if fitted.total() < base.total():
         # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
-        found = max((found, fit(model, data, start, old=base, enough=COARSE_CONVERGED_GAIN)), key=Fit.total)
-    return found
+        fitted = max(
+            (fitted, fit(model, data, extended(base, model), old=base, enough=coarse)), key=Fit.total
+        )
+    return fitted
 
 
 def explore(model: Model, data: Data, base: Fit) -> Fit:

@@ -29,6 +29,7 @@ START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
 MOST_UPDATES = 4  # of derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
+BEHIND_SHARE = 0.02  # the same, of the log likelihood by which a rival is ahead
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
 DERIVATIVES_REUSE_CHANGE = (
     0.03  # largest change of the parameters for which the derivatives at the start are used
@@ -87,13 +88,25 @@ def some_releases(data: Data) -> Array:
     return data.order % max(1, len(data.impact_release) // EXPLORED_IMPACTS) == 0
 
 
+class Enough(NamedTuple):
+    """When a fit has converged: at a `gain` in log likelihood of an iteration, or at a larger one where the fit is far
+    behind a `rival` (a log likelihood): what is far behind needs no further digit."""
+
+    gain: float = CONVERGED_GAIN
+    rival: float = -np.inf
+
+    def at(self, total: float) -> float:
+        """Gain at which a fit with this log likelihood has converged."""
+        return max(self.gain, BEHIND_SHARE * (self.rival - total))
+
+
 def fit(
     model: Model,
     data: Data,
     start: Array | None = None,
     old: Fit | None = None,
     rounds: int = MOST_ITERATIONS,
-    enough: float = CONVERGED_GAIN,
+    enough: Enough = Enough(),  # noqa: B008 (cannot be changed)
     keep_slopes: bool = False,
     renew_noise: bool = False,
 ) -> Fit:
@@ -107,7 +120,7 @@ def fit(
     start : parameters to start from; default: the base law without effects
     old : a fit whose noise covariance and scatter are the start, and whose slopes are used near its parameters
     rounds : most iterations
-    enough : gain in log likelihood of an iteration below which the fit has converged
+    enough : when the fit has converged
     keep_slopes : use the slopes of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
     """
@@ -147,11 +160,12 @@ def fit(
         curve, grad = normal_equations(at.residuals, slope, covariance, everything)
         grad = grad + posterior.tight * (at.p - posterior.centre)
         grad[discrete(model)] = 0.0  # a scan chooses them
-        before = at
-        at, damping, gain = _advance(posterior, at, covariance, curve, grad, damping, enough)
-        if gain >= enough and updates < MOST_UPDATES:
+        before, now = at, posterior.cost(at, covariance)
+        least = enough.at(-now)
+        at, damping, gain = _advance(posterior, at, now, covariance, curve, grad, damping, least)
+        if gain >= least and updates < MOST_UPDATES:
             slope, updates = _updated(slope, before, at), updates + 1
-        elif gain >= enough or updates > 0:
+        elif gain >= least or updates > 0:
             updates, damping = None, START_DAMPING
         else:
             break
@@ -195,17 +209,18 @@ class _Posterior(NamedTuple):
 def _advance(
     posterior: _Posterior,
     at: _Point,
+    now: float,
     covariance: Array,
     curve: Array,
     grad: Array,
     damping: float,
     enough: float,
 ) -> tuple[_Point, float, float]:
-    """One damped Newton step: (point, damping, gain). The damping grows until the step gains; the gain is not positive
-    where none does."""
+    """One damped Newton step from a point whose cost is `now`: (point, damping, gain). The damping grows until the step
+    gains; the gain is not positive where none does."""
     model, data, _, tight = posterior
     low, high = model.bounds()
-    now, gain = posterior.cost(at, covariance), 0.0
+    gain = 0.0
     for _ in range(MOST_DAMPINGS):
         regular = curve + np.diag(tight + damping * np.diag(curve))
         ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)

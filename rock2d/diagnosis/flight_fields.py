@@ -7,6 +7,7 @@ acceleration, so no simulation is needed.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,7 @@ class Response:
     ----------
     residuals : (m, degrees, k) change of the coefficients of degree 2 and higher, in m for 1 m/s² (or rad for 1 rad/s²)
     place, rate : (m, k) change of the fitted state at the middle
-    moved, moving : per flight the (frames, k) displacement and its rate along the path, with the instants
+    moved, moving : (frames, k) displacement and its rate along the paths
     """
 
     residuals: Array
@@ -116,32 +117,23 @@ class Response:
 
     def state_change(self, flight: Array, dt: Array) -> tuple[Array, Array]:
         """(n, k) change of the position and of the velocity that a flight gives at dt (n,) from its middle."""
-        place, rate = (
-            np.empty((len(flight), self.place.shape[1])),
-            np.empty((len(flight), self.place.shape[1])),
-        )
-        for i, (f, at) in enumerate(zip(flight, dt, strict=True)):
-            own = slice(self.paths.start[f], self.paths.start[f + 1])
-            t = self.paths.t_s[own]
-            k = min(int(np.searchsorted(t, at)), len(t) - 1)
-            beyond = at - t[k]
-            place[i] = self.moved[own][k] + beyond * self.moving[own][k] - self.place[f] - self.rate[f] * at
-            rate[i] = self.moving[own][k] - self.rate[f]
-        return place, rate
+        start, t = self.paths.start, self.paths.t_s
+        ends = zip(start[flight], start[flight + 1], dt, strict=True)
+        row = np.array([min(a + np.searchsorted(t[a:b], at), b - 1) for a, b, at in ends], np.int64)
+        beyond = (dt - t[row])[:, None]
+        place = self.moved[row] + beyond * self.moving[row]
+        return place - self.place[flight] - self.rate[flight] * dt[:, None], self.moving[row] - self.rate[
+            flight
+        ]
 
 
 def response(data: FilmSegments, world: World, paths: FlightPaths, basis: Basis) -> Response:
     """The answers of a film's flights to accelerations that follow a basis."""
-    features = basis.features(paths.quantities)
-    moved, moving = np.zeros_like(features), np.zeros_like(features)
+    begin = paths.start[:-1]
+    moving = integral(paths.t_s, basis.features(paths.quantities), begin)
+    moved = integral(paths.t_s, moving, begin)
     values = data.basis.values
-    m, k = len(paths.start) - 1, features.shape[1]
-    coefficient = np.zeros((m, values.shape[1], k))
-    for f in range(m):
-        own = slice(paths.start[f], paths.start[f + 1])
-        moving[own] = integral(paths.t_s[own], features[own])
-        moved[own] = integral(paths.t_s[own], moving[own])
-        coefficient[f] = values[own].T @ moved[own]
+    coefficient = np.stack([values[a:b].T @ moved[a:b] for a, b in itertools.pairwise(paths.start)])
     slope = data.basis.slope / world.view.time_scale
     return Response(
         coefficient[:, 2:],
@@ -153,7 +145,13 @@ def response(data: FilmSegments, world: World, paths: FlightPaths, basis: Basis)
     )
 
 
-def integral(t: Array, values: Array) -> Array:
-    """(n, k) integral of values (n, k) over t (n,), from the first instant, by the trapezoidal rule."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+def integral(t: Array, values: Array, begin: Array | int = 0) -> Array:
+    """(n, k) integral of values (n, k) over t (n,), by the trapezoidal rule: from the first instant of each of several
+    paths, one after the other, that begin at the rows `begin`."""
+    begin = np.atleast_1d(begin)
+    steps = np.zeros_like(values)
+    steps[1:] = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
+    steps[begin] = 0.0
+    for a, b in itertools.pairwise([*begin, len(t)]):
+        np.cumsum(steps[a:b], axis=0, out=steps[a:b])
+    return steps

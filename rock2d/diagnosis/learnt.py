@@ -15,11 +15,11 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.fitting import Enough, Fit, fit
 from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.quantities import Basis
-from rock2d.diagnosis.significance import OverReleases
+from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
@@ -132,10 +132,12 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
     state, kept = Learnt(start, held_out, []), []
     for _ in range(MOST_LEARNT if start.free else 0):
         found = discrepancies(state.fit, data) if found is None else found
-        levers, tried = Levers(state.fit, data), []
+        levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
             answer = levers.answer(dependence.lever, dependence.basis)
-            fitted = _fitted(state.fit, data, answer, levers.columns(answer), dependence.width)
+            enough = Enough(CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf))
+            columns = levers.columns(answer)
+            fitted = _fitted(state.fit, data, answer, columns, dependence.width, enough)
             out = cross_validate(fitted, data)
             own = Learnt(fitted, out, [])
             tried.append((dependence, own, held_out_gain(data, own, state)))
@@ -173,7 +175,7 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     return wider.residuals(np.concatenate([p, coefficients]), data)
 
 
-def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: float) -> Fit:
+def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: float, enough: Enough) -> Fit:
     """The fit with one more change."""
     widths = np.full(answer.size, width)
     model = old.model
@@ -193,7 +195,7 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
         old.slope.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=CONVERGED_GAIN)
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=enough)
 
 
 def _changes(fitted: Fit, kept: Sequence[tuple[Discrepancy, Array, Array]]) -> list[Change]:

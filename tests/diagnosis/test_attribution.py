@@ -12,7 +12,7 @@ from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.fitting import Enough, fit
 from rock2d.diagnosis.model import Model
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
@@ -101,7 +101,9 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     setup, start = setup_world(experiment), base_start(experiment)
     data = FilmData.of(load_film(experiment), setup)
     proper = fit(Model(setup, start), data)
-    stuck = fit(Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=np.inf)
+    stuck = fit(
+        Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=Enough(np.inf)
+    )
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
     assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
@@ -117,9 +119,9 @@ def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path
 
     with pytest.raises(KeyboardInterrupt):
         diagnose(experiment, effects=effects, folder=tmp_path, on_progress=stop_after_one)
-    kept = list(tmp_path.rglob("*.npz"))
-    assert [path.stem.rsplit("_", 1)[0] for path in kept] == ["angle_offset"]
-    before = kept[0].stat().st_mtime_ns
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+    names = sorted(path.stem.rsplit("_", 1)[0] for path in kept)
+    assert names == ["angle_offset", *(f"explored_{name}" for name in sorted(effects))]
     again = diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path))
-    assert kept[0].stat().st_mtime_ns == before
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert again == undisturbed

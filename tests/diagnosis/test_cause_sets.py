@@ -9,9 +9,9 @@ import pytest
 
 from rock2d.diagnosis.cause_sets import CauseSet, Search
 from rock2d.diagnosis.cross_validation import by_release, cross_validate
-from rock2d.diagnosis.exploring import fit_effects, fit_to_some
+from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import fit
+from rock2d.diagnosis.fitting import Enough, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects import catalogue
 from rock2d.effects.mirrored_axis import MIRROR_THETA
@@ -68,6 +68,27 @@ def test_screening_expects_most_of_the_effect_that_is_there(two):
         assert expected[other] < 1.5 * two.gain(two.best, own).total
 
 
+def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
+    """A rival within reach changes nothing."""
+    base, simulated = two.base.fit, []
+    model = Model(base.model.setup, base.model.base, [catalogue()["angle_offset"]], base.p)
+    plain = FilmData.residuals
+    monkeypatch.setattr(FilmData, "residuals", lambda *a: simulated.append(0) or plain(*a))
+
+    def fitted(rival: float) -> tuple[Fit, int]:
+        simulated.clear()
+        return fit(model, two.data, extended(base, model), old=base, enough=Enough(rival=rival)), len(
+            simulated
+        )
+
+    (alone, all_steps), (near, same), (far, fewer) = map(
+        fitted, (-np.inf, base.total() + 5.0, base.total() + 1e5)
+    )
+    assert (near.p == alone.p).all() and same == all_steps
+    assert fewer < all_steps
+    assert base.total() <= far.total() <= alone.total()
+
+
 def test_no_effect_makes_the_empty_set():
     search = searched({})
     assert search.best.names == set()
@@ -102,6 +123,6 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     data = FilmData.of(load_film(experiment), setup)
     base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
     model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
-    found = fit_effects(model, data, base, fit_to_some(base, data))
+    found = fit_effects(model, data, base, explored(model, data, base, fit_to_some(base, data)))
     assert model.values(found.p) == [[MIRROR_THETA]]
     assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5

@@ -186,6 +186,16 @@ def test_a_constant_integrates_to_a_line():
     assert integral(t, np.ones((9, 1)))[:, 0] == pytest.approx(t)
 
 
+def test_paths_one_after_the_other_are_integrated_each_alone():
+    rng = np.random.default_rng(3)
+    t, values = rng.uniform(size=30), rng.normal(size=(30, 2))
+    begin = np.array([0, 1, 12, 20])
+    alone = [
+        integral(*part) for part in zip(np.split(t, begin[1:]), np.split(values, begin[1:]), strict=True)
+    ]
+    assert integral(t, values, begin) == pytest.approx(np.concatenate(alone), abs=1e-12)
+
+
 def test_splines_sum_to_one_and_keep_their_last_value():
     curve = Curve("x_m", "spline", (0.0, 1.0, 3.0, 4.0))
     features = curve.features(np.linspace(-2.0, 6.0, 50))

@@ -111,16 +111,16 @@ def write_report(results: SiteResults, folder: Path, command: str) -> None:
     """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
     from rock2d.graphics.figure_style import save_figure
 
-    figures = _figures(results)
-    for name, figure in figures.items():
-        save_figure(figure, folder / f"{name}.png")
+    figures = {
+        name: save_figure(figure, folder / f"{name}.png") for name, figure in _figures(results).items()
+    }
     for name, table in _further_tables(results).items():
         write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
     made = Made.now(command, f"{results.sample.seed} (of every random draw)")
     write_whole(folder / PAGE, report_page(results, figures, made))
 
 
-def report_page(results: SiteResults, figures: Mapping[str, Figure], made: Made) -> str:
+def report_page(results: SiteResults, figures: Mapping[str, Path], made: Made) -> str:
     """The page."""
     scenario = results.scenario
     context = {
@@ -237,7 +237,7 @@ def demand_tiles(results: SiteResults) -> list[tuple[str, str, str]]:
     ]
 
 
-def _sections(results: SiteResults, figures: Mapping[str, Figure]) -> list[Section | None]:
+def _sections(results: SiteResults, figures: Mapping[str, Path]) -> list[Section | None]:
     return [
         _answer_section(results, figures), _site_section(results, figures), _assumption_section(results),
         _passing_section(results, figures), _slope_section(results, figures), _line_section(results, figures),
@@ -246,13 +246,13 @@ def _sections(results: SiteResults, figures: Mapping[str, Figure]) -> list[Secti
     ]  # fmt: skip
 
 
-def _picture(figures: Mapping[str, Figure], name: str, alt: str, caption: str = "") -> list[Picture]:
-    from rock2d.graphics.pages import embedded
+def _picture(figures: Mapping[str, Path], name: str, alt: str, caption: str = "") -> list[Picture]:
+    from rock2d.graphics.pages import embedded_picture
 
-    return [Picture(embedded(figures[name]), alt, caption)] if name in figures else []
+    return [Picture(embedded_picture(figures[name]), alt, caption)] if name in figures else []
 
 
-def _answer_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+def _answer_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
     if results.answer is None:
         return None
     answer = results.answer
@@ -267,7 +267,7 @@ def _answer_section(results: SiteResults, figures: Mapping[str, Figure]) -> Sect
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
 
 
-def _site_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+def _site_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
     run = results.sample
     points = run.cross_section.points_m
     alt = (
@@ -306,7 +306,7 @@ def _drawn(draw: Any) -> str:
     return f"{kind} ({said})"
 
 
-def _passing_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+def _passing_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
     tables = []
     if len(results.tables.get("passing", ())):
         tables.append(passing_rows(results.tables["passing"]))
@@ -318,7 +318,7 @@ def _passing_section(results: SiteResults, figures: Mapping[str, Figure]) -> Sec
     )
 
 
-def _slope_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section:
+def _slope_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
     table: Any = results.sample.to_pandas("envelopes")
     top = table[(table["quantity"] == "kinetic_J") & (table["percentile"] == 95.0)]["value"]
     alt = "Height above the ground, speed and energy along the slope, exceeded by 50, 5 and 1 % of the blocks"
@@ -330,7 +330,7 @@ def _slope_section(results: SiteResults, figures: Mapping[str, Figure]) -> Secti
     return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
 
 
-def _line_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+def _line_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
     if "percentiles" not in results.tables:
         return None
     alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
@@ -373,7 +373,7 @@ def _diagnosis_section(results: SiteResults) -> Section | None:
     return Section("Before and after the diagnosis", texts=results.diagnosis, tables=[shown])
 
 
-def _certainty_section(results: SiteResults, figures: Mapping[str, Figure]) -> Section | None:
+def _certainty_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
     if results.assessment is None:
         return Section("How sure is that", texts=[_without_assessment(results)])
     table: Any = results.assessment.sensitivity

@@ -17,6 +17,7 @@ from rock2d.files.folders import atomic_file
 
 LINESTYLES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.2)), (0, (6, 1.4, 1.5, 1.4)))
 TEXT_PT, SMALL_PT = 9.0, 7.5
+FILE_DPI = 200  # of figures that are files
 
 
 class PlainFigure(Figure):
@@ -28,7 +29,7 @@ class PlainFigure(Figure):
         super().draw(renderer)
 
 
-def save_figure(figure: Figure, path: str | Path, dpi: int = 200) -> Path:
+def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
     """Write `figure` (format by suffix) beside `path` and rename it when whole.
 
     Raises InputError if the suffix is not a picture format.

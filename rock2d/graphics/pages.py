@@ -6,6 +6,7 @@ import base64
 import html
 import io
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,6 +69,20 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def embedded_picture(path: Path) -> str:
+    """The data URI of a figure that `save_figure` has written as PNG, reduced to the size for pages: to draw it once
+    more would take much longer."""
+    from PIL import Image
+
+    from rock2d.graphics.figure_style import FILE_DPI
+
+    buffer = io.BytesIO()
+    with Image.open(path) as picture:
+        size = [round(pixels * PAGE_FIGURE_DPI / FILE_DPI) for pixels in picture.size]
+        picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(buffer, format="png")
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
 def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, list[Axes]]:

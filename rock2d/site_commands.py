@@ -50,8 +50,8 @@ def command_line() -> str:
 def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet, **options) -> None:
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
-    More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in chunks of
-    10,000, keeps no full tracks (no trajectories or video; figures only with --report), writes tables and parquet
+    More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in
+    chunks, keeps no full tracks (no trajectories or video; figures only with --report), writes tables and parquet
     files, and the same command continues it after an interruption. Campaigns need pip install 'rock2d[scale]'.
 
     If more than 1 % of the releases of a block ran out of time or sank into the ground, the end says so, and the

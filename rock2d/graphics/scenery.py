@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,6 +30,8 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
 SHADES = 64  # of a tone, from the surface to the deep ground
 BUSY_PX = 3  # around the name of a measure line, where ways count as crossing it
+LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the way of the line
+LABEL_STOREYS = 4
 
 
 def zone_tones(cross_section: CrossSection) -> dict[str, str]:
@@ -252,13 +255,15 @@ def _line_label(
     away = [_distance(surface, end) for end in ends]
     tip, root = (ends[0], ends[1]) if away[0] >= away[1] else (ends[1], ends[0])
     along = (tip - root) / max(1e-9, float(np.hypot(*(tip - root))))
+    storey = 1.2 * size[1]  # names of lines that are close together stand one above the other
     # no place of the name reaches farther from the tip
-    busy = busy[(np.abs(busy - tip) < gap + sum(size) + BUSY_PX).all(axis=1)]
+    busy = busy[(np.abs(busy - tip) < gap + sum(size) + LABEL_STOREYS * storey + BUSY_PX).all(axis=1)]
     best, least = None, np.inf
-    for order, turn in enumerate((0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)):
+    for order, (level, turn) in enumerate(itertools.product(range(LABEL_STOREYS), LABEL_TURNS_RAD)):
         c, s = np.cos(turn), np.sin(turn)
         way = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1]])
-        x, y = tip + way * (gap + 0.5 * (abs(way[0]) * size[0] + abs(way[1]) * size[1]))
+        far = gap + level * storey + 0.5 * (abs(way[0]) * size[0] + abs(way[1]) * size[1])
+        x, y = tip + way * far
         box = (x - 0.5 * size[0], y - 0.5 * size[1], x + 0.5 * size[0], y + 0.5 * size[1])
         outside = box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]
         hidden = _lowest(surface, box[0], box[2], -1e9) < box[3]  # reaches into the ground

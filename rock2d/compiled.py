@@ -258,9 +258,8 @@ def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> Non
         return
     work(0, 0, *given)  # compiled before it is shared
     ends = np.linspace(0, n, min(n, PARTS_PER_THREAD * threads) + 1).astype(int).tolist()
-    parts = pairwise(
-        ends
-    )  # each thread takes the next part; that is one step under the lock of the interpreter
+    # each thread takes the next part; that is one step under the lock of the interpreter
+    parts = pairwise(ends)
 
     def take_parts() -> None:
         for low, high in parts:

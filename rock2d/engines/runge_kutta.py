@@ -54,9 +54,8 @@ def _oscillation(q, h, body, rows):
     stiffness, bottom = rows[0, L_LAW + K_UL], rows[0, L_BOTTOM]
     pressed, k_l = depth - rows[0, L_OFFSET], rows[0, L_LAW + K_L]
     at_peak = pressed + LEAST_EVENT * h * rate >= rows[0, L_PEAK]
-    if at_peak and rate > LEAST_EVENT * h * (
-        k_l * pressed / block.mass - pull
-    ):  # it does not turn back at once
+    # in first loading, if it does not turn back at once
+    if at_peak and rate > LEAST_EVENT * h * (k_l * pressed / block.mass - pull):
         stiffness, bottom = k_l, 0.0
     rest = rows[0, L_OFFSET] + bottom + block.mass * pull / stiffness
     omega = np.sqrt(stiffness / block.mass)

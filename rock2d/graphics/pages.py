@@ -65,10 +65,10 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
     buffer = io.BytesIO()
     if image_format == "png":
         figure.savefig(buffer, format="png", dpi=PAGE_FIGURE_DPI)
-        return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+        return _data_uri(buffer, "png")
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return f"data:image/svg+xml;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    return _data_uri(buffer, "svg+xml")
 
 
 def embedded_picture(path: Path) -> str:
@@ -82,7 +82,11 @@ def embedded_picture(path: Path) -> str:
     with Image.open(path) as picture:
         size = [round(pixels * PAGE_FIGURE_DPI / FILE_DPI) for pixels in picture.size]
         picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).save(buffer, format="png")
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    return _data_uri(buffer, "png")
+
+
+def _data_uri(buffer: io.BytesIO, kind: str) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode()}"
 
 
 def blank_axes(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, list[Axes]]:

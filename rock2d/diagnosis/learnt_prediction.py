@@ -1,19 +1,23 @@
 """Learnt changes in a prediction: every segment of another film, from one flight to the next.
 
 A learnt change needs to know where the block will touch the ground. So the segment is simulated once without it; that
-gives the place. Then follow the law and the state with the change, and what it adds to the motion after the impact.
+gives the place. Then the segment is simulated with the changed law and the changed state before the impact.
+
+The changes after an impact were learnt from blocks that fly on. They act where a flight follows that a film would show:
+the state in which the block leaves changes, learnt accelerations act until it touches the ground again, and the engine
+simulates the rest. A block that rolls, slides or lies still moves as the engine says.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rock2d.diagnosis.features import incident_quantities, moving_quantities
-from rock2d.diagnosis.flight_fields import flight_paths, integral, path_quantities, response
+from rock2d.diagnosis.flight_fields import flight_paths, path_quantities, response
 from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
@@ -26,13 +30,31 @@ from rock2d.diagnosis.quantities import (
     Basis,
     read_basis,
 )
-from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
+from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.records.columns import AFTER, AT, BEFORE, I_TIME_AFTER, POSITION, RATES, X
+from rock2d.kinematics.flights import clearances
+from rock2d.kinematics.states import drift
+from rock2d.records.columns import (
+    AT,
+    BEFORE,
+    I_TIME,
+    I_TIME_AFTER,
+    POSE,
+    POSITION,
+    RATES,
+    THETA,
+    TIME,
+    X,
+)
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
 Array = np.ndarray
+
+COUNTED_IMPACTS = 16  # of a segment, among which a flight is looked for
+STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
+END_MARGIN_S = 1e-9  # the last frame is inside
 
 
 @dataclass
@@ -66,6 +88,7 @@ class Segments:
     start_s : their recorded instants, from the middle of the flight
     begin_s : true instants of the starts in their releases
     limit_s : true duration of the segment
+    least_flight_s : true duration from which on a film shows a flight
     """
 
     flight: Array
@@ -76,6 +99,42 @@ class Segments:
     start_s: Array
     begin_s: Array
     limit_s: Array
+    least_flight_s: float
+
+
+class _Aloft(NamedTuple):
+    """Flights after impacts, without the changes after them.
+
+    segment : (m,) their segments
+    left_s, clear_s : (m,) instants, from the start of the segment, at which the impact ends and at which the block is
+        clear of the ground
+    lasts_s : (m,) how long the flight lasts from then on
+    state : (m, 6) when clear
+    """
+
+    segment: Array
+    left_s: Array
+    clear_s: Array
+    lasts_s: Array
+    state: Array
+
+    def only(self, keep: Array) -> _Aloft:
+        """Some of them, given as a mask."""
+        return _Aloft(*(part[keep] for part in self))
+
+
+class _Paths(NamedTuple):
+    """Paths of m flights in steps, with all changes.
+
+    states, accelerations : (steps, m, 6), (steps, m, 3)
+    step_s : duration of a step
+    last : (m,) last step at which the block is clear of the ground
+    """
+
+    states: Array
+    accelerations: Array
+    step_s: float
+    last: Array
 
 
 class LearntMotion:
@@ -85,7 +144,7 @@ class LearntMotion:
         self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Segments
     ) -> None:
         self._changes, self._segments, self._world = changes, segments, world
-        touch = self._impacts(world, segments.start)
+        touch = self._run(world, segments.start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
         at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, AT])
         facet = nearest_facets(np.ascontiguousarray(at[:, POSITION]), world.cross_section.points_m)
@@ -102,28 +161,29 @@ class LearntMotion:
             world, segments.block, zone, self._tangent, segments.start
         )
         self._pivot, self._slope = at[:, POSITION], np.zeros(len(at))
-        self.world, self.start = world, segments.start.copy()
+        self._start, self._frame = segments.start.copy(), np.zeros_like(segments.start)
         for change in changes:
+            if change.lever == FLIGHT:
+                self._start += self._flown(change, data)
+                continue
+            own = change.of(self._quantities)
             if change.lever == SLOPE:
-                self._slope += change.of(self._quantities)[:, 0]
+                self._slope += own[:, 0]
             elif change.lever == FRAME:
-                self.start[:, FRAME_COLUMNS] += change.of(self._quantities)
+                self._frame[:, FRAME_COLUMNS] += own
             elif change.lever == LAW:
-                self.world = with_changed_law(self.world, change.of(self._quantities))
+                self._world = with_changed_law(self._world, own)
             elif change.lever == STATE:
-                self.start += change.of(self._quantities)
-            elif change.lever == FLIGHT:
-                self.start += self._flown(change, data)
-        # a slope of the ground is the same as the stated ground with the motion turned the other way
-        self.start = turned(self.start, self._pivot, -self._slope)
+                self._start += own
 
-    def _impacts(self, world: World, start: Array) -> Any:
-        """The first impact of each segment."""
+    def _run(self, world: World, start: Array, which: Array | None = None, **more: Any) -> BatchResult:
+        """The segments `which` (default: all), simulated from their states `start`."""
         s = self._segments
+        own = np.arange(len(s.block)) if which is None else which
         ensemble, tables = world_ensemble(world)
         return run_batch(
-            ensemble, start, block_ids=s.block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=s.limit_s, impact_limit=1, impact_room=1,
+            ensemble, start, block_ids=s.block[own], table_ids=tables if len(tables) == 1 else tables[own],
+            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": s.limit_s[own], **more},
         )  # fmt: skip
 
     def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
@@ -133,58 +193,130 @@ class LearntMotion:
         place, rate = answer.state_change(s.flight, s.start_s * self._world.view.time_scale)
         return np.column_stack([place @ change.coefficients.T, rate @ change.coefficients.T])
 
-    def added(self, t_s: Array, samples: Array) -> Array:
-        """(n, k, 3) what the changes add to simulated poses (n, k, 3) after the impact; t_s (n, k): true time from the
-        start, infinite where there is no frame."""
-        found = np.zeros_like(samples)
-        after = [c for c in self._changes if c.lever in (SLOPE, OUTCOME, FRAME, FLIGHT)]
-        if not after:
-            return found
-        impacts = self._impacts(self.world, self.start).impacts[:, 0]
-        for i in map(int, np.flatnonzero(np.isfinite(impacts[:, I_TIME_AFTER]))):
-            end = impacts[i, I_TIME_AFTER]
-            own = np.flatnonzero(np.isfinite(t_s[i]) & (t_s[i] > end) & np.isfinite(samples[i, :, X]))
-            if not len(own):
-                continue
-            t = np.concatenate([[end], t_s[i, own]])
-            leaves = impacts[i, AFTER]
-            path = np.vstack([leaves[:POSE_SIZE], samples[i, own]])
-            state = turned(leaves[None], self._pivot[i : i + 1], self._slope[i : i + 1])[0] - leaves
-            for change in after:
-                if change.lever == OUTCOME:
-                    state = state + self._left(change, i)
-                elif change.lever == FRAME:
-                    state[list(FRAME_COLUMNS)] -= change.of(self._leaving(i, leaves))[0]
-                elif change.lever == FLIGHT:
-                    found[i, own] += self._pushed(change, i, t, path)[1:]
-            found[i, own] += state[:POSE_SIZE] + (t[1:, None] - end) * state[POSE_SIZE:]
+    def samples(self, t_s: Array) -> Array:
+        """(n, k, 3) poses at true times t_s (n, k) from the start, infinite where there is no frame.
+
+        NaN where the block has left the cross-section.
+        """
+        plain = self._run(self._world, self._start, times_s=t_s).samples
+        if not any(change.lever in (SLOPE, OUTCOME, FRAME, FLIGHT) for change in self._changes):
+            return plain
+        # a slope of the ground is the same as the stated ground with the motion turned the other way
+        begins = turned(self._start + self._frame, self._pivot, -self._slope)
+        aloft = self._aloft(begins)
+        own = aloft.segment
+        if not len(own):
+            return plain
+        before = self._run(self._world, begins[own], own, times_s=t_s[own]).samples
+        before = turned(before, self._pivot[own, None], self._slope[own, None])
+        before[..., THETA] -= self._frame[own, None, THETA]
+        since_s = t_s[own] - aloft.clear_s[:, None]
+        plain[own] = np.where(since_s[..., None] > 0.0, self._onward(aloft, since_s), before)
+        return plain
+
+    def _aloft(self, begins: Array) -> _Aloft:
+        """The first flight of each segment after an impact that a film shows, from the states `begins` (n, 6)."""
+        least = self._segments.least_flight_s
+        longer = self._segments.limit_s + least  # only then it shows whether a flight follows
+        found = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
+        impacts = found.impacts
+        following = np.append(impacts[:, 1:, I_TIME], np.full((len(impacts), 1), np.nan), axis=1)
+        ends = np.broadcast_to(found.ends[:, None, TIME], following.shape)
+        number = np.arange(impacts.shape[1])
+        following = np.where(number == found.impact_count[:, None] - 1, ends, following)
+        lasts = following - impacts[..., I_TIME_AFTER]
+        long = lasts >= least  # NaN in an impact that has no end: the block stays on the ground
+        own = np.flatnonzero(long.any(axis=1))
+        at = (own, long[own].argmax(axis=1))
+        left_s, lasts_s = impacts[at][:, I_TIME_AFTER], lasts[at]
+        # at the end of an impact the block is still in its indentation
+        after_s = np.linspace(0.0, 0.5, 1 + STEPS_OF_LEAST_FLIGHT) * lasts_s[:, None]
+        poses = self._run(
+            self._world, begins[own], own, time_limit_s=longer[own], times_s=left_s[:, None] + after_s
+        ).samples
+        clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
+        clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
+        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[:, AT]
+        return _Aloft(own, left_s, left_s + clear_s, lasts_s - clear_s, states).only(clear.any(axis=1))
+
+    def _leaving(self, aloft: _Aloft) -> Array:
+        """(m, 6) the states in which the blocks are clear of the ground, with the changes of the impact."""
+        own = aloft.segment
+        left = aloft.state[:, RATES]
+        change = turned(aloft.state, self._pivot[own], self._slope[own]) - aloft.state
+        tx, ty = self._tangent[own].T
+        for learnt in self._changes:
+            if learnt.lever == OUTCOME:
+                along = learnt.of({name: values[own] for name, values in self._quantities.items()})
+                for first in (X, RATES.start):
+                    a, b = along[:, first], along[:, first + 1]
+                    change[:, first] += tx * a - ty * b
+                    change[:, first + 1] += ty * a + tx * b
+                    change[:, first + 2] += along[:, first + 2]
+            elif learnt.lever == FRAME:
+                known = {name: values[own] for name, values in self._history.items()}
+                change[:, FRAME_COLUMNS] -= learnt.of(moving_quantities(left) | known)
+        change[:, POSE] += (aloft.clear_s - aloft.left_s)[:, None] * change[:, RATES]
+        # the change of a pose could put the block into the ground, where it cannot be
+        change[~self._clear(own, aloft.state + change), POSE] = 0.0
+        return np.asarray(aloft.state + change)
+
+    def _path(self, aloft: _Aloft) -> _Paths:
+        """The flights with all changes, until the blocks touch the ground or their segments end."""
+        s, own, step = self._segments, aloft.segment, self._segments.least_flight_s / STEPS_OF_LEAST_FLIGHT
+        states, left_s = self._leaving(aloft), s.limit_s[own] - aloft.clear_s
+        path, pushes = [states], [self._acceleration(aloft, states, 0.0)]
+        last, flies = np.zeros(len(own), np.int64), left_s > 0.0
+        while flies.any():
+            now = len(path) * step
+            states = drift(self._world, s.block[own], states, np.full(len(own), step))
+            states[:, POSE] += 0.5 * step**2 * pushes[-1]
+            states[:, RATES] += step * pushes[-1]
+            flies &= self._clear(own, states) & (now < left_s)
+            last[flies] = len(path)
+            path.append(states)
+            pushes.append(self._acceleration(aloft, states, now))
+        return _Paths(np.array(path), np.array(pushes), step, last)
+
+    def _onward(self, aloft: _Aloft, since_s: Array) -> Array:
+        """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
+        the last clear state on as the engine says."""
+        s, own, path = self._segments, aloft.segment, self._path(aloft)
+        m, resumed_s = np.arange(len(own)), path.last * path.step_s
+        rest = self._run(
+            self._world, path.states[path.last, m], own,
+            time_limit_s=np.maximum(s.limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
+            times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
+        ).samples  # fmt: skip
+        aloft_s = np.clip(since_s, 0.0, resumed_s[:, None])
+        step = np.minimum(aloft_s // path.step_s, path.last[:, None]).astype(int)
+        beyond = (aloft_s - step * path.step_s).ravel()
+        states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
+        block = np.repeat(s.block[own], since_s.shape[1])
+        flown = drift(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
+        flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
+        return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
+
+    def _clear(self, own: Array, states: Array) -> Array:
+        """(m,) whether blocks in these states (m, 6) are clear of the ground."""
+        ground, block = ground_arrays(self._world.cross_section), self._segments.block[own]
+        clear = np.empty(len(own), bool)
+        for b, shape in enumerate(self._world.blocks.values()):
+            clear[block == b] = clearances(block_arrays(shape), ground, states[block == b, POSE]) > 0.0
+        return clear
+
+    def _acceleration(self, aloft: _Aloft, states: Array, since_s: float) -> Array:
+        """(m, 3) learnt accelerations of blocks in these states (m, 6), a time after they are clear."""
+        s, own = self._segments, aloft.segment
+        found = np.zeros((len(own), POSE_SIZE))
+        changes = [change for change in self._changes if change.lever == FLIGHT]
+        if changes:
+            quantities = path_quantities(self._world, states) | {
+                BLOCK: s.block[own].astype(float),
+                SERIES: self._history[SERIES][own],
+                HISTORY: np.minimum(s.number[own] + 1.0, MOST_COUNTED_IMPACTS),
+                TIME_S: s.begin_s[own] + aloft.clear_s + since_s,
+            }
+            for change in changes:
+                found += change.of(quantities)
         return found
-
-    def _leaving(self, i: int, state: Array) -> dict[str, Array]:
-        """What the frame may depend on after the impact of segment i, which leaves in a state (6,)."""
-        known = {name: values[i : i + 1] for name, values in self._history.items()}
-        return moving_quantities(state[None, RATES]) | known
-
-    def _left(self, change: KnownChange, i: int) -> Array:
-        """(6,) what a changed outcome adds to the state after the impact of segment i."""
-        one = {name: values[i : i + 1] for name, values in self._quantities.items()}
-        along = change.of(one)[0]
-        tx, ty = self._tangent[i]
-        found = np.empty(STATE_SIZE)
-        for first in (X, RATES.start):
-            a, b = along[first : first + 2]
-            found[first : first + 3] = tx * a - ty * b, ty * a + tx * b, along[first + 2]
-        return found
-
-    def _pushed(self, change: KnownChange, i: int, t: Array, path: Array) -> Array:
-        """(k, 3) what an acceleration moves along the path (k, 3) of segment i after its impact, at t (k,)."""
-        rates = np.gradient(path, t, axis=0) if len(t) > 1 else np.zeros_like(path)
-        quantities = path_quantities(self._world, np.column_stack([path, rates]))
-        count, s = len(t), self._segments
-        quantities |= {
-            BLOCK: np.full(count, float(s.block[i])),
-            SERIES: np.full(count, self._history[SERIES][i]),
-            HISTORY: np.full(count, min(s.number[i] + 1.0, MOST_COUNTED_IMPACTS)),
-            TIME_S: s.begin_s[i] + t,
-        }
-        return integral(t, integral(t, change.of(quantities)))

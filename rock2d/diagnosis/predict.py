@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.learnt_prediction import KnownChange, LearntMotion, Segments, read_changes
+from rock2d.diagnosis.learnt_prediction import (
+    END_MARGIN_S,
+    KnownChange,
+    LearntMotion,
+    Segments,
+    read_changes,
+)
 from rock2d.diagnosis.table_prediction import predicted_velocities
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
@@ -18,7 +24,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import Film, load_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film
 from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
@@ -178,31 +184,23 @@ def _segments(
         instants[i, : len(rows)] = film.t_s[rows] - data.basis.middle[flight] - data.start_s[flight]
     limits = np.where(np.isfinite(instants), instants, 0.0).max(axis=1)
     segment = _numbers(own.release[flights])
-    motion = None
+    times, limits = instants * scale, limits * scale + END_MARGIN_S
     if changes:
         release = own.release[flights]
         start_s = data.start_s[flights]
         began = data.basis.middle[flights] + start_s - film.t_s[np.searchsorted(film.release, release)]
+        frame_s = np.median(np.diff(film.t_s)[np.diff(film.release) == 0])
         known = Segments(
-            flights,
-            own.block[flights],
-            world.order,
-            segment,
-            starts,
-            start_s,
-            began * scale,
-            limits * scale + 1e-9,
-        )
-        motion = LearntMotion(changes, world, data, known)
-        world, starts = motion.world, motion.start
-    ensemble, tables = world_ensemble(world)
-    result = run_batch(
-        ensemble, starts, block_ids=own.block[flights], table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-        time_limit_s=limits * scale + 1e-9, times_s=instants * scale,
-    )  # fmt: skip
-    samples = result.samples
-    if motion is not None:
-        samples += motion.added(instants * scale, samples)
+            flights, own.block[flights], world.order, segment, starts, start_s, began * scale, limits,
+            FEWEST_FLIGHT_FRAMES * float(frame_s) * scale,
+        )  # fmt: skip
+        samples = LearntMotion(changes, world, data, known).samples(times)
+    else:
+        ensemble, tables = world_ensemble(world)
+        samples = run_batch(
+            ensemble, starts, block_ids=own.block[flights], table_ids=tables, gravity_m_s2=world.gravity_m_s2,
+            time_limit_s=limits, times_s=times,
+        ).samples  # fmt: skip
     last = starts[:, POSE]
     for k in range(room):  # a block that has left the cross-section, or that starts deep in the ground, stays
         gone = ~np.isfinite(samples[:, k, X])

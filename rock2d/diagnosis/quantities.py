@@ -80,8 +80,8 @@ SLOPE_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     "series": ((SERIES, SPLINE),),
 }
 IMPACT_QUANTITIES, FLIGHT_QUANTITIES = (
-    frozenset(quantity for parts in table.values() for quantity, _ in parts)
-    for table in (IMPACT_DEPENDENCES | FRAME_DEPENDENCES, FLIGHT_DEPENDENCES)
+    frozenset(quantity for parts in table for quantity, _ in parts)
+    for table in ([*IMPACT_DEPENDENCES.values(), *FRAME_DEPENDENCES.values()], FLIGHT_DEPENDENCES.values())
 )
 HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of a turn
 

@@ -1,0 +1,91 @@
+"""Predictions with learnt changes: what they add to the motion is what moves a block, and what lies still stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rock2d.diagnosis.predict import predict
+from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.kinematics.flights import clearances
+from tests.diagnosis.test_predict import known
+from tests.kinematics.synthetic_films import film, world
+
+POSES = ["x_m", "y_m", "theta_rad"]
+# lever -> coefficients of a constant change far above any that is learnt: m/s², m, m/s, rad
+STRONG = {
+    "flight": [[4.0], [-5.0], [200.0]],
+    "outcome": [[1e-3], [-3e-3], [0.2], [0.2], [-0.3], [10.0]],
+    "frame": [[0.1], [-0.1], [5.0], [0.1]],
+    "slope": [[0.1]],
+}
+
+
+@pytest.fixture(scope="module")
+def other():
+    return film(world(), 4, seed=21, fps=500.0, duration_s=1.6)
+
+
+def learnt(*changes: tuple[str, list[list[float]]]) -> dict:
+    """The law of the synthetic films with constant changes: lever and coefficients."""
+    content = known()
+    given = [
+        {"lever": lever, "depends_on": "nothing", "curves": [], "coefficients": c} for lever, c in changes
+    ]
+    model = {"base": content["base"], "parameters": {}}
+    return {**content, "model": {**model, "learnt": {**model, "changes": given}}}
+
+
+def depth_m(table: pd.DataFrame, scene) -> np.ndarray:
+    """(rows,) how deep the blocks of a prediction lie in the ground."""
+    depth = np.empty(len(table))
+    for name, block in scene.blocks.items():
+        own = (table.block == name).to_numpy()
+        poses = table.loc[own, POSES].to_numpy()
+        depth[own] = -clearances(block_arrays(block), ground_arrays(scene.cross_section), poses)
+    return depth
+
+
+def test_a_learnt_acceleration_bends_the_next_flight_as_gravity_does(other):
+    """y'' = -(g + a) between the impacts, to the rounding of differences."""
+    pull = 0.6
+    base = predict(other, known(), base_only=True)
+    pulled = predict(other, learnt(("flight", [[0.0], [-pull], [0.0]])))
+    step = 1.0 / other.fps
+    bends = []
+    for (_, own), (_, plain) in zip(
+        pulled.groupby(["release", "segment"]), base.groupby(["release", "segment"]), strict=True
+    ):
+        second, before = (np.diff(t.y_m, 2) / step**2 for t in (own, plain))
+        flies = (
+            np.abs(before + other.gravity_m_s2) < 1e-6
+        )  # frames of the next flight: the first ones are aloft, too
+        flies &= np.cumsum(~flies) > 0
+        bends += list(second[flies] + other.gravity_m_s2)
+    assert len(bends) > 200
+    assert np.median(bends) == pytest.approx(-pull, abs=1e-6)
+
+
+@pytest.mark.parametrize("lever", STRONG)
+def test_a_change_of_size_zero_shows_in_no_film(other, lever):
+    """What is left is the truncation of a contact that begins in another step: below the noise of the camera."""
+    nothing = learnt((lever, [[0.0] for _ in STRONG[lever]]))
+    base = predict(other, nothing, base_only=True)
+    miss = np.abs(predict(other, nothing)[POSES] - base[POSES]).max()
+    assert (miss < [other.position_noise_m, other.position_noise_m, other.angle_noise_rad]).all()
+
+
+@pytest.mark.parametrize("lever", STRONG)
+def test_what_lies_still_stays_and_nothing_is_pushed_through_the_ground(other, lever):
+    """However strong a change is: at the end of the film blocks rest, and none lies deeper than impacts press it."""
+    scene, content = world(), learnt((lever, STRONG[lever]))
+    base, changed = predict(other, content, base_only=True), predict(other, content)
+    assert not np.allclose(base[POSES], changed[POSES])
+    deepest = depth_m(base, scene).max()
+    assert depth_m(changed, scene).max() < 1.5 * deepest
+    radius = min(block.radius_m for block in scene.blocks.values())
+    for _, own in changed.groupby("release"):
+        last = own[own.t_s > own.t_s.max() - 0.05]
+        assert np.hypot(np.ptp(last.x_m), np.ptp(last.y_m)) < 0.1 * radius
+        assert np.ptp(last.theta_rad) < 0.1

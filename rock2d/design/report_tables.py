@@ -56,6 +56,8 @@ def with_interval(value: float, low: float, high: float, factor: float = 1.0) ->
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
     """A value with its interval and its unit, which the name of the quantity ends with."""
+    if not np.isfinite(value):
+        return "-"
     unit = next((text for end, text in UNITS.items() if quantity.endswith(end)), "")
     if unit == "J" and abs(value) >= LARGE_J:
         return f"{with_interval(value, low, high, 1e-3)} kJ"

@@ -135,18 +135,13 @@ def _rows(passing: pd.DataFrame, percentiles: pd.DataFrame, model: FittedModel) 
 
 
 def before_after_text(table: pd.DataFrame) -> str:
-    """The table as a person reads it: % and kJ."""
+    """The table as a person reads it, in the units of the report; a bound that is not known is a dash."""
+    import pandas as pd
+
+    from rock2d.design.report_tables import before_after_rows
+
     if not len(table):
         return "before and after the diagnosis: no measure line to compare at"
-
-    def cell(row: pd.Series, names: tuple[str, ...], factor: float) -> str:
-        value, low, high = (factor * float(row[name]) for name in names)
-        return "-" if value != value else f"{value:.3g} [{low:.3g}, {high:.3g}]"
-
-    shown = table[["block", "line", "model"]].copy()
-    shown["passing %"] = [cell(row, ("frequency", "low95", "high95"), 100.0) for _, row in table.iterrows()]
-    names = {"95th pct. energy kJ": ("kinetic_J", 1e-3), "95th pct. height m": ("passing_height_m", 1.0)}
-    for title, (quantity, factor) in names.items():
-        shown[title] = [cell(row, OF_QUANTITY[quantity], factor) for _, row in table.iterrows()]
-    head = "before and after the diagnosis, same releases: value [95 % interval of sampling]"
-    return f"{head}\n{shown.to_string(index=False)}"
+    shown = before_after_rows(table)
+    text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
+    return f"before and after the diagnosis, same releases: value [95 % interval of sampling]\n{text}"

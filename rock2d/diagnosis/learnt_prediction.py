@@ -237,8 +237,8 @@ class LearntMotion:
         clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
         clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
         states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[:, AT]
-        found = _Aloft(own, left_s, left_s + clear_s, lasts_s - clear_s, states)
-        return found.only(np.asarray(clear.any(axis=1)))
+        flights = _Aloft(own, left_s, left_s + clear_s, lasts_s - clear_s, states)
+        return flights.only(np.asarray(clear.any(axis=1)))
 
     def _leaving(self, aloft: _Aloft) -> Array:
         """(m, 6) the states in which the blocks are clear of the ground, with the changes of the impact."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -93,12 +92,14 @@ class DiagnosisResult:
             Code ``not_writable`` if the folder cannot be written.
         """
         from rock2d.diagnosis.report.page import write_report
+        from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text
         from rock2d.files.folders import make_folder, write_whole
 
         folder, content = Path(folder), self.to_dict()
+        text = diagnosis_text(content)
         make_folder(folder)
         write_report(self.diagnosis, content, folder, progress=progress)
-        write_whole(folder / "diagnosis.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+        write_whole(folder / DIAGNOSIS, text)
 
     def _repr_html_(self) -> str:
         from rock2d.notebook import table_html

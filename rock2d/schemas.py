@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from importlib.resources import files
 from typing import Any
 
 
@@ -27,9 +25,9 @@ def _setup() -> dict[str, Any]:
 
 
 def _diagnosis() -> dict[str, Any]:
-    text = (files("rock2d.diagnosis") / "diagnosis.schema.json").read_text(encoding="utf-8")
-    schema: dict[str, Any] = json.loads(text)
-    return schema
+    from rock2d.files.diagnosis_keys import diagnosis_json_schema
+
+    return diagnosis_json_schema()
 
 
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {

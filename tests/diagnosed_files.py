@@ -15,6 +15,9 @@ SOIL = {
     "friction_angle_deg": 30.0,
     "k_r_Nm_rad": 4.0e3,
 }
+GAIN = {"heldout_score_gain": 9.0, "heldout_score_gain_se": 1.0}
+CLOSED = {"closure": 0.9, "closure_ci95": [0.8, 1.0]}
+GAP = {"unit": "noise", "base": 4.0, "augmented": 1.2, "noise_floor": 1.0, **CLOSED}
 JOINT = {**SOIL, "k_ul_N_m": 3.0e7}  # fitted together with an effect
 SCENARIO = """
 name: diagnosed
@@ -50,16 +53,16 @@ def effect(base: dict[str, float] = JOINT, **parameters: tuple[float, float, flo
     own = {
         name: {"value": v, "ci95": [low, high], "unit": "1"} for name, (v, low, high) in parameters.items()
     }
-    return {"parameters": own, "base": base}
+    return {"parameters": own, "base": base, **GAIN, **CLOSED}
 
 
 def content(verdict: str = "none", effects: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
-    """A diagnosis of schema 1 with the keys that a scenario reads."""
+    """A diagnosis of schema 1."""
     found = verdict not in ("none", "unknown")
     return {
         "schema": 1, "experiment": "bench", "base": SOIL, "law": {"rolling_in_indentation": False},
         "verdict": verdict, "group": [verdict] if found else [], "probabilities": {verdict: 1.0},
-        "effects": effects or {}, **more,
+        "effects": effects or {}, "where": [], "gap": GAP, **more,
     }  # fmt: skip
 
 

@@ -18,11 +18,11 @@ from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
+from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
 from rock2d.files.experiment import load_experiment
 from rock2d.files.folders import atomic_folder, check_file, make_folder, write_whole
 from rock2d.files.text_files import read_json
 
-DIAGNOSIS = "diagnosis.json"
 COMPARISON, COMPARISON_PAGE = "comparison.json", "comparison.html"
 FITS = ".fits"  # folder of finished fits, removed at the end
 
@@ -70,8 +70,9 @@ def run_diagnosis(
         )
     content = diagnosis_json(result)
     words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
+    text = diagnosis_text(content)
     write_report(result, content, out, progress=progress, command=shlex.join(words))
-    write_whole(out / DIAGNOSIS, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    write_whole(out / DIAGNOSIS, text)
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
     for line in result.film.sentences() if result.film is not None else ():
@@ -93,7 +94,7 @@ def _refuse_foreign(out: Path) -> None:
         content = read_json(out / DIAGNOSIS)
     except InputError:
         content = None
-    if not isinstance(content, dict) or not {"schema", "verdict", "probabilities"} <= content.keys():
+    if not is_diagnosis(content):
         message = "exists and is no diagnosis; choose another output folder"
         raise InputError(message, out, code="not_a_result")
 
@@ -145,12 +146,12 @@ def _shares(part: dict[str, Any]) -> str:
 def run_comparison(first: Path, second: Path, out: Path, *, report: Callable[[str], None]) -> dict[str, Any]:
     """Compare two diagnoses (folders or files); writes comparison.json and comparison.html, returns the first."""
     from rock2d.diagnosis.comparison import comparison
-    from rock2d.diagnosis.comparison_file import read_diagnosis
     from rock2d.diagnosis.report.comparison_page import comparison_lines, comparison_page
     from rock2d.graphics.rendering import Made
 
-    (file_a, a), (file_b, b) = read_diagnosis(first), read_diagnosis(second)
-    files = {"a": str(file_a), "b": str(file_b)}
+    given = [path / DIAGNOSIS if path.is_dir() else path for path in (first, second)]
+    a, b = (read_diagnosis(path)[1] for path in given)
+    files = dict(zip("ab", map(str, given), strict=True))
     content = {**comparison(a, b), "files": files}
     words = ["rock2d", "compare", str(first), str(second), "--out", str(out)]
     with atomic_folder(out) as partial:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
-from rock2d.diagnosis.comparison_file import KNOWN_SCHEMAS, DiagnosisFile, FittedValue
 from rock2d.diagnosis.model import BASE_NAMES
+from rock2d.files.diagnosis import KNOWN_SCHEMAS
+from rock2d.files.diagnosis_keys import DiagnosisFile
+from rock2d.files.fitted_keys import FittedParameter
 
 FEWEST_PROBABILITY = 0.05  # of an effect whose parameters are of interest
 AGREEMENT = 1.0  # largest difference over the half width of its 95 % interval
@@ -24,7 +26,7 @@ class Pair:
     b: Any
 
 
-def agree(a: FittedValue, b: FittedValue) -> bool | None:
+def agree(a: FittedParameter, b: FittedParameter) -> bool | None:
     """Whether two values differ by no more than their 95 % intervals allow; None where no interval is stated.
 
     The sides of the intervals that face each other are added as independent errors.
@@ -54,12 +56,16 @@ def comparison(a: DiagnosisFile, b: DiagnosisFile) -> dict[str, Any]:
         "beside": each(lambda d: [found.effect for found in d.beside]),
         "probabilities": [vars(pair) for pair in _probabilities(a, b)],
         "parameters": _parameters(a, b),
-        "base": [vars(pair) for pair in _paired({**dict.fromkeys(BASE_NAMES), **a.base, **b.base}, a.base, b.base)],
+        "base": [vars(pair) for pair in _paired(BASE_NAMES, _law(a), _law(b))],
         "gap": each(lambda d: d.gap.model_dump()),
         "closures": _closures(a, b),
         "where": _places(a, b),
         "next_release": each(lambda d: d.next_release),
     }  # fmt: skip
+
+
+def _law(own: DiagnosisFile) -> dict[str, float]:
+    return own.fitted_law.model_dump() if own.fitted_law is not None else {}
 
 
 def diagnosed(own: DiagnosisFile) -> bool:
@@ -153,10 +159,14 @@ def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
             comparable = first is not None and second is not None and first.unit == second.unit
             rows.append({
                 "effect": name, "parameter": key, "of_interest": name in wanted,
-                "a": first.model_dump() if first else None, "b": second.model_dump() if second else None,
+                "a": _value(first), "b": _value(second),
                 "agree": agree(first, second) if first and second and comparable else None,
             })  # fmt: skip
     return rows
+
+
+def _value(own: FittedParameter | None) -> dict[str, Any] | None:
+    return own.model_dump(include={"value", "ci95", "unit"}) if own else None
 
 
 def _closures(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:

@@ -26,6 +26,7 @@ from rock2d.diagnosis.quantities import (
     TIME_S,
     Basis,
     bases,
+    quantities_of,
     waves,
 )
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
@@ -39,6 +40,15 @@ LAW, SLOPE, STATE, OUTCOME, FRAME, FLIGHT = LEVERS = (
 )  # fmt: skip
 # how many numbers each has; outcomes are those of a film or of an impact table
 LEVER_SIZES = {LAW: (5,), SLOPE: (1,), STATE: (6,), OUTCOME: (6, 3), FRAME: (4,), FLIGHT: (3,)}
+# what a change of each may depend on
+DEPENDENCES = {
+    LAW: IMPACT_DEPENDENCES, SLOPE: SLOPE_DEPENDENCES, STATE: IMPACT_DEPENDENCES, OUTCOME: IMPACT_DEPENDENCES,
+    FRAME: FRAME_DEPENDENCES, FLIGHT: FLIGHT_DEPENDENCES,
+}  # fmt: skip
+LEVER_QUANTITIES = {
+    lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # what the ground does has waves, too
+    for lever, own in DEPENDENCES.items()
+}
 FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # of a state, that the numbers of the frame change
 SLOPE_STEP_RAD = 0.003  # for differences
 STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
@@ -128,15 +138,16 @@ class Levers:
     @cached_property
     def bases(self) -> dict[str, list[Basis]]:
         """Lever -> bases that it may follow."""
-        of_impacts = bases(IMPACT_DEPENDENCES, self.impact_quantities)
-        found = {lever: list(of_impacts.values()) for lever in (LAW, STATE, OUTCOME)}
         quantities = self.impact_quantities
-        found[FRAME] = list(bases(FRAME_DEPENDENCES, quantities).values())
+        found = {
+            lever: list(bases(DEPENDENCES[lever], quantities).values())
+            for lever in (LAW, STATE, OUTCOME, FRAME)
+        }
         if self._paths is not None:
             pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
             found[FRAME] += waves(quantities[TIME_S], pace_s)
-            found[SLOPE] = list(bases(SLOPE_DEPENDENCES, quantities).values())
-            found[FLIGHT] = list(bases(FLIGHT_DEPENDENCES, self._paths.quantities).values())
+            found[SLOPE] = list(bases(DEPENDENCES[SLOPE], quantities).values())
+            found[FLIGHT] = list(bases(DEPENDENCES[FLIGHT], self._paths.quantities).values())
         return found
 
     @cached_property

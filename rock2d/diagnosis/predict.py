@@ -28,7 +28,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film
 from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU
+from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU, ContactParameters
 from rock2d.records.columns import POSE, THETA, X, Y
 from rock2d.scene.world import View, World
 
@@ -50,9 +50,9 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     known = catalogue()
     law, effects = (content["base"], {}) if base_only else _found(content)
     rows = setup.contact.copy()
-    rows[..., [K_L, K_UL, K_T, K_R]] = [law["k_l_N_m"], law["k_ul_N_m"], law["k_t_N_m"], law["k_r_Nm_rad"]]
-    rows[..., MU] = np.tan(np.deg2rad(law["friction_angle_deg"]))
-    rows[..., INDENTATION] = float(content.get("law", {}).get("rolling_in_indentation", False))
+    columns = [K_L, K_UL, K_T, MU, K_R, INDENTATION]
+    reading = content.get("law", {}).get("rolling_in_indentation", False)
+    rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
     world = replace(setup, contact=rows, order=order)
     for name, own in effects.items():
         if not known[name].scatter:  # a scatter shifts no mean

@@ -79,10 +79,6 @@ SLOPE_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     "place in detail": ((PLACE_M, FINE),),
     "series": ((SERIES, SPLINE),),
 }
-IMPACT_QUANTITIES, FLIGHT_QUANTITIES = (
-    frozenset(quantity for parts in table for quantity, _ in parts)
-    for table in ([*IMPACT_DEPENDENCES.values(), *FRAME_DEPENDENCES.values()], FLIGHT_DEPENDENCES.values())
-)
 HARMONIC_NUMBERS = (1.0, 2.0, 4.0)  # a square looks the same after a quarter of a turn
 
 
@@ -137,6 +133,11 @@ class Basis:
     def content(self) -> dict[str, Any]:
         """For a JSON file."""
         return {"depends_on": self.name, "curves": [asdict(curve) for curve in self.curves]}
+
+
+def quantities_of(dependences: Entries) -> frozenset[str]:
+    """All quantities of dependences."""
+    return frozenset(quantity for parts in dependences.values() for quantity, _ in parts)
 
 
 def read_basis(content: Mapping[str, Any]) -> Basis:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, mod
 from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
-from rock2d.files.text_files import is_number, place_in, read_text
+from rock2d.files.text_files import is_number, json_content, place_in, read_text
 
 MOST_VALUES = 500_000
 MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
@@ -39,7 +39,7 @@ class Checked(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or cls.model_config.get("extra") != "forbid":
+        if not isinstance(data, dict):
             return data
         for old, key in cls.old_keys.items():
             if old in data:
@@ -48,6 +48,8 @@ class Checked(BaseModel):
                         f"the former name of {key!r}, which is given, too", old, at="key", code="duplicate"
                     )
                 data = _renamed(data, old, key, info.context)
+        if cls.model_config.get("extra") != "forbid":
+            return data
         free = [key for key in cls.model_fields if key not in data]
         for key in data:
             if key not in cls.model_fields:
@@ -318,6 +320,28 @@ class Document:
         except (ValueError, KeyError, ArithmeticError):
             raise InputError(f"{shown(node.value)} is not a {kind}", self.file, line, column) from None
         return node.value
+
+
+class JsonDocument(Document):
+    """A JSON file. JSON is YAML, whose reader knows where everything stands."""
+
+    def _read(self, text: str) -> Any:
+        data = json_content(text, self.file)
+        super()._read(text)
+        self._mappings = dict(_mappings(data))
+        return data
+
+
+def _mappings(data: Any, path: Path_ = ()) -> Iterator[tuple[int, Path_]]:
+    """Identity and path of each mapping in plain data."""
+    parts: Iterable[tuple[str | int, Any]] = ()
+    if isinstance(data, dict):
+        yield id(data), path
+        parts = data.items()
+    elif isinstance(data, list):
+        parts = enumerate(data)
+    for key, own in parts:
+        yield from _mappings(own, (*path, key))
 
 
 def in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:

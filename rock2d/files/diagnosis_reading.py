@@ -16,16 +16,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.files.checked_yaml import Document, did_you_mean, shown
+from rock2d.files.checked_yaml import shown
 from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel, FittedValue, Scale
-from rock2d.files.diagnosis_keys import DiagnosisKeys, SoilPart, ValuePart
+from rock2d.files.diagnosis import NOT_EFFECTS, read_model
+from rock2d.files.diagnosis_keys import DiagnosisFile
+from rock2d.files.fitted_keys import FittedLaw, FittedParameter
 from rock2d.files.folders import OutsideFolderError, path_inside
 
 if TYPE_CHECKING:
     from rock2d.effects.effect import Parameter
     from rock2d.files.scenario import Scenario
 
-NOT_EFFECTS = ("none", "unknown")
 LEAST_INCLUSION = 0.5  # inclusion probability from which on a cause acts (schema 2)
 
 
@@ -43,7 +44,7 @@ def found_diagnosis(scenario: Scenario, given: str, data_root: str | Path | None
         except OutsideFolderError as error:
             raise scenario.error(error.message, *where, code="outside_folder") from None
         if _is_there(file):
-            return read_diagnosis(given, file)
+            return used_diagnosis(given, file)
     message = f"no file {shown(given)} beside the scenario or under the data root"
     raise scenario.error(message, *where, code="missing_file", name=given)
 
@@ -55,18 +56,12 @@ def _is_there(file: Path) -> bool:
         return False
 
 
-def read_diagnosis(given: str, file: Path) -> DiagnosedModel:
-    """Read diagnosis.json. Raises InputError with file, line and column of the first mistake."""
-    document = Document(file)  # JSON is YAML, whose reader knows where everything stands
-    if not isinstance(document.data, dict) or document.data.get("schema") not in (1, 2):
-        found = shown(document.data.get("schema")) if isinstance(document.data, dict) else "no keys"
-        raise document.error(
-            f"expected a diagnosis of schema 1 or 2, found {found}", "schema", code="wrong_kind"
-        )
-    keys = document.check(DiagnosisKeys)
-    _check_names(document, keys)
-    read = _Reader(document, keys)
-    soil = read.soil(keys.base)
+def used_diagnosis(given: str, file: Path) -> DiagnosedModel:
+    """The models of a diagnosis. Raises InputError with file, line and column of the first mistake."""
+    _, keys = read_model(file)
+    assert keys.fitted_law is not None
+    read = _Reader(keys)
+    soil = read.soil(keys.fitted_law)
     before = FittedModel("before", soil, {})
     alternatives = read.alternatives(soil)
     plain = before._replace(name="after")
@@ -77,32 +72,11 @@ def read_diagnosis(given: str, file: Path) -> DiagnosedModel:
     )  # fmt: skip
 
 
-def _check_names(document: Document, keys: DiagnosisKeys) -> None:
-    """Refuse effects that the catalogue does not have."""
-    from rock2d.effects import catalogue
-
-    known = catalogue()
-    named: list[tuple[str, tuple[str | int, ...]]] = [
-        (name, ("group", i)) for i, name in enumerate(keys.group)
-    ]
-    named += [(own.effect, ("causes", i, "effect")) for i, own in enumerate(keys.causes)]
-    if keys.beside:
-        named += [
-            (name, ("beside", len(keys.beside) - 1, "parameters")) for name in keys.beside[-1].parameters
-        ]
-    if keys.verdict not in NOT_EFFECTS:
-        named.insert(0, (keys.verdict, ("verdict",)))
-    for name, place in named:
-        if name not in known:
-            message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
-            raise document.error(message, *place, code="unknown_name", name=name)
-
-
 class _Reader:
     """Models from the keys of a diagnosis."""
 
-    def __init__(self, document: Document, keys: DiagnosisKeys) -> None:
-        self.document, self.keys = document, keys
+    def __init__(self, keys: DiagnosisFile) -> None:
+        self.keys = keys
 
     def alternatives(self, soil: Mapping[str, Any]) -> tuple[FittedModel, ...]:
         """The models that the verdict leaves: one for each effect of a group, else one."""
@@ -120,29 +94,22 @@ class _Reader:
                 for name, own in zip(keys.group, members, strict=True)
             )
         if keys.beside:
-            place = ("beside", len(keys.beside) - 1)
             last = keys.beside[-1]
-            effects = {
-                name: self._values(name, own, *place, "parameters", name)
-                for name, own in last.parameters.items()
-            }
+            effects = {name: self._values(name, own) for name, own in last.parameters.items()}
             return (FittedModel("after", self.soil(last.base), effects),)
         return (self._alone(keys.verdict, soil, "after"),)
 
     def _alone(self, name: str, soil: Mapping[str, Any], called: str) -> FittedModel:
         """An effect that was fitted alone, with the soil that was fitted together with it."""
-        if name not in self.keys.effects:
-            message = f"the effect {name} of the verdict is missing"
-            raise self.document.error(message, "effects", at="key", code="missing_key", key=name)
         own = self.keys.effects[name]
-        values = self._values(name, own.parameters, "effects", name, "parameters")
-        return FittedModel(called, self.soil(own.base) if own.base else soil, {name: values})
+        base = self.soil(own.base) if own.base else soil
+        return FittedModel(called, base, {name: self._values(name, own.parameters)})
 
     def _causes(self, soil: Mapping[str, Any]) -> FittedModel:
         """All causes that are more likely than not (schema 2), on the soil that was fitted together with them."""
         effects = {
-            own.effect: self._values(own.effect, own.parameters, "causes", i, "parameters")
-            for i, own in enumerate(self.keys.causes)
+            own.effect: self._values(own.effect, own.parameters)
+            for own in self.keys.causes
             if own.p >= LEAST_INCLUSION
         }
         joint = [
@@ -152,26 +119,18 @@ class _Reader:
         base = joint[0].base if joint else alone.base if alone else None
         return FittedModel("after", self.soil(base) if base else soil, effects)
 
-    def soil(self, part: SoilPart) -> dict[str, float | bool]:
-        law = self.keys.law
-        indentation = law.rolling_in_indentation if law.rolling_in_crater is None else law.rolling_in_crater
-        return {**part.model_dump(), "rolling_in_indentation": indentation}
+    def soil(self, law: FittedLaw) -> dict[str, float | bool]:
+        return {**law.model_dump(), "rolling_in_indentation": self.keys.law.rolling_in_indentation}
 
-    def _values(
-        self, effect: str, given: Mapping[str, ValuePart], *place: str | int
-    ) -> dict[str, FittedValue]:
+    def _values(self, effect: str, given: Mapping[str, FittedParameter]) -> dict[str, FittedValue]:
         from rock2d.effects import catalogue
 
         out = {}
         for parameter in catalogue()[effect].parameters:
-            if parameter.implied and parameter.name not in given:
-                given = {**given, parameter.name: ValuePart(value=parameter.neutral)}
-            if parameter.name not in given:
-                message = f"{effect}: missing parameter {parameter.name!r}"
-                raise self.document.error(message, *place, at="key", code="missing_key", key=parameter.name)
-            own = given[parameter.name]
-            low, high = own.ci95 or (own.value, own.value)
-            out[parameter.name] = FittedValue(own.value, low, high, *self._bounds(parameter, own.value))
+            own = given.get(parameter.name)
+            value = own.value if own else parameter.neutral  # one that is implied
+            low, high = own.ci95 if own else (value, value)
+            out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value))
         return out
 
     def _bounds(self, parameter: Parameter, value: float) -> tuple[float, float]:

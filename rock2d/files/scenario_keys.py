@@ -16,6 +16,8 @@ STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 LONGEST_VIDEO_S = 20.0  # of a release, if the file does not say how slow it is shown
 PACES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
+SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
+FrictionAngle = Annotated[float, Field(ge=0, le=90)]
 SoilName = Annotated[str, Field(json_schema_extra={"enum": list(SOIL_CLASSES)})]  # `scenario` checks it
 
 
@@ -27,13 +29,11 @@ class ContactKeys(Checked):
     k_ul_N_m: Stiffness | None = Field(
         default=None, description="Unloading stiffness in N/m, at least k_l_N_m"
     )
-    k_t_N_m: float | None = Field(default=None, ge=0, le=1.0e15, description="Tangential stiffness in N/m")
-    friction_angle_deg: float | None = Field(
-        default=None, ge=0, le=90, description="Friction angle in degrees; 90 never slips"
+    k_t_N_m: SpringStiffness | None = Field(default=None, description="Tangential stiffness in N/m")
+    friction_angle_deg: FrictionAngle | None = Field(
+        default=None, description="Friction angle in degrees; 90 never slips"
     )
-    k_r_Nm_rad: float | None = Field(
-        default=None, ge=0, le=1.0e15, description="Rolling stiffness in N m/rad"
-    )
+    k_r_Nm_rad: SpringStiffness | None = Field(default=None, description="Rolling stiffness in N m/rad")
     rolling_cap: bool | None = Field(
         default=None, description="Limit the rolling moment to arm x normal force (the paper does not); false"
     )

@@ -39,8 +39,13 @@ def read_text(file: str | Path) -> str:
 
 def read_json(file: str | Path) -> Any:
     """The content of a JSON file; raises `InputError` if there is none."""
+    return json_content(read_text(file), file)
+
+
+def json_content(text: str, file: str | Path) -> Any:
+    """The content of the text of a JSON file; raises `InputError` if there is none."""
     try:
-        return json.loads(read_text(file))
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(f"not JSON: {error.msg}", file, error.lineno, error.colno, code="not_json") from None
     except RecursionError:

@@ -14,9 +14,9 @@ from click.testing import CliRunner
 from rock2d.cli import cli
 from rock2d.diagnosis.command import run_comparison
 from rock2d.diagnosis.comparison import agree
-from rock2d.diagnosis.comparison_file import FittedValue, read_diagnosis
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
+from rock2d.files.fitted_keys import FittedParameter
 from tests.diagnosis.test_report import Page
 
 NAMES = ("camera_tilt", "air_drag")
@@ -71,8 +71,8 @@ def compared(tmp_path):
     return compare
 
 
-def value(middle: float, low: float, high: float) -> FittedValue:
-    return FittedValue(value=middle, ci95=[low, high], unit="1")
+def value(middle: float, low: float, high: float) -> FittedParameter:
+    return FittedParameter(value=middle, ci95=[low, high], unit="1")
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_what_cannot_be_compared_is_said(compared):
 
 
 def test_keys_of_later_schemas_are_ignored(compared):
-    later = {"causes": [{"effect": "camera_tilt", "p": 0.9}], "outside": {"p": 0.1}, "floor": {"used": 1.0}}
+    later = {"floor": {"regression": 1.0, "replicates": 1.0, "used": 1.0}, "moon": {"phase": "full"}}
     plain, _, _ = compared(diagnosis(), diagnosis(schema=2))
     more, _, _ = compared(diagnosis(), diagnosis(schema=2, **later))
     assert plain == more
@@ -146,7 +146,10 @@ def test_an_experiment_that_was_not_diagnosed_is_not_compared(compared):
 
 
 def test_effects_beside_the_verdict_are_named(compared):
-    content, page, _ = compared(diagnosis(beside=[{"effect": "air_drag"}]), diagnosis())
+    one = diagnosis()
+    gain = {"heldout_score_gain": 9.0, "heldout_score_gain_se": 1.0}
+    beside = {"effect": "air_drag", "base": one["base"], "parameters": {}, **gain}
+    content, page, _ = compared({**one, "beside": [beside]}, one)
     assert content["beside"] == {"a": ["air_drag"], "b": []}
     assert "found beside" in page and any("each effect alone" in note for note in content["notes"])
 
@@ -225,8 +228,8 @@ def test_a_foreign_folder_is_not_replaced(tmp_path):
 
 def test_a_folder_stands_for_its_diagnosis(tmp_path):
     (tmp_path / "diagnosis.json").write_text(json.dumps(diagnosis()), encoding="utf-8")
-    path, read = read_diagnosis(tmp_path)
-    assert path == tmp_path / "diagnosis.json" and read.verdict == "camera_tilt"
+    content = run_comparison(tmp_path, tmp_path, tmp_path / "out", report=lambda line: None)
+    assert content["files"]["a"] == str(tmp_path / "diagnosis.json")
     with pytest.raises(InputError) as error:
-        read_diagnosis(Path(tmp_path) / "nowhere")
+        run_comparison(tmp_path, Path(tmp_path) / "nowhere", tmp_path / "out", report=print)
     assert error.value.code == "missing_file"

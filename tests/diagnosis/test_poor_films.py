@@ -17,10 +17,10 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, load_experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import OMEGA, THETA
+from rock2d.schemas import file_schema
+from tests.diagnosed_files import content as none_found
 from tests.kinematics.synthetic_films import film, world
 from tests.kinematics.test_film_statement import tossed
-
-SCHEMA = Path(__file__).parents[2] / "rock2d/diagnosis/diagnosis.schema.json"
 
 
 def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], InputError]:
@@ -32,7 +32,7 @@ def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], In
     with pytest.raises(InputError) as caught:
         run_diagnosis(folder / "film", folder / "out", seed=0, workers=1, progress=False, report=lines.append)
     content = json.loads((folder / "out/diagnosis.json").read_text(encoding="utf-8"))
-    jsonschema.validate(content, json.loads(SCHEMA.read_text(encoding="utf-8")))
+    jsonschema.validate(content, file_schema("diagnosis"))
     assert caught.value.code == "not_diagnosed"
     return content, lines, caught.value
 
@@ -62,11 +62,8 @@ def test_a_right_film_without_impacts_names_no_cause(tmp_path, frames):
 
 def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
     write_experiment(tmp_path / "film", tossed())
-    model = {
-        "schema": 2, "experiment": "x", "verdict": "none", "effects": {},
-        "base": {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03},
-    }  # fmt: skip
-    (tmp_path / "d.json").write_text(json.dumps(model), encoding="utf-8")
+    law = {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03}
+    (tmp_path / "d.json").write_text(json.dumps(none_found(base=law)), encoding="utf-8")
     with pytest.raises(InputError, match="no block touches the ground after a flight"):
         run_prediction(
             tmp_path / "film",

@@ -19,7 +19,7 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue
-from rock2d.errors import InputError
+from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from tests.kinematics.synthetic_films import film, world, yielded
@@ -153,18 +153,18 @@ def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
     path = tmp_path / "diagnosis.json"
     for broken, said in (
         ("{", "not JSON"),
-        ("[]", '"schema": 1'),
-        (json.dumps({**content, "base": {}}), "expected base parameters"),
+        ("[]", "an object with schema"),
+        (json.dumps({**content, "base": {}}), "no fitted law"),
         (json.dumps({**content, "base": {**content["base"], "k_l_N_m": -1}}), "base.k_l_N_m: expected"),
         (json.dumps({**content, "effects": []}), "effects: expected a mapping"),
-        (json.dumps({**content, "effects": {}}), "camera_tilt, is missing"),
+        (json.dumps({**content, "effects": {}}), "camera_tilt of the verdict is missing"),
         (json.dumps({**content, "verdict": ["camera_tilt"]}), "verdict: expected text"),
-        (json.dumps({**content, "verdict": "magic"}), "verdict: expected none, unknown or an effect"),
+        (json.dumps({**content, "verdict": "magic"}), "that of the verdict, magic, is missing"),
         (json.dumps({**content, "series": {"cube": "1"}}), "series.cube: expected a whole number"),
         (json.dumps({**content, "law": 1}), "law: expected a mapping"),
         (
             json.dumps({**content, "beside": [{"effect": "x", "parameters": {}}]}),
-            "missing key 'beside.0.base'",
+            "beside.0: missing key 'base'",
         ),
         (json.dumps(_without_a_parameter(content)), "missing parameter"),
         ("[" * 100_000, "nested too deeply"),
@@ -181,7 +181,7 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
     old = {**content, "law": {"rolling_in_crater": True}}
     path.write_text(json.dumps(old), encoding="utf-8")
     with pytest.warns(
-        UserWarning, match=r"law\.rolling_in_crater is an old name of law\.rolling_in_indentation"
+        OldKeyWarning, match=r"json:1: .*'rolling_in_crater' is called 'rolling_in_indentation'"
     ):
         read = read_model(path)
     assert read["law"] == {"rolling_in_indentation": True}

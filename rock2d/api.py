@@ -335,7 +335,6 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     from rock2d.design.report import write_report as write_page
     from rock2d.errors import InputError
     from rock2d.files.folders import make_folder
-    from rock2d.runs.diagnosis_remarks import diagnosis_remarks
     from rock2d.runs.resolution import unresolved_remarks
 
     scenario, folder = result.scenario, Path(folder)
@@ -345,7 +344,7 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     make_folder(folder)
-    found = SiteResults(scenario, result, tables, remarks, assessment, diagnosis=diagnosis_remarks(scenario))
+    found = SiteResults(scenario, result, tables, remarks, assessment)
     write_page(found, folder, "rock2d.write_report in Python")
     if assessment is not None:
         assessment.write(folder)

@@ -16,6 +16,8 @@ from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.tables import table_note
 
 FLOOR_OF_TARGET = 0.5  # of the target: if the largest size comes no lower, sampling decides the answer
 MOST_SHOWN = 1000  # releases of each block on the page
@@ -61,6 +63,8 @@ def run_design(
         report(f"known from an earlier search: {out}")
         return known
     check_replaced(out, overwrite)
+    for remark in diagnosis_remarks(scenario):
+        report(remark)
     search = Search(scenario, place, bounds, target, engine, seed)
     sites = len(search.sites)
 
@@ -133,10 +137,12 @@ def answer_text(answer: Answer, search: Search) -> str:
             "more releases (uncertainty.releases) may allow a smaller size"
         )
     known = "" if search.scenario.uncertainty else " (nothing is said to be unknown: sampling only)"
+    note = table_note(search.scenario)
+    left_out = f"; {note}" if note else ""
     return "\n".join(
         [
             head,
-            f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each",
+            f"{len(search.sites)} possible sites{known}, {search.releases} releases of each block on each{left_out}",
             f"  {'size':>10s}  {'median %':>8s}  {'bound %':>8s}  meets  worst block",
             *worst, *notes,
         ]

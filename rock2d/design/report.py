@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,7 +31,9 @@ from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.rendering import Made, rendered
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.results import RunResult
+from rock2d.runs.tables import table_note
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ class SiteResults:
     remarks : what is not resolved
     assessment : over the possible sites, if something is not known
     answer : of the search for the least size, if there was one
-    compared, diagnosis : before and after the scenario's diagnosis, and what is to be said of it
+    compared : before and after the scenario's diagnosis
     """
 
     scenario: Scenario
@@ -98,7 +100,11 @@ class SiteResults:
     assessment: Assessment | None = None
     answer: Answer | None = None
     compared: pd.DataFrame | None = None
-    diagnosis: Sequence[str] = ()
+
+    @cached_property
+    def diagnosis(self) -> list[str]:
+        """What is to be said of the scenario's diagnosis."""
+        return diagnosis_remarks(self.scenario)
 
     @cached_property
     def design_values(self) -> pd.DataFrame:
@@ -126,7 +132,10 @@ def report_page(results: SiteResults, figures: Mapping[str, Path], made: Made) -
     context = {
         "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(results),
         "about": scenario.about, "tiles": _tiles(results),
-        "remarks": [*results.remarks, *(results.assessment.remarks() if results.assessment else ())],
+        "remarks": [
+            *results.remarks, *(results.assessment.remarks() if results.assessment else ()),
+            *(line for line in results.diagnosis if line.startswith("warning")),
+        ],
         "resolved": not results.remarks,
         "sections": [section for section in _sections(results, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
@@ -238,10 +247,19 @@ def demand_tiles(results: SiteResults) -> list[tuple[str, str, str]]:
 
 
 def _sections(results: SiteResults, figures: Mapping[str, Path]) -> list[Section | None]:
+    def noted(section: Section | None) -> Section | None:
+        """The section whose tables say what the run leaves out."""
+        note = table_note(results.scenario)
+        if section is None or not note:
+            return section
+        tables = [replace(table, note=f"{table.note} Simulated {note}.".strip()) for table in section.tables]
+        return replace(section, tables=tables)
+
     return [
-        _answer_section(results, figures), _site_section(results, figures), _assumption_section(results),
-        _passing_section(results, figures), _slope_section(results, figures), _line_section(results, figures),
-        _design_section(results), _certainty_section(results, figures), _diagnosis_section(results),
+        noted(_answer_section(results, figures)), _site_section(results, figures), _assumption_section(results),
+        noted(_passing_section(results, figures)), noted(_slope_section(results, figures)),
+        noted(_line_section(results, figures)), noted(_design_section(results)),
+        noted(_certainty_section(results, figures)), noted(_diagnosis_section(results)),
         Section("Limits", points=LIMITS),
     ]  # fmt: skip
 

@@ -125,6 +125,7 @@ class DiagnosedModel:
     alternatives : one model for each effect of a group that the data cannot tell apart; else a single one
     model : what the releases of a run meet
     blocks : of the experiment; empty where the file does not name them
+    learnt : what was learnt without a name, with the share of the gap that it closes; empty if nothing was
     """
 
     given: str
@@ -137,6 +138,12 @@ class DiagnosedModel:
     alternatives: tuple[FittedModel, ...]
     model: FittedModel
     blocks: Mapping[str, Scale] = field(default_factory=dict)
+    learnt: str = ""
+
+    @property
+    def left_out(self) -> str:
+        """What every table of a run must say of the changes that it leaves out; empty if it leaves out nothing."""
+        return f"without the learnt changes of {self.given}" if self.learnt else ""
 
     @property
     def undecided(self) -> bool:

@@ -68,8 +68,17 @@ def used_diagnosis(given: str, file: Path) -> DiagnosedModel:
     return DiagnosedModel(
         given, file, hashlib.sha256(file.read_bytes()).hexdigest(), keys.schema_, keys.experiment, keys.verdict,
         before, alternatives, alternatives[0] if len(alternatives) == 1 else plain,
-        {name: Scale(own.mass_kg, own.size_m) for name, own in keys.blocks.items()},
+        {name: Scale(own.mass_kg, own.size_m) for name, own in keys.blocks.items()}, _learnt(keys),
     )  # fmt: skip
+
+
+def _learnt(keys: DiagnosisFile) -> str:
+    """The learnt changes in words."""
+    own = keys.outside.learnt if keys.outside is not None else None
+    if own is None:
+        return ""
+    changes = ", ".join(own.changes) or "changes without a name"
+    return f"{changes} (closes {100 * own.closes:.0f} % of the gap in the film)"
 
 
 class _Reader:

@@ -134,7 +134,7 @@ def _rows(passing: pd.DataFrame, percentiles: pd.DataFrame, model: FittedModel) 
     return rows
 
 
-def before_after_text(table: pd.DataFrame) -> str:
+def before_after_text(table: pd.DataFrame, note: str = "") -> str:
     """The table as a person reads it, in the units of the report; a bound that is not known is a dash."""
     import pandas as pd
 
@@ -144,4 +144,5 @@ def before_after_text(table: pd.DataFrame) -> str:
         return "before and after the diagnosis: no measure line to compare at"
     shown = before_after_rows(table)
     text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
-    return f"before and after the diagnosis, same releases: value [95 % interval of sampling]\n{text}"
+    head = "before and after the diagnosis, same releases: value [95 % interval of sampling]"
+    return f"{head}{f'; {note}' if note else ''}\n{text}"

@@ -17,7 +17,7 @@ from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_cam
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
-from rock2d.runs.tables import print_campaign, print_tables, residual_text
+from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
 
 if TYPE_CHECKING:
@@ -140,6 +140,7 @@ def _run_in_memory(
     found = Findings(
         before_after(scenario, result, workers=workers.processes) if scenario.diagnosed is not None else None,
         _assessed(scenario, result.engine, result.seed, progress),
+        table_note(scenario),
     )
     found.show()
 
@@ -170,7 +171,7 @@ def _campaign_pages(
     compared = None
     if scenario.diagnosed is not None:
         compared = campaign_before_after(scenario, engine, options.seed, options.releases)
-    found = Findings(compared, _assessed(scenario, engine, options.seed, progress))
+    found = Findings(compared, _assessed(scenario, engine, options.seed, progress), table_note(scenario))
     found.show()
     found.write(folder)
     if page_of is not None:
@@ -185,11 +186,12 @@ class Findings:
 
     compared: pd.DataFrame | None
     assessment: Assessment | None
+    note: str
 
     def show(self) -> None:
         """Print them."""
         if self.compared is not None:
-            print(before_after_text(self.compared))
+            print(before_after_text(self.compared, self.note))
         if self.assessment is not None:
             print(self.assessment.text())
 
@@ -209,10 +211,7 @@ def _write_page(
 
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
-    results = SiteResults(
-        scenario, sample, tables, remarks, found.assessment, compared=found.compared,
-        diagnosis=diagnosis_remarks(scenario),
-    )  # fmt: skip
+    results = SiteResults(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
     write_report(results, folder, command)
 
 

@@ -48,6 +48,11 @@ def diagnosis_remarks(scenario: Scenario) -> list[str]:
     )
     remarks = [f"diagnosis {own.given} (experiment {own.experiment}): verdict {own.verdict}; soil {soil}"]
     remarks += _answer_remarks(own)
+    if own.learnt:
+        remarks.append(
+            f"warning: no release of this run has what was learnt from the film: {own.learnt}. It holds for the film's "
+            "own set-up; `rock2d predict` uses it there"
+        )
     blocks, ground = scenario.make_blocks(), scenario.make_cross_section()
     for model in own.alternatives:
         causes = Causes(model, blocks, ground, scenario.gravity_m_s2)

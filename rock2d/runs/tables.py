@@ -20,8 +20,8 @@ def print_tables(result: RunResult) -> None:
     print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
     passing = result.to_pandas("passing")
     if len(passing):
-        print(passing_text(passing))
-    print(stop_counts(result.to_pandas("stops")).to_string())
+        print(passing_text(passing, note=table_note(result.scenario)))
+    print(stops_text(result.to_pandas("stops"), table_note(result.scenario)))
     if "energy" in result.table_names():
         energy = result.to_pandas("energy")
         left = energy["residual_J"].abs() / energy["initial_J"]
@@ -38,14 +38,24 @@ def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFra
     """Passing frequencies and stops of a campaign."""
     print(f"\n{scenario.name}: {scenario.about} [{engine}]")
     if len(tables.get("passing", ())):
-        print(passing_text(tables["passing"], digits=2))
+        print(passing_text(tables["passing"], digits=2, note=table_note(scenario)))
     if "stops" in tables:
-        print(stop_counts(tables["stops"]).to_string())
+        print(stops_text(tables["stops"], table_note(scenario)))
     for sentence in scenario.assumed:
         print(f"  assumed: {sentence}")
 
 
-def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
+def table_note(scenario: Scenario | None) -> str:
+    """What the tables of a run leave out."""
+    return scenario.diagnosed.left_out if scenario is not None and scenario.diagnosed is not None else ""
+
+
+def stops_text(stops: pd.DataFrame, note: str = "") -> str:
+    """How the releases ended, one row a block."""
+    return "how releases ended" + (f"; {note}" if note else "") + f"\n{stop_counts(stops).to_string()}"
+
+
+def passing_text(passing: pd.DataFrame, digits: int = 0, note: str = "") -> str:
     """Passing frequency in % with its 95 % interval, one row a block."""
     cells = passing.assign(
         cell=[
@@ -57,6 +67,7 @@ def passing_text(passing: pd.DataFrame, digits: int = 0) -> str:
     head = "passing frequency in % [95 % interval]"
     if passing["unresolved"].any():
         head += "; the upper bound counts all releases as passed that were cut short or buried"
+    head += f"; {note}" if note else ""
     return f"{head}\n{table.to_string()}"
 
 

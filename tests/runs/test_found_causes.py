@@ -20,6 +20,7 @@ from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.runs.command import run_scenarios
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.tables import print_tables
 from rock2d.scene.cross_section import embankment_facets
 from tests.diagnosed_files import JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
 
@@ -197,6 +198,21 @@ def test_before_and_after_share_their_releases(tmp_path):
     assert table[table["model"] == "before"].set_index(["block", "line"])["passed"].equals(before["passed"])
     assert before["passed"].sum() > after["passed"].sum()  # or the comparison says nothing
     assert "before and after" in before_after_text(table)
+
+
+def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, capsys):
+    learnt = {"closes": 0.93, "closes_ci95": [0.9, 0.95], "changes": ["flight of height"]}
+    found = {"p": 0.98, "share": 0.9, "depends_on": ["height"], "learnt": learnt}
+    scenario = diagnosed(tmp_path, {**content("unknown"), "schema": 2, "outside": found})
+    assert any("flight of height (closes 93 % of the gap" in line for line in diagnosis_remarks(scenario))
+    result = rock2d.run(scenario)
+    print_tables(result)
+    note = "without the learnt changes of d.json"
+    shown = [*capsys.readouterr().out.splitlines(), before_after_text(before_after(scenario, result), note)]
+    assert sum(note in line for line in shown) == 3  # passing, stops, before and after
+    rock2d.write_report(result, tmp_path / "page")
+    page = (tmp_path / "page" / "report.html").read_text(encoding="utf-8")
+    assert page.count(note) >= 5 and "flight of height (closes 93 %" in page
 
 
 def test_a_campaign_compares_as_a_run_does(tmp_path):

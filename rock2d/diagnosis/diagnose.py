@@ -33,7 +33,7 @@ from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.film_statement import FilmStatement, film_statement
-from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.flights import load_film, noise_remarks
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -141,7 +141,7 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
             return sanity, None
         world = sanity.registered or setup
         data = FilmData.of(film, world)
-        sanity.remarks += shape_remarks(data, world) + rest_remarks(film, world)
+        sanity.remarks += noise_remarks(film) + shape_remarks(data, world) + rest_remarks(film, world)
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)

@@ -76,8 +76,8 @@ def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
 
 
 @dataclass
-class Segments:
-    """Segments to be predicted: (n,) arrays.
+class Starts:
+    """Where the simulations of segments start: (n,) arrays.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class LearntMotion:
     """The segments of a film with learnt changes."""
 
     def __init__(
-        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Segments
+        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Starts
     ) -> None:
         self._changes, self._segments, self._world = changes, segments, world
         touch = self._run(world, segments.start, impact_limit=1, impact_room=1)

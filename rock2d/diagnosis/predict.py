@@ -10,26 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.learnt_prediction import (
-    END_MARGIN_S,
-    KnownChange,
-    LearntMotion,
-    Segments,
-    read_changes,
-)
+from rock2d.diagnosis.learnt_prediction import KnownChange, read_changes
+from rock2d.diagnosis.segment_prediction import Segments, as_rows, predicted_poses
 from rock2d.diagnosis.table_prediction import predicted_velocities
 from rock2d.effects import catalogue
-from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film
+from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU, ContactParameters
-from rock2d.records.columns import POSE, THETA, X, Y
 from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
@@ -110,17 +102,21 @@ def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool 
     as_recorded = replace(setup, view=diagnosed.view, cross_section=diagnosed.cross_section)
     data = FilmSegments.of(film, _readable(experiment, film, as_recorded))
     order = _places(content, film.block_names, film.release_block, data.order)
-    flights = np.flatnonzero(np.isfinite(data.start_s))
-    if not len(flights):
+    if not np.isfinite(data.start_s).any():
         raise InputError("no block flies in this film: there is nothing to predict from", experiment.folder)
-    last, release = data.segmentation.flights.last, data.segmentation.flights.release
-    flights = flights[last[flights] < np.searchsorted(film.release, release[flights], side="right")]
-    if not len(flights):
+    segments = Segments.of(data)
+    if not len(segments):
         message = "no block touches the ground after a flight in this film: there is nothing to predict"
         raise InputError(message, experiment.folder)
-    world = diagnosed_world(content, setup, order[data.segmentation.flights.release[flights]], base_only)
-    changes = [] if base_only else learnt_changes(content)
-    return pd.DataFrame(_segments(film, data, world, flights, changes), columns=list(COLUMNS))
+    world = diagnosed_world(content, setup, order[segments.release], base_only)
+    poses = predicted_poses(data, segments, world, [] if base_only else learnt_changes(content))
+    own, frame, pose = as_rows(data, segments, poses)
+    release = segments.release[own]
+    columns = (
+        film.release_names[release], np.array(film.block_names)[segments.block[own]], segments.number[own],
+        film.t_s[frame], *pose.T,
+    )  # fmt: skip
+    return pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
 
 
 def _places(content: dict[str, Any], names: Sequence[str], block: Array, order: Array) -> Array:
@@ -163,70 +159,3 @@ def _readable(experiment: Experiment, film: Film, world: World) -> World:
         if fault.code != sanity.FEW_RELEASES:
             warnings.warn(fault.message, stacklevel=3)
     return found.registered if found.registered is not None and view == View() else world
-
-
-def _segments(
-    film: Film, data: FilmSegments, world: World, flights: Array, changes: Sequence[KnownChange]
-) -> dict[str, Array]:
-    """Rows of all segments that begin with one of `flights`."""
-    own, scale = data.segmentation.flights, world.view.time_scale
-    ends = np.searchsorted(film.release, own.release[flights], side="right")
-    following = {int(before): i for i, before in enumerate(own.follows) if before >= 0}
-    for i, flight in enumerate(flights):
-        if int(flight) in following:
-            ends[i] = own.last[following[int(flight)]]
-    frames = [np.arange(own.last[f], end) for f, end in zip(flights, ends, strict=True)]
-    room = max(map(len, frames))
-    states = data.states(world).middle[flights]
-    starts = drift(world, own.block[flights], states, data.start_s[flights] * scale)
-    instants = np.full((len(flights), room), np.inf)
-    for i, (flight, rows) in enumerate(zip(flights, frames, strict=True)):
-        instants[i, : len(rows)] = film.t_s[rows] - data.basis.middle[flight] - data.start_s[flight]
-    limits = np.where(np.isfinite(instants), instants, 0.0).max(axis=1)
-    segment = _numbers(own.release[flights])
-    times, limits = instants * scale, limits * scale + END_MARGIN_S
-    if changes:
-        release = own.release[flights]
-        start_s = data.start_s[flights]
-        began = data.basis.middle[flights] + start_s - film.t_s[np.searchsorted(film.release, release)]
-        frame_s = np.median(np.diff(film.t_s)[np.diff(film.release) == 0])
-        known = Segments(
-            flights, own.block[flights], world.order, segment, starts, start_s, began * scale, limits,
-            FEWEST_FLIGHT_FRAMES * float(frame_s) * scale,
-        )  # fmt: skip
-        samples = LearntMotion(changes, world, data, known).samples(times)
-    else:
-        ensemble, tables = world_ensemble(world)
-        samples = run_batch(
-            ensemble, starts, block_ids=own.block[flights], table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limits, times_s=times,
-        ).samples  # fmt: skip
-    last = starts[:, POSE]
-    for k in range(room):  # a block that has left the cross-section, or that starts deep in the ground, stays
-        gone = ~np.isfinite(samples[:, k, X])
-        samples[gone, k] = last[gone]
-        last = samples[:, k]
-    poses = world.view.record(centroid_poses(world, own.block[flights], samples))
-    counts = [len(rows) for rows in frames]
-    index = np.concatenate(frames)
-    pose = np.concatenate([poses[i, :count] for i, count in enumerate(counts)])
-    names = np.array(film.block_names)
-    pose[~film.angle_known[film.release[index]], THETA] = np.nan
-    return {
-        "release": film.release_names[film.release[index]],
-        "block": names[film.release_block[film.release[index]]],
-        "segment": np.repeat(segment, counts),
-        "t_s": film.t_s[index],
-        "x_m": pose[:, X],
-        "y_m": pose[:, Y],
-        "theta_rad": pose[:, THETA],
-    }
-
-
-def _numbers(release: Array) -> Array:
-    """(n,) number of each segment within its release, from 0; segments follow each other."""
-    number = np.zeros(len(release), np.int64)
-    for i in range(1, len(release)):
-        if release[i] == release[i - 1]:
-            number[i] = number[i - 1] + 1
-    return number

@@ -1,0 +1,119 @@
+"""Segments of a film: each from the end of one flight to the end of the next, or of the film, and its simulation.
+
+The simulation of a segment starts in the flight before, from its measured state, a little above the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion, Starts
+from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
+from rock2d.kinematics.states import centroid_poses, drift
+from rock2d.records.columns import POSE, THETA, X
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+
+@dataclass
+class Segments:
+    """The n segments of a film that can be predicted, in the order of time.
+
+    Attributes
+    ----------
+    flight : (n,) the flight before
+    block, release, number : (n,) index of the block; of the release; of the segment in its release
+    frames : of each its frames in the film
+    instants_s : (n, k) recorded time of its frames from the start of the simulation, infinite beyond the last
+    began_s : (n,) recorded time of the start of the simulation in its release
+    frame_s : recorded time from frame to frame
+    """
+
+    flight: Array
+    block: Array
+    release: Array
+    number: Array
+    frames: list[Array]
+    instants_s: Array
+    began_s: Array
+    frame_s: float
+
+    @classmethod
+    def of(cls, data: FilmSegments) -> Segments:
+        """The segments of a film: from flights that a simulation can start from and that frames follow."""
+        film, own = data.film, data.segmentation.flights
+        ends = np.searchsorted(film.release, own.release, side="right")
+        later = np.flatnonzero(own.follows >= 0)
+        ends[own.follows[later]] = own.last[later]
+        flight = np.flatnonzero(np.isfinite(data.start_s) & (own.last < ends))
+        frames = [np.arange(own.last[f], ends[f]) for f in flight]
+        instants = np.full((len(flight), max(map(len, frames), default=0)), np.inf)
+        begins = data.basis.middle[flight] + data.start_s[flight]
+        for i, rows in enumerate(frames):
+            instants[i, : len(rows)] = film.t_s[rows] - begins[i]
+        release = own.release[flight]
+        first = np.searchsorted(release, release)  # flights are in the order of their releases
+        return cls(
+            flight, own.block[flight], release, np.arange(len(flight)) - first, frames, instants,
+            begins - film.t_s[np.searchsorted(film.release, release)],
+            float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0])),
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.flight)
+
+    def only(self, keep: Array) -> Segments:
+        """Some of the segments, given as a mask."""
+        frames = [rows for rows, own in zip(self.frames, keep, strict=True) if own]
+        parts = (self.flight, self.block, self.release, self.number)
+        return Segments(
+            *(part[keep] for part in parts), frames, self.instants_s[keep], self.began_s[keep], self.frame_s
+        )
+
+
+def predicted_poses(
+    data: FilmSegments, segments: Segments, world: World, changes: Sequence[KnownChange] = ()
+) -> Array:
+    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
+
+    Where a block has left the cross-section its last pose stays.
+    """
+    scale, block = world.view.time_scale, segments.block
+    starts = drift(
+        world, block, data.states(world).middle[segments.flight], data.start_s[segments.flight] * scale
+    )
+    times = segments.instants_s * scale
+    limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
+    if changes:
+        known = Starts(
+            segments.flight, block, world.order, segments.number, starts, data.start_s[segments.flight],
+            segments.began_s * scale, limits, FEWEST_FLIGHT_FRAMES * segments.frame_s * scale,
+        )  # fmt: skip
+        samples = LearntMotion(changes, world, data, known).samples(times)
+    else:
+        ensemble, tables = world_ensemble(world)
+        samples = run_batch(
+            ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
+            time_limit_s=limits, times_s=times,
+        ).samples  # fmt: skip
+    last = starts[:, POSE]
+    for k in range(samples.shape[1]):  # also of a block that starts deep in the ground
+        gone = ~np.isfinite(samples[:, k, X])
+        samples[gone, k] = last[gone]
+        last = samples[:, k]
+    return np.asarray(world.view.record(centroid_poses(world, block, samples)))
+
+
+def as_rows(data: FilmSegments, segments: Segments, poses: Array) -> tuple[Array, Array, Array]:
+    """Segment (m,), frame of the film (m,) and pose (m, 3) of all rows; an angle that was not measured is NaN."""
+    own = np.repeat(np.arange(len(segments)), list(map(len, segments.frames)))
+    frame = np.concatenate(segments.frames)
+    pose = np.concatenate([poses[i, : len(rows)] for i, rows in enumerate(segments.frames)])
+    pose[~data.film.angle_known[segments.release[own]], THETA] = np.nan
+    return own, frame, pose

@@ -6,7 +6,7 @@ The simulation of a segment starts in the flight before, from its measured state
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,11 +70,11 @@ class Segments:
 
     def only(self, keep: Array) -> Segments:
         """Some of the segments, given as a mask."""
-        frames = [rows for rows, own in zip(self.frames, keep, strict=True) if own]
-        parts = (self.flight, self.block, self.release, self.number)
-        return Segments(
-            *(part[keep] for part in parts), frames, self.instants_s[keep], self.began_s[keep], self.frame_s
-        )
+        return replace(
+            self, flight=self.flight[keep], block=self.block[keep], release=self.release[keep],
+            number=self.number[keep], frames=[self.frames[i] for i in np.flatnonzero(keep)],
+            instants_s=self.instants_s[keep], began_s=self.began_s[keep],
+        )  # fmt: skip
 
 
 def predicted_poses(

@@ -21,6 +21,7 @@ from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.exploring import REFIT_GAIN
+from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, fit, some_releases
 from rock2d.diagnosis.inclusion import (
     BesideLearnt,
@@ -32,6 +33,7 @@ from rock2d.diagnosis.inclusion import (
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
+from rock2d.diagnosis.predicted_gap import harmless
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -221,6 +223,8 @@ def _attribution(search: Search) -> Attribution:
         final = chain[-1]
         left = found.of(final.fit)
     learnt = best_predicting(data, learnt, [own for names, own in tried.items() if names > named])
+    if isinstance(data, FilmData):
+        learnt = harmless(data, learnt)
     if learnt is not settled:
         regressed = _regressed(search, final, learnt)
     group = [best] + [

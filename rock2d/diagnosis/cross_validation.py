@@ -8,6 +8,7 @@ the other folds is small.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -82,12 +83,24 @@ def folds(data: Data) -> Array:
 def cross_validate(fit: Fit, data: Data) -> HeldOut:
     """Predict every release by the model fitted to the other folds."""
     fold = folds(data)
+    residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
+    for k, (_, own) in enumerate(fold_fits(fit, data)):
+        impacts, flights = fold[data.impact_release] == k, fold[data.flight_release] == k
+        residuals.impacts[impacts], residuals.flights[flights] = own.impacts[impacts], own.flights[flights]
+    return HeldOut(residuals, by_release(data, residuals, fit.covariance()))
+
+
+def fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
+    """Of each fold, the parameters of the fit without it, and the residuals at them."""
+    fold = folds(data)
     impact_fold, flight_fold = fold[data.impact_release], fold[data.flight_release]
     covariance = fit.covariance()
     low, high = fit.model.bounds()
     centre, tight = prior(fit.model)
-    residuals = Residuals(fit.residuals.impacts.copy(), fit.residuals.flights.copy())
-    for k in range(FOLDS if fit.free else 0):
+    for k in range(FOLDS):
+        if not fit.free:
+            yield fit.p, fit.residuals
+            continue
         keep = impact_fold != k, flight_fold != k
         curve, grad = normal_equations(fit.residuals, fit.slope, covariance, keep)
         grad += tight * (fit.p - centre)
@@ -101,10 +114,8 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
                 break
             step = SHORTENED * step
         else:
-            own = fit.residuals
-        residuals.impacts[~keep[0]] = own.impacts[~keep[0]]
-        residuals.flights[~keep[1]] = own.flights[~keep[1]]
-    return HeldOut(residuals, by_release(data, residuals, covariance))
+            p, own = fit.p, fit.residuals
+        yield p, own
 
 
 def _cost(

@@ -25,6 +25,7 @@ from rock2d.diagnosis.gap import (
 )
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -60,7 +61,7 @@ class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
     `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
-    effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `seed` that
+    effect closes alone; `predicted` what predictions of whole segments miss; `regression_closes` the share that a flexible regression closes without any effect; `seed` that
     of the bootstrap, None if nothing was drawn.
     """
 
@@ -73,6 +74,7 @@ class Diagnosis:
     gaps: dict[str, Gap] | None = None
     budget: Budget | None = None
     regression_closes: float = 0.0
+    predicted: PredictedGap | None = None
     cells: list[Cell] | None = None
     seed: int | None = None
 
@@ -128,6 +130,8 @@ def diagnose(
     result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
     result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
     result.cells = locate(experiment, data, found, setup)
+    if isinstance(data, FilmData):
+        result.predicted = predicted_gap(data, found.base, found.learnt, seed)
     return result
 
 

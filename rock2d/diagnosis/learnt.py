@@ -16,9 +16,9 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Enough, Fit, fit
+from rock2d.diagnosis.learnt_prediction import KnownChange
 from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
-from rock2d.diagnosis.quantities import Basis
 from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
 
@@ -64,7 +64,7 @@ class LearntModel(Model):
         """See `Model.residuals`."""
         world = self.world(p, data.impact_order, amounts)
         moved = np.zeros((len(data.impact_release), STATE_SIZE)) if shift is None else shift
-        coefficients = self._coefficients(p)
+        coefficients = self.coefficients(p)
         for answer, own in zip(self.answers, coefficients, strict=True):
             if answer.law is not None:
                 world = with_changed_law(world, answer.law @ own)
@@ -80,7 +80,7 @@ class LearntModel(Model):
                 found.flights = found.flights + answer.flights @ own
         return found
 
-    def _coefficients(self, p: Array) -> list[Array]:
+    def coefficients(self, p: Array) -> list[Array]:
         """Of each answer."""
         ends = np.cumsum([answer.size for answer in self.answers])[:-1]
         return np.split(p[self.named_size :] * self.widths, ends) if self.answers else []
@@ -96,21 +96,17 @@ class LearntModel(Model):
 
 
 @dataclass
-class Change(OverReleases):
-    """A learnt change.
+class Change(KnownChange, OverReleases):
+    """A learnt change, with its coefficients in SI, or for the law of the logarithm.
 
     Attributes
     ----------
-    lever : what changes, of `levers.LEVERS`
-    basis : how, and on what it depends
-    coefficients : (numbers of the lever, functions) in SI, or for the law of the logarithm
     gain : (releases,) log likelihood on held-out releases that it adds
+    units : (numbers of the lever,) natural units, in which its coefficients are fitted
     """
 
-    lever: str
-    basis: Basis
-    coefficients: Array
     gain: Array
+    units: Array
 
     @property
     def name(self) -> str:
@@ -120,16 +116,28 @@ class Change(OverReleases):
 
 @dataclass
 class Learnt:
-    """A fit with all changes that were kept, and its residuals and scores on held-out releases."""
+    """A fit with all changes that were kept, and its residuals and scores on held-out releases; `before`: the same
+    without the last change, if there is one."""
 
     fit: Fit
     held_out: HeldOut
     changes: list[Change]
+    before: Learnt | None = None
+
+    def changes_at(self, p: Array) -> list[Change]:
+        """The changes at other parameters p of the fit."""
+        if not isinstance(self.fit.model, LearntModel):
+            return []
+        parts = self.fit.model.coefficients(p)
+        return [
+            replace(change, coefficients=own.reshape(len(change.units), -1) * change.units[:, None])
+            for change, own in zip(self.changes, parts, strict=True)
+        ]
 
 
 def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy] | None = None) -> Learnt:
     """Learn what a model leaves unexplained. `found`: the dependences in its residuals, if they are known."""
-    state, kept = Learnt(start, held_out, []), []
+    state = Learnt(start, held_out, [])
     for _ in range(MOST_LEARNT if start.free else 0):
         found = discrepancies(state.fit, data) if found is None else found
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
@@ -146,9 +154,12 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
         dependence, own, best = max(tried, key=lambda one: one[-1].total)
         if best.total < LEAST_GAIN or best.significance < LEAST_GAIN_Z:
             break
-        kept.append((dependence, levers.units[dependence.lever], best.gain))
-        state, found = own, None
-    return replace(state, changes=_changes(state.fit, kept))
+        new = Change(
+            dependence.lever, dependence.basis, np.empty(0), best.gain, levers.units[dependence.lever]
+        )
+        state, found = Learnt(own.fit, own.held_out, [*state.changes, new], state), None
+        state.changes = state.changes_at(own.fit.p)
+    return state
 
 
 def best_predicting(data: Data, learnt: Learnt, others: Sequence[Learnt]) -> Learnt:
@@ -196,17 +207,3 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
     return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=enough)
-
-
-def _changes(fitted: Fit, kept: Sequence[tuple[Discrepancy, Array, Array]]) -> list[Change]:
-    """The changes with their coefficients."""
-    if not isinstance(fitted.model, LearntModel):
-        return []
-    own = fitted.p[len(fitted.p) - len(fitted.model.widths) :] * fitted.model.widths
-    found, first = [], 0
-    for answer, (dependence, units, gain) in zip(fitted.model.answers, kept, strict=True):
-        last = first + answer.size
-        coefficients = own[first:last].reshape(len(units), -1)
-        found.append(Change(dependence.lever, dependence.basis, coefficients * units[:, None], gain))
-        first = last
-    return found

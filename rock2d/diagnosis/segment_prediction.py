@@ -78,16 +78,19 @@ class Segments:
 
 
 def predicted_poses(
-    data: FilmSegments, segments: Segments, world: World, changes: Sequence[KnownChange] = ()
+    data: FilmSegments,
+    segments: Segments,
+    world: World,
+    changes: Sequence[KnownChange] = (),
+    shift: Array | float = 0.0,
 ) -> Array:
     """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
 
-    Where a block has left the cross-section its last pose stays.
+    `shift` (n, 6) is added to the states at the starts. Where a block has left the cross-section its last pose stays.
     """
     scale, block = world.view.time_scale, segments.block
-    starts = drift(
-        world, block, data.states(world).middle[segments.flight], data.start_s[segments.flight] * scale
-    )
+    before = data.states(world).middle[segments.flight]
+    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
     times = segments.instants_s * scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     if changes:

@@ -1,0 +1,167 @@
+"""The gap as predictions meet it: how far whole segments of held-out releases miss the film, with and without causes.
+
+A segment goes on beyond the first instants after an impact, which fits compare: blocks bounce again, roll and come to
+rest. So this is what `rock2d predict` reaches on another film of the set-up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rock2d.diagnosis.cross_validation import fold_fits, folds
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.learnt import Learnt
+from rock2d.diagnosis.learnt_prediction import KnownChange
+from rock2d.diagnosis.replay import varied
+from rock2d.diagnosis.segment_prediction import Segments, predicted_poses
+from rock2d.kinematics.states import drift
+from rock2d.records.columns import THETA
+
+Array = np.ndarray
+
+TAIL_PERCENTILE = 95.0  # of the misses
+REPLICATES = 4  # of each segment, for the floor
+DRAWS = 400  # of the bootstrap over releases
+HARMFUL_TAIL = (
+    1.02  # times the tail without a change: more than the tail of other draws of the releases differs
+)
+
+
+@dataclass
+class PredictedGap:
+    """Misses of the n segments of a film, root mean square over frames and channels in units of the camera's noise.
+
+    Attributes
+    ----------
+    release : (n,) index of the release
+    base, augmented : (n,) of the base law and of the diagnosed model, each fitted to other releases
+    floor : (REPLICATES, n) of the diagnosed model, if it were exact: from the noise of the measured state before the
+        segment, the scatter of the soil, and the noise of the frames
+    noise : (3,) of a frame, in m, m, rad
+    """
+
+    release: Array
+    base: Array
+    augmented: Array
+    floor: Array
+    noise: Array
+
+    def content(self, seed: int) -> dict[str, Any]:
+        """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases."""
+        base, augmented = (self._over_draws(own, np.median, seed) for own in (self.base, self.augmented))
+        floor = np.minimum(self._over_draws(self.floor.T, np.median, seed), augmented)
+        gap = base - floor
+        closed = np.divide(base - augmented, gap, out=np.zeros_like(gap), where=gap > 0.0)
+        low, high = np.quantile(closed[1:], [0.025, 0.975])
+        ends = {
+            name: float(np.percentile(own, TAIL_PERCENTILE))
+            for name, own in (("base", self.base), ("augmented", self.augmented))
+        }
+        return {
+            "typical": {
+                "base": float(base[0]), "augmented": float(augmented[0]), "floor": float(floor[0]),
+                "closure": float(closed[0]), "closure_ci95": [float(low), float(high)],
+            },
+            "tail": ends,
+            "units": {"mm": 1e3 * float(self.noise[0]), "deg": float(np.rad2deg(self.noise[THETA]))},
+        }  # fmt: skip
+
+    def _over_draws(self, values: Array, of: Callable[[Array], Any], seed: int) -> Array:
+        """(1 + DRAWS,) a statistic of `values` (n, ...): as they are, and of drawn releases."""
+        rng = np.random.default_rng(np.random.SeedSequence(seed))
+        rows = [np.flatnonzero(self.release == r) for r in np.unique(self.release)]
+        found = [of(values)]
+        for _ in range(DRAWS):
+            own = rng.integers(len(rows), size=len(rows))
+            found.append(of(values[np.concatenate([rows[i] for i in own])]))
+        return np.array(found, float)
+
+
+def predicted_gap(data: FilmData, base: Fit, learnt: Learnt, seed: int) -> PredictedGap | None:
+    """The gap of the segments of a film; None if it has none."""
+    segments = Segments.of(data)
+    if not len(segments):
+        return None
+    return PredictedGap(
+        segments.release, held_out_misses(data, segments, base, lambda p: ()),
+        held_out_misses(data, segments, learnt.fit, learnt.changes_at), _replicate_misses(data, segments, learnt, seed),
+        data.film.noise,
+    )  # fmt: skip
+
+
+def harmless(data: FilmData, learnt: Learnt) -> Learnt:
+    """What was learnt, without its last changes as long as these make the worst segments of held-out releases worse."""
+    segments = Segments.of(data)
+    if not learnt.changes or not len(segments):
+        return learnt
+    own = held_out_misses(data, segments, learnt.fit, learnt.changes_at)
+    while learnt.before is not None:
+        other = held_out_misses(data, segments, learnt.before.fit, learnt.before.changes_at)
+        if _tail(own) <= HARMFUL_TAIL * _tail(other) and np.median(own) <= np.median(other):
+            break
+        learnt, own = learnt.before, other
+    return learnt
+
+
+def _tail(misses: Array) -> float:
+    return float(np.percentile(misses, TAIL_PERCENTILE))
+
+
+def held_out_misses(
+    data: FilmData, segments: Segments, fit: Fit, changes: Callable[[Array], Sequence[KnownChange]]
+) -> Array:
+    """(n,) misses of the segments, each predicted by the fit without its fold; `changes` at parameters of the fit."""
+    found, fold, model = np.empty(len(segments)), folds(data)[segments.release], fit.model
+    for k, (p, _) in enumerate(fold_fits(fit, data)):
+        held = segments.only(fold == k)
+        if len(held):
+            world = model.world(p, data.order[held.release])
+            poses = predicted_poses(data, held, world, changes(p))
+            found[fold == k] = misses(data, held, poses, measured(data, held))
+    return found
+
+
+def measured(data: FilmData, segments: Segments) -> Array:
+    """(n, k, 3) poses of the segments in the film, NaN beyond the last frame; angles that were not measured are NaN."""
+    found = np.full((*segments.instants_s.shape, 3), np.nan)
+    for i, rows in enumerate(segments.frames):
+        found[i, : len(rows)] = data.film.pose[rows]
+    found[~data.film.angle_known[segments.release], :, THETA] = np.nan
+    return found
+
+
+def misses(data: FilmData, segments: Segments, poses: Array, other: Array) -> Array:
+    """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `other` is known."""
+    return np.sqrt(np.nanmean(((poses - other) / data.film.noise) ** 2, axis=(1, 2)))
+
+
+def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: int) -> Array:
+    """(REPLICATES, n) by which segments of the model itself miss what it predicts."""
+    fit, order = learnt.fit, data.order[segments.release]
+    world, changes = fit.model.world(fit.p, order), learnt.changes
+    expected = predicted_poses(data, segments, world, changes)
+    seen = np.where(np.isfinite(measured(data, segments)), expected, np.nan)
+    dt = data.start_s[segments.flight]
+    starts = drift(
+        world, segments.block, data.states(world).middle[segments.flight], dt * world.view.time_scale
+    )
+    root = np.linalg.cholesky(data.true_covariance(world, segments.flight, dt, starts) + _tiny(starts))
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    found = []
+    for _ in range(REPLICATES):
+        shift = np.einsum("nij,nj->ni", root, rng.normal(size=starts.shape))
+        drawn = varied(fit, world, len(segments), rng)
+        poses = predicted_poses(data, segments, drawn, changes, shift)
+        poses += rng.normal(size=poses.shape) * data.film.noise
+        found.append(misses(data, segments, poses, seen))
+    return np.array(found)
+
+
+def _tiny(starts: Array) -> Array:
+    """What keeps a covariance of states (n, 6) positive definite."""
+    return np.eye(starts.shape[1]) * 1e-18

@@ -77,6 +77,8 @@ def run_diagnosis(
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
     for line in result.film.sentences() if result.film is not None else ():
         report(f"film: {line}")
+    for line in result.sanity.remarks:
+        report(f"remark: {line}")
     if result.found is None:
         raise InputError(
             f"not diagnosed: {'; '.join(content['sanity']['faults'])}", experiment, code="not_diagnosed"

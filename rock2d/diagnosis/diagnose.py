@@ -25,6 +25,7 @@ from rock2d.diagnosis.gap import (
 )
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -135,13 +136,15 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
     """What the sanity checks found, and flights and impacts; None instead of these if there is a fault."""
     data: FilmData | TableData
     if experiment.trajectories is not None:
-        film = load_film(experiment)
-        sanity = check_film(experiment, film)
-        if sanity.faults:
+        sanity, seen = _segmented(experiment, setup)
+        noisy, remarks = with_camera_noise(experiment, seen.film) if seen is not None else (experiment, [])
+        if remarks:
+            sanity, seen = _segmented(noisy, setup)
+            sanity.remarks += remarks
+        if seen is None:
             return sanity, None
-        world = sanity.registered or setup
-        data = FilmData.of(film, world)
-        sanity.remarks += shape_remarks(data, world) + rest_remarks(film, world)
+        data, world = seen, sanity.registered or setup
+        sanity.remarks += shape_remarks(data, world) + rest_remarks(data.film, world)
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
@@ -150,6 +153,13 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
         check_impacts(impacts, impacts + stay, sanity)
     return sanity, None if sanity.faults else data
+
+
+def _segmented(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | None]:
+    """What the sanity checks found in a film, and its flights and impacts; None instead if there is a fault."""
+    film = load_film(experiment)
+    sanity = check_film(experiment, film)
+    return sanity, None if sanity.faults else FilmData.of(film, sanity.registered or setup)
 
 
 def said_by_film(

@@ -34,6 +34,8 @@ REQUIRED_IMPACT_COLUMNS = (
     "release", "block", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s",
     "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
 )  # fmt: skip
+EXPERIMENT = "experiment.yaml"
+MOST_NAMED = 5  # folders in a message
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -135,7 +137,10 @@ def load_experiment(folder: str | Path) -> Experiment:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
-    document = Document(_inside(folder, "experiment.yaml"))
+    file = _inside(folder, EXPERIMENT)
+    if not file.exists():
+        raise InputError(_no_experiment(folder), folder, code="missing_file")
+    document = Document(file)
     keys = document.check(ExperimentKeys)
     cross_section = keys.cross_section.make()
     blocks = {name: block.make(name) for name, block in keys.blocks.items()}
@@ -166,6 +171,19 @@ def load_experiment(folder: str | Path) -> Experiment:
         impacts=tables.get("impacts"),
         folder=folder,
     )
+
+
+def _no_experiment(folder: Path) -> str:
+    """What to say of a folder without an experiment: which folders below it hold one."""
+    try:
+        found = sorted(file for depth in ("*", "*/*") for file in folder.glob(f"{depth}/{EXPERIMENT}"))
+    except OSError:
+        found = []
+    below = [shown(str(file.parent.relative_to(folder))) for file in found]
+    if not below:
+        return f"there is no {EXPERIMENT} in this folder or below it"
+    more = f" and {len(below) - MOST_NAMED} more" if len(below) > MOST_NAMED else ""
+    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_NAMED])}{more}"
 
 
 def _inside(folder: Path, name: str) -> Path:
@@ -248,7 +266,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     text = io.StringIO()
     text.write("# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n")
     yaml.dump(keys, text)
-    (folder / "experiment.yaml").write_text(text.getvalue(), encoding="utf-8")
+    (folder / EXPERIMENT).write_text(text.getvalue(), encoding="utf-8")
 
 
 def _read_table(

@@ -56,7 +56,7 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 )  # at all impacts, that fits of the base and of an effect take on average
 
 
-@dataclass
+@dataclass(repr=False)
 class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
@@ -76,6 +76,9 @@ class Diagnosis:
     regression_closes: float = 0.0
     cells: list[Cell] | None = None
     seed: int | None = None
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.experiment.name}: {self.verdict}>"
 
     @property
     def verdict(self) -> str:

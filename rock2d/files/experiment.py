@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted, listed
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
@@ -81,7 +81,7 @@ def experiment_json_schema() -> dict[str, Any]:
     return json_schema(ExperimentKeys, "rock2d experiment")
 
 
-@dataclass
+@dataclass(repr=False)
 class Experiment:
     """A checked experiment.
 
@@ -108,6 +108,16 @@ class Experiment:
     def __post_init__(self) -> None:
         if (self.trajectories is None) == (self.impacts is None):
             raise ValueError("an experiment has either trajectories or impacts")
+
+    def __repr__(self) -> str:
+        kind, rows = (
+            ("trajectories", self.trajectories) if self.impacts is None else ("impacts", self.impacts)
+        )
+        assert rows is not None
+        return (
+            f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
+            f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {listed(self.blocks)}>"
+        )
 
 
 def seen_frames(experiment: Experiment) -> pd.DataFrame:

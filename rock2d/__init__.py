@@ -31,6 +31,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rock2d import schemas as schemas
+
 if TYPE_CHECKING:
     from rock2d.api import DiagnosisResult, assess, diagnose, least_size, predict, write_report
     from rock2d.design.assessment import Assessment

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LIKELIEST_SHOWN = 5  # effects that a notebook shows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DiagnosisResult:
     """What a diagnosis found; made by `diagnose`.
 
@@ -100,6 +100,11 @@ class DiagnosisResult:
         make_folder(folder)
         write_report(self.diagnosis, content, folder, progress=progress)
         write_whole(folder / DIAGNOSIS, text)
+
+    def __repr__(self) -> str:
+        likeliest = sorted(self.probabilities.items(), key=lambda item: -item[1])[:LIKELIEST_SHOWN]
+        answers = ", ".join(f"{name} {p:.2f}" for name, p in likeliest)
+        return f"<DiagnosisResult of {self.content['experiment']}: {self.verdict}\n probabilities: {answers}>"
 
     def _repr_html_(self) -> str:
         from rock2d.notebook import table_html

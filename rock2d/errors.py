@@ -40,6 +40,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,8 @@ CODES = (
     "unreadable", "outside_folder", "not_writable", "not_a_result", "results_exist", "missing_data", "wrong_kind",
     "missing_package", "no_cluster", "not_diagnosed",
 )  # fmt: skip
+
+MOST_LISTED = 8
 
 
 class InputError(Exception):
@@ -135,3 +138,10 @@ class ParameterError(ValueError):
 def counted(number: int, thing: str) -> str:
     """A number of things in words: `1 release`, `2 releases`."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def listed(things: Iterable[object]) -> str:
+    """Things in a row, the first few of many."""
+    every = [str(thing) for thing in things]
+    more = f" and {len(every) - MOST_LISTED} more" if len(every) > MOST_LISTED else ""
+    return ", ".join(every[:MOST_LISTED]) + more

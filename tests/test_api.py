@@ -7,6 +7,8 @@ import importlib
 import pickle
 import subprocess
 import sys
+import tomllib
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ WITH_EXAMPLES = [
     "rock2d.scene.blocks",
     "rock2d.scene.cross_section",
 ]
+ROOT = Path(__file__).parents[1]
 HEAVY = ("numpy", "numba", "pandas", "scipy", "matplotlib", "pydantic", "shapely", "cv2")
 BALL = rock2d.make_block("ball", "circle", 0.022, "solid_sphere", diameter_m=0.025)
 FLOOR = rock2d.CrossSection([[-1, 0], [2, 0]], ["floor"], {"gate": [[0.2, 0], [0.2, 1]]})
@@ -133,6 +136,7 @@ def test_a_site_is_assessed_designed_and_reported(tmp_path):
     tried = answer.to_pandas().set_index("size")
     assert tried.loc[answer.least, "high"] <= 0.2 < tried.loc[1.0, "high"]
     assert "<img" in answer._repr_html_()
+    assert all(len(str(found)) < 500 for found in (site, assessment, answer))
     least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)
     assert least.embankment.height_m == answer.least and least.uncertainty is not None
 
@@ -189,6 +193,7 @@ def test_a_diagnosis_shows_its_verdict_and_its_effects():
     assert pd.isna(table.loc[1, "heldout_score_gain"])
     result.to_dict()["effects"].clear()
     assert result.content["effects"]  # a copy was given away
+    assert str(result).splitlines()[0] == "<DiagnosisResult of drops <1>: air_drag"
     html = result._repr_html_()
     assert "drops &lt;1&gt;" in html and "<b>air_drag</b>" in html
 
@@ -198,6 +203,7 @@ def test_an_impact_table_is_diagnosed_and_written(tmp_path):
     result = rock2d.diagnose(experiment, workers=1)
     assert result.verdict == "unknown" and result.to_dict()["sanity"]["faults"]
     assert sum(result.probabilities.values()) == pytest.approx(1.0)
+    assert len(str(result)) < 500 and str(result.diagnosis) == "<Diagnosis of impacts: unknown>"
     result.write(tmp_path / "diagnosis")
     assert {path.name for path in (tmp_path / "diagnosis").iterdir()} >= {"diagnosis.json", "report.html"}
     with pytest.raises(InputError):
@@ -219,3 +225,28 @@ def few_impacts(folder: Path) -> Path:
         "0,ball,0.0,0.0125,0,1.0,-2.0,0,0.8,0.7,-20\n1,ball,0.1,0.0125,0,1.1,-2.1,0,0.9,0.8,-21\n"
     )
     return path
+
+
+def test_what_is_public_shows_itself_in_a_few_lines():
+    scenario = rock2d.load_scenario(scenario_file("paper_setup.yaml"))
+    result = rock2d.run(scenario, engine="point_mass", releases=3)
+    shown = [result, *result.tracks, result.experiment(), result.cross_section, scenario, drops()]
+    shown += [*rock2d.catalogue().values(), rock2d.Target("crest", 0.1, 0.9)]
+    for one in shown:
+        text = f"{one}"
+        assert len(text) < 500 and len(text.splitlines()) <= 4, text
+    assert "9 releases, engine point_mass" in repr(result) and "sphere (3)" in repr(result)
+    assert all(name in repr(result) for name in result.table_names())
+
+
+def test_schemas_are_there_as_documented():
+    code = "import rock2d; print(rock2d.schemas.file_schema('experiment')['title'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "experiment" in done.stdout
+
+
+@pytest.mark.parametrize("package", ["rock2d", "rock2d_tracking", "rock2d_figures"])
+def test_packages_say_that_they_have_types(package):
+    assert (files(package) / "py.typed").is_file()
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert "py.typed" in settings["tool"]["setuptools"]["package-data"][package]

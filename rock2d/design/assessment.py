@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import FREQUENCY, sensitivity_table, uncertain_table
+from rock2d.errors import counted, listed
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Assessment:
     """What blocks do over all possible sites, and which unknown value matters; made by `rock2d.assess`.
 
@@ -47,6 +48,12 @@ class Assessment:
         from rock2d.graphics.tornado import tornado_figure
 
         return tornado_figure(self.sensitivity)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Assessment of {counted(len(self.sites), 'site')}\n blocks: {listed(self.uncertain['block'].unique())}\n"
+            f" unknown: {listed(self.sites.columns)}\n tables: uncertain, sensitivity, sites>"
+        )
 
     def _repr_html_(self) -> str:
         from rock2d.notebook import embedded_figure, table_html

@@ -67,7 +67,7 @@ class Judgement:
     unresolved: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Answer:
     """What a search found.
 
@@ -83,6 +83,10 @@ class Answer:
     least: float | None
     tolerance: float
     judgements: tuple[Judgement, ...]
+
+    def __repr__(self) -> str:
+        least = "no size meets" if self.least is None else f"{self.least:.4g} ± {self.tolerance:.2g} meets"
+        return f"<Answer for {self.place}: {least} {self.target}; {len(self.judgements)} sizes tried>"
 
     @property
     def monotone(self) -> bool:

@@ -25,6 +25,7 @@ from rock2d.diagnosis.gap import (
 )
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
 from rock2d.effects import catalogue
@@ -34,7 +35,7 @@ from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.film_statement import FilmStatement, film_statement
-from rock2d.kinematics.flights import load_film, noise_remarks
+from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -56,13 +57,13 @@ BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
 )  # at all impacts, that fits of the base and of an effect take on average
 
 
-@dataclass
+@dataclass(repr=False)
 class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
     `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
-    effect closes alone; `predicted` what predictions of whole segments miss; `regression_closes` the share that a flexible regression closes without any effect; `seed` that
-    of the bootstrap, None if nothing was drawn.
+    effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `predicted`
+    what predictions of whole segments miss; `seed` that of the bootstrap, None if nothing was drawn.
     """
 
     experiment: Experiment
@@ -77,6 +78,9 @@ class Diagnosis:
     predicted: PredictedGap | None = None
     cells: list[Cell] | None = None
     seed: int | None = None
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis of {self.experiment.name}: {self.verdict}>"
 
     @property
     def verdict(self) -> str:
@@ -139,13 +143,15 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
     """What the sanity checks found, and flights and impacts; None instead of these if there is a fault."""
     data: FilmData | TableData
     if experiment.trajectories is not None:
-        film = load_film(experiment)
-        sanity = check_film(experiment, film)
-        if sanity.faults:
+        sanity, seen = _segmented(experiment, setup)
+        noisy, remarks = with_camera_noise(experiment, seen.film) if seen is not None else (experiment, [])
+        if remarks:
+            sanity, seen = _segmented(noisy, setup)
+            sanity.remarks += remarks
+        if seen is None:
             return sanity, None
-        world = sanity.registered or setup
-        data = FilmData.of(film, world)
-        sanity.remarks += noise_remarks(film) + shape_remarks(data, world) + rest_remarks(film, world)
+        data, world = seen, sanity.registered or setup
+        sanity.remarks += shape_remarks(data, world) + rest_remarks(data.film, world)
     else:
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
@@ -154,6 +160,13 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
         check_impacts(impacts, impacts + stay, sanity)
     return sanity, None if sanity.faults else data
+
+
+def _segmented(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | None]:
+    """What the sanity checks found in a film, and its flights and impacts; None instead if there is a fault."""
+    film = load_film(experiment)
+    sanity = check_film(experiment, film)
+    return sanity, None if sanity.faults else FilmData.of(film, sanity.registered or setup)
 
 
 def said_by_film(

@@ -61,7 +61,7 @@ class Parameter:
         return replace(self, neutral=self.neutral * factor, low=self.low * factor, high=self.high * factor)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Effect:
     """One thing that the paper's model leaves out.
 
@@ -103,6 +103,9 @@ class Effect:
             raise ValueError(
                 f"effect {self.name}: origin is one of {', '.join(ORIGINS)}; found {self.origin!r}"
             )
+
+    def __repr__(self) -> str:
+        return f"<Effect {self.name}: {self.summary}>"
 
     @property
     def camera(self) -> bool:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted, listed
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
@@ -34,6 +34,8 @@ REQUIRED_IMPACT_COLUMNS = (
     "release", "block", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s",
     "vx_after_m_s", "vy_after_m_s", "omega_after_rad_s",
 )  # fmt: skip
+EXPERIMENT = "experiment.yaml"
+MOST_NAMED = 5  # folders in a message
 LARGEST = 1.0e9  # no measured number is larger
 LARGEST_RELEASE = 10**9
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
@@ -79,7 +81,7 @@ def experiment_json_schema() -> dict[str, Any]:
     return json_schema(ExperimentKeys, "rock2d experiment")
 
 
-@dataclass
+@dataclass(repr=False)
 class Experiment:
     """A checked experiment.
 
@@ -106,6 +108,16 @@ class Experiment:
     def __post_init__(self) -> None:
         if (self.trajectories is None) == (self.impacts is None):
             raise ValueError("an experiment has either trajectories or impacts")
+
+    def __repr__(self) -> str:
+        kind, rows = (
+            ("trajectories", self.trajectories) if self.impacts is None else ("impacts", self.impacts)
+        )
+        assert rows is not None
+        return (
+            f"<Experiment {self.name}: {counted(rows['release'].nunique(), 'release')}, {kind} of "
+            f"{counted(len(rows), 'row')}, {self.fps:g} frames/s\n blocks: {listed(self.blocks)}>"
+        )
 
 
 def seen_frames(experiment: Experiment) -> pd.DataFrame:
@@ -135,7 +147,10 @@ def load_experiment(folder: str | Path) -> Experiment:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such experiment folder", folder, code="missing_file")
-    document = Document(_inside(folder, "experiment.yaml"))
+    file = _inside(folder, EXPERIMENT)
+    if not file.exists():
+        raise InputError(_no_experiment(folder), folder, code="missing_file")
+    document = Document(file)
     keys = document.check(ExperimentKeys)
     cross_section = keys.cross_section.make()
     blocks = {name: block.make(name) for name, block in keys.blocks.items()}
@@ -166,6 +181,19 @@ def load_experiment(folder: str | Path) -> Experiment:
         impacts=tables.get("impacts"),
         folder=folder,
     )
+
+
+def _no_experiment(folder: Path) -> str:
+    """What to say of a folder without an experiment: which folders below it hold one."""
+    try:
+        found = sorted(file for depth in ("*", "*/*") for file in folder.glob(f"{depth}/{EXPERIMENT}"))
+    except OSError:
+        found = []
+    below = [shown(str(file.parent.relative_to(folder))) for file in found]
+    if not below:
+        return f"there is no {EXPERIMENT} in this folder or below it"
+    more = f" and {len(below) - MOST_NAMED} more" if len(below) > MOST_NAMED else ""
+    return f"there is no {EXPERIMENT} in this folder; give one of those below it: {', '.join(below[:MOST_NAMED])}{more}"
 
 
 def _inside(folder: Path, name: str) -> Path:
@@ -248,7 +276,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     text = io.StringIO()
     text.write("# SI units; x to the right, y up, angles counter-clockwise positive; noise is 1 sigma\n")
     yaml.dump(keys, text)
-    (folder / "experiment.yaml").write_text(text.getvalue(), encoding="utf-8")
+    (folder / EXPERIMENT).write_text(text.getvalue(), encoding="utf-8")
 
 
 def _read_table(

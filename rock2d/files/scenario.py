@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted, listed
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
 from rock2d.files.diagnosed_model import DiagnosedModel
@@ -108,6 +108,15 @@ class Scenario(Checked):
     outputs: Outputs = Field(default_factory=Outputs, description="How the releases are recorded")
 
     _document: Document | None = PrivateAttr(default=None)
+
+    def __repr__(self) -> str:
+        blocks = [*(self.blocks or {}), *self.populations]
+        return (
+            f"<Scenario {self.name}: engine {self.engine}, {counted(self.releases, 'release')} of each block, seed "
+            f"{self.seed}\n blocks: {listed(blocks) or 'those of its experiment'}>"
+        )
+
+    __str__ = __repr__
     _experiment: Experiment | None = PrivateAttr(default=None)
     _terrain: TerrainSections | None = PrivateAttr(default=None)
     _diagnosed: DiagnosedModel | None = PrivateAttr(default=None)

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.errors import counted
 from rock2d.records.columns import AT_VX, AT_VY, AT_X, AT_Y, TIME
 
 Array = np.ndarray
 
 
-@dataclass
+@dataclass(repr=False)
 class Track:
     """One simulated release.
 
@@ -42,6 +43,10 @@ class Track:
     stop: str
     gravity_m_s2: float
     energy_J: dict[str, float] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        impacts = counted(len(self.impacts), "impact")
+        return f"<Track of release {self.release}, {self.block}: {impacts}, {self.stop} after {self.end_s:.3g} s>"
 
     @property
     def end_s(self) -> float:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, repr=False)
 class RunResult(Simulation):
     """The releases of a scenario, simulated; see `Simulation` for tables and plots.
 

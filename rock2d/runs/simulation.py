@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.errors import InputError
+from rock2d.errors import InputError, counted, listed
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
 from rock2d.runs.engines import ReleaseInputs, engine_named
@@ -31,7 +32,7 @@ Array = np.ndarray
 TRAJECTORIES = "trajectories"
 
 
-@dataclass
+@dataclass(repr=False)
 class Simulation:
     """Simulated releases of one or several blocks on one cross-section.
 
@@ -111,6 +112,14 @@ class Simulation:
         from rock2d.graphics.trajectories import trajectories_figure
 
         return trajectories_figure(self.cross_section, self.blocks, self.tracks, self.title)
+
+    def __repr__(self) -> str:
+        count = Counter(track.block for track in self.tracks)
+        return (
+            f"<{type(self).__name__} {self.title}: {counted(len(self.tracks), 'release')}, engine {self.engine}\n"
+            f" blocks: {listed(f'{name} ({n})' for name, n in count.items())}\n"
+            f" tables: {', '.join(self.table_names())}>"
+        )
 
     def _repr_html_(self) -> str:
         from rock2d.notebook import embedded_figure, table_html

@@ -14,6 +14,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from rock2d.errors import listed
+
 Array = np.ndarray
 Parameters = TypeVar("Parameters")
 
@@ -42,7 +44,7 @@ class CrossSectionError(ValueError):
         self.key, self.facet, self.line = key, facet, line
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CrossSection:
     """A checked cross-section.
 
@@ -70,6 +72,14 @@ class CrossSection:
     points_m: Array
     zones: tuple[str, ...]
     measure_lines: Mapping[str, Array] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        left, right = self.points_m[[0, -1], 0]
+        zones, lines = listed(dict.fromkeys(self.zones)), listed(self.measure_lines)
+        return (
+            f"<CrossSection from x = {left:.4g} to {right:.4g} m: {len(self.points_m)} points, zones {zones}; "
+            f"measure lines: {lines or 'none'}>"
+        )
 
     def __init__(
         self,

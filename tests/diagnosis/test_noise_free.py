@@ -7,11 +7,13 @@ import pytest
 
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
+from rock2d.diagnosis.noise_free_film import CAMERA_NOISE, with_camera_noise
 from rock2d.effects import catalogue
 from rock2d.files.diagnosis import diagnosis_text
-from rock2d.kinematics.flights import MODEL_RESOLUTION, load_film
+from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.flights import load_film
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
-from tests.kinematics.synthetic_films import BLOCKS, film, world
+from tests.kinematics.synthetic_films import film, world
 
 NAMES = ("air_drag", "camera_tilt", "viscous_damping")
 
@@ -19,26 +21,36 @@ NAMES = ("air_drag", "camera_tilt", "viscous_damping")
 @pytest.mark.parametrize(
     ("noise_m", "noise_rad", "said"),
     [
-        (0.0, 0.0, ["of positions", "of angles"]),
-        (0.0, 0.02, ["of positions"]),
-        (3e-4, 0.0, ["of angles"]),
+        (0.0, 0.0, ["in positions", "in angles"]),
+        (0.0, 0.02, ["in positions"]),
+        (3e-4, 0.0, ["in angles"]),
         (3e-4, 0.02, []),
     ],
 )
-def test_a_simulation_has_the_noise_that_the_law_can_resolve(noise_m, noise_rad, said):
+def test_a_simulation_is_diagnosed_with_the_noise_of_a_camera(noise_m, noise_rad, said):
     exact = film(world(), 10, seed=1, noise_m=noise_m, noise_rad=noise_rad, soil=0.0)
     found = diagnose(exact, effects={name: catalogue()[name] for name in NAMES})
     assert found.verdict == "none"
-    remarks = [line for line in found.sanity.remarks if "noise" in line]
+    remarks = [line for line in found.sanity.remarks if "shows no noise" in line]
     assert len(remarks) == bool(said) and all(part in line for line in remarks for part in said)
     assert diagnosis_text(diagnosis_json(found))
 
 
-def test_the_noise_of_a_camera_is_that_of_its_film():
-    least = MODEL_RESOLUTION * min(block.radius_m for block in BLOCKS.values())
-    exact, seen = (load_film(film(world(), 4, noise_m=noise)) for noise in (0.0, 1e-5))
-    assert exact.noise[:2] == pytest.approx([least, least])
-    assert np.all(seen.noise[:2] > 5e-6)  # no floor changes what a camera shows
+def test_what_has_noise_stays_as_it_is():
+    for noise in ((3e-4, 0.02), (1e-5, 0.001)):
+        seen = film(world(), 4, noise_m=noise[0], noise_rad=noise[1])
+        same, remarks = with_camera_noise(seen, FilmSegments.of(load_film(seen), world()).film)
+        assert same is seen and not remarks
+
+
+def test_an_angle_without_marks_stays_unknown():
+    exact = film(world(), 4, noise_m=0.0, noise_rad=0.0)
+    table = exact.trajectories
+    exact.trajectories = table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere", 0.0))
+    noisy, _ = with_camera_noise(exact, FilmSegments.of(load_film(exact), world()).film)
+    spread = noisy.trajectories.groupby("block")["theta_rad"].std()
+    assert spread["sphere"] == 0.0 and noisy.angle_noise_rad == CAMERA_NOISE
+    assert not np.array_equal(noisy.trajectories["x_m"], table["x_m"])
 
 
 def test_a_table_of_exact_impacts_is_diagnosed():

@@ -8,10 +8,12 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
@@ -276,3 +278,24 @@ def test_the_real_and_the_practice_experiments_load_unchanged(data_root):
     for path in folders:
         experiment = load_experiment(path)
         assert len(experiment.trajectories) > 1000 and experiment.trajectories["release"].nunique() > 50
+
+
+def test_the_folder_above_experiments_names_them(tmp_path, folder):
+    write_experiment(tmp_path / "deep" / "er", load_experiment(folder))
+    with pytest.raises(
+        InputError, match=r"no experiment.yaml in this folder; .*: 'deep/er', 'seen'$"
+    ) as caught:
+        load_experiment(tmp_path)
+    assert caught.value.code == "missing_file"
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="in this folder or below it"):
+        load_experiment(tmp_path / "empty")
+
+
+@pytest.mark.parametrize(
+    "command", ["diagnose {} --out {}/o", "predict {} --diagnosis {}/d.json --out {}/p.csv"]
+)
+def test_commands_name_the_experiments_below_a_folder(tmp_path, folder, command):
+    result = CliRunner().invoke(cli, command.replace("{}", str(tmp_path)).split())
+    assert isinstance(result.exception, InputError) and "'seen'" in str(result.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["seen"]

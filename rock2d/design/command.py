@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size
+from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, most_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
@@ -45,7 +45,8 @@ def run_design(
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
     import numpy as np
-    from tqdm import tqdm
+
+    from rock2d.progress import Bars
 
     scenario = load_scenario(path)
     if changed:
@@ -63,19 +64,21 @@ def run_design(
     check_replaced(out, overwrite)
     search = Search(scenario, place, bounds, target, engine, seed)
     sites = len(search.sites)
-
-    def judged(size: float) -> Judgement:
-        file = stages / f"{key}_{size:.12g}.json"
-        if file.is_file():
-            return Judgement(**read_json(file))
-        with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            found = search.judge(size, bar.update)
-        write_whole(file, json.dumps(asdict(found)))
-        return found
-
     make_folder(stages)
     try:
-        answer = least_size(search, judged, tolerance)
+        with Bars(progress).stage(place, sites * most_sizes(bounds, tolerance), "sites") as bar:
+
+            def judged(size: float) -> Judgement:
+                file = stages / f"{key}_{size:.12g}.json"
+                if file.is_file():
+                    bar.omit(sites)
+                    return Judgement(**read_json(file))
+                bar.set_postfix_str(f"{size:.4g}")
+                found = search.judge(size, bar.update)
+                write_whole(file, json.dumps(asdict(found)))
+                return found
+
+            answer = least_size(search, judged, tolerance)
     except KeyboardInterrupt:
         done = len(list(stages.glob(f"{key}_*.json")))
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None

@@ -6,6 +6,7 @@ their effect and not by chance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -205,6 +206,13 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
         for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):
             bound[block] = further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
     return Judgement(size, median, low, high, max(high.values()) <= target.frequency, unresolved)
+
+
+def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:
+    """How many sizes `least_size` judges at most."""
+    low, high = bounds
+    steps = STEPS_OF_RANGE if tolerance is None else (high - low) / tolerance
+    return 2 + max(0, math.ceil(math.log2(max(steps, 1.0))))
 
 
 def least_size(

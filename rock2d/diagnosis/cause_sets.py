@@ -8,7 +8,7 @@ exchanged for its rivals. `screening` says which additions are worth a fit.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.saved_arrays import load_arrays, save_arrays
@@ -68,8 +69,8 @@ class Search:
     data : of the fits; also in every worker of `processes`
     effects : of the catalogue
     base : the base law
+    bars : of the diagnosis
     folder : keeps finished fits
-    on_progress : called with the names of each set that is fitted
     known : names -> set
     best : the set from which no addition, omission or exchange gains more
     expected : names of a set -> what screening expects of each effect beside it
@@ -79,8 +80,8 @@ class Search:
     effects: Mapping[str, Effect]
     processes: Processes
     base: CauseSet
+    bars: DiagnosisBars
     folder: Path | None = None
-    on_progress: Callable[[str], None] = lambda name: None
     known: dict[Names, CauseSet] = field(init=False)
     best: CauseSet = field(init=False)
     expected: dict[Names, dict[str, Expected]] = field(init=False)
@@ -93,9 +94,20 @@ class Search:
         base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
         found: dict[int, Explored] = {}
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
-        found.update(self.processes.as_finished(_explore_step, jobs))
-        rival = base.total() + max((own.gain for own in found.values()), default=0.0)
-        self._fit([_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)])
+        with self.bars.stage(EXPLORING, len(jobs), "effects") as bar:
+            for k, own in self.processes.as_finished(_explore_step, jobs):
+                if not found:
+                    self.bars.skip()  # the processes start
+                found[k] = own
+                bar.step(jobs[k][0].name)
+        gain = max((own.gain for own in found.values()), default=0.0)
+        if gain < REFIT_GAIN:
+            self.bars.nothing_found()
+        steps = [
+            _Addition(base, name, None, found[k], base.total() + gain) for k, name in enumerate(self.effects)
+        ]
+        with self.bars.stage(ALONE, len(steps), "effects"):
+            self._fit(steps)
 
     @property
     def alone(self) -> dict[str, CauseSet]:
@@ -104,11 +116,12 @@ class Search:
 
     def run(self) -> None:
         """Find the best set, once each effect was tried alone."""
-        self._grow()
-        for _ in range(MOST_EXCHANGES):
-            if not self._exchange():
-                break
+        with self.bars.stage(SETS, USUAL_SETS, "fits"):
             self._grow()
+            for _ in range(MOST_EXCHANGES):
+                if not self._exchange():
+                    break
+                self._grow()
 
     def without(self, own: CauseSet) -> dict[str, CauseSet]:
         """The sets that leave out one member each; name of the member -> set."""
@@ -172,6 +185,8 @@ class Search:
             if not better:
                 return
             known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
+            further = sum(max(e.total, 0.0) for e in self.beside(self.best).values())
+            self.bars.found(len(self.best.names), MOST_CAUSES, further)
             self._prune(self.best.names - known.names)
 
     def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
@@ -245,11 +260,12 @@ class Search:
     def _finished(self, steps: Sequence[_Addition | _Reduction | _Refit]) -> list[CauseSet]:
         """What the steps fit, in their order, however many processes there are."""
         results: dict[int, CauseSet] = {}
+        self.bars.fits(len(steps))
         for k, (fitted, out) in self.processes.as_finished(
             _fit_step, [(step, self.folder) for step in steps]
         ):
             results[k] = CauseSet(fitted, out)
-            self.on_progress(" + ".join(steps[k].names))
+            self.bars.fitted(" + ".join(steps[k].names))
         return [results[k] for k in range(len(steps))]
 
 

@@ -92,20 +92,18 @@ class Search:
     def try_alone(self) -> None:
         """Fit the base law with each effect alone. All are explored first: no fit goes on far behind another one."""
         base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
-        found: dict[int, Explored] = {}
+        found, gain = dict[int, Explored](), -np.inf
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
         with self.bars.stage(EXPLORING, len(jobs), "effects") as bar:
             for k, own in self.processes.as_finished(_explore_step, jobs):
                 if not found:
                     self.bars.skip()  # the processes start
                 found[k] = own
+                gain = max(gain, own.gain)
+                self.bars.explored(len(found) / len(jobs), gain)
                 bar.step(jobs[k][0].name)
-        gain = max((own.gain for own in found.values()), default=0.0)
-        if gain < REFIT_GAIN:
-            self.bars.nothing_found()
-        steps = [
-            _Addition(base, name, None, found[k], base.total() + gain) for k, name in enumerate(self.effects)
-        ]
+        rival = base.total() + gain
+        steps = [_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)]
         with self.bars.stage(ALONE, len(steps), "effects"):
             self._fit(steps)
 

@@ -6,35 +6,43 @@ way: what further effects are expected to gain tells how much the best set leave
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from time import perf_counter
+
 from rock2d.progress import Bar, Bars
 
 READING, BASE, EXPLORING, ALONE = "reading the film", "base law", "exploring effects", "effects alone"
 SETS, LEARNT, GAP, REPORT = "sets of effects", "learnt changes", "gap", "report"
 
-EXPLORED, FITTED = 45.0, 27.0  # evaluations for each effect
+EXPLORED, FITTED = 40.0, 27.0  # evaluations for each effect
 ONE_OF_A_SET, SCREENED = 60.0, 18.0  # for each set: in one of the processes, and in this one
 LEARNT_BESIDE_ONE = 800.0  # for each set, if there is something to learn
 LITTLE = 100.0  # if there is nothing
 # log likelihood that all further effects together must be expected to gain, for there to be something
 UNEXPLAINED_GAIN = 50.0
+LEAST_GAIN = 15.0  # log likelihood of an effect that is worth more than chance gives
 FEWEST_SETS, SETS_OF_A_CAUSE = 8, 6  # that are fitted
-USUAL_SETS, USUAL_LEARNT, USUAL_CAUSES = 14, 2.0, 3  # before anything is known
+USUAL_SETS, USUAL_LEARNT, USUAL_CAUSES = 10, 1.0, 3  # before anything is known
 
 
 class DiagnosisBars(Bars):
     """The bars of a diagnosis that tries so many `effects` with so many `workers`."""
 
-    def __init__(self, shown: bool, effects: int, workers: int) -> None:
+    def __init__(
+        self, shown: bool, effects: int, workers: int, clock: Callable[[], float] = perf_counter
+    ) -> None:
         self._each_set = ONE_OF_A_SET / workers + SCREENED
         super().__init__(shown, {
             READING: 250.0, BASE: 300.0, EXPLORING: EXPLORED * effects / workers, ALONE: FITTED * effects / workers,
             SETS: USUAL_SETS * self._each_set, LEARNT: USUAL_LEARNT * LEARNT_BESIDE_ONE, GAP: 500.0, REPORT: 600.0,
-        })  # fmt: skip
+        }, clock)  # fmt: skip
 
-    def nothing_found(self) -> None:
-        """No effect gains anything."""
-        self.expect(SETS, 0.0)
-        self.expect(LEARNT, LITTLE)
+    def explored(self, share: float, gain: float) -> None:
+        """A share of the effects is explored, and one of them gains so much log likelihood. Where none does, there is
+        nothing to search."""
+        likely = 1.0 if gain > LEAST_GAIN else 1.0 - share
+        self.expect(SETS, likely * USUAL_SETS * self._each_set)
+        self.expect(LEARNT, LITTLE + likely * USUAL_LEARNT * LEARNT_BESIDE_ONE)
 
     def found(self, causes: int, most: int, further_gain: float) -> None:
         """The best set has so many `causes` of at most so many, and this is what further effects are expected to

@@ -20,10 +20,7 @@ from tqdm import tqdm
 from rock2d.compiling import COMPILING, heard
 
 MEMORY = 0.3  # of the time so far: what happened longer ago hardly counts
-LOG_INTERVAL_S, LOG_SHARE = (
-    10.0,
-    0.1,
-)  # between two lines in a log file, at least; the second, of the time so far
+LOG_INTERVAL_S, LOG_SHARE = 10.0, 0.1  # between two lines in a log file; the second, of the time so far
 FORM = "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} {unit}{times}{postfix}"
 
 
@@ -61,7 +58,7 @@ class Bars:
     Parameters
     ----------
     shown : whether there is anything to see
-    work : stage -> its work, in one unit for all of them; that of a stage that is not named here is its total
+    work : stage -> its work, in one unit for all of them; that of a stage which is not named here is its total
     clock : in seconds
 
     Attributes
@@ -93,8 +90,9 @@ class Bars:
     @contextmanager
     def stage(self, name: str, total: float, unit: str, done: float = 0) -> Iterator[Bar]:
         """The bar of a stage, from `done` to `total`; a stage that ends early has all its work done."""
-        if name in self._ahead or name not in self._each:
-            self._each[name] = self._ahead.pop(name, total - done) / max(total - done, 1)
+        if name in self._ahead:
+            self._each[name] = self._ahead.pop(name) / max(total - done, 1)
+        self._each.setdefault(name, 1.0)
         with Bar(self, name, total, unit, done) as bar, heard(self.compiling):
             self.bar = bar
             try:
@@ -164,7 +162,9 @@ class Bar(tqdm):
             self.update()
 
     def reach(self, done: float, total: float) -> None:
-        """So many units of so many are done."""
+        """So many units of so many are done. If no total was known, they were done before."""
+        if not self.total:
+            self.n = self.initial = done
         self.total = total
         self.update(done - self.n)
 

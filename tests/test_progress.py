@@ -109,6 +109,18 @@ def test_compiling_and_starting_do_not_count():
     assert left == pytest.approx(50.0)
 
 
+def test_what_was_done_before_tells_nothing_about_the_pace():
+    clock = Clock()
+    bars = Bars(False, clock=clock)
+    with bars.stage("cases", 0, "cases") as bar:
+        bar.reach(100, 200)
+        assert bars.times_s() == (0.0, None)
+        for done in range(101, 111):
+            clock.now_s += 2.0
+            bar.reach(done, 200)
+        assert bars.times_s() == (20.0, pytest.approx(180.0))
+
+
 def test_nothing_is_said_before_something_is_known():
     bars = Bars(False, clock=Clock())
     with bars.stage("one", 10, "units"):

@@ -157,16 +157,16 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
 
 @contextmanager
 def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """A function that shows how many of how many are done of what."""
+    """A function that shows how many of how many are done of what, and the time that this still takes."""
     from rock2d.progress import Bar, Bars
 
-    shown, all_bars = dict[str, Bar](), Bars(progress)
+    shown = dict[str, Bar]()
     with ExitStack() as open_bars:
 
         def show(what: str, done: int, of: int) -> None:
             if what not in shown:
                 open_bars.close()
-                shown[what] = open_bars.enter_context(all_bars.stage(what, of, "soils"))
+                shown[what] = open_bars.enter_context(Bars(progress).stage(what, of, "soils"))
             shown[what].reach(done, of)
 
         yield show

@@ -286,18 +286,18 @@ def least_size(
     >>> least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)  # doctest: +SKIP
     >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP
     """
-    from rock2d.design.least_size import Judgement, Search, most_sizes
+    from rock2d.design.least_size import Judgement, Search, size_bars, work_of_sizes
     from rock2d.design.least_size import least_size as bisect
     from rock2d.progress import Bars
 
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
 
-    with Bars(progress).stage(place, len(search.sites) * most_sizes(bounds), "sites") as bar:
+    search.check()
+    with size_bars(search, Bars(progress, work_of_sizes(search))) as bar_of:
 
         def judged(size: float) -> Judgement:
-            bar.set_postfix_str(f"{size:.4g}")
-            return search.judge(size, bar.update)
+            return search.judge(size, bar_of(size).update)
 
         return bisect(search, judged)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, most_sizes
+from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
@@ -19,6 +19,7 @@ from rock2d.files.text_files import read_json
 
 FLOOR_OF_TARGET = 0.5  # of the target: if the largest size comes no lower, sampling decides the answer
 MOST_SHOWN = 1000  # releases of each block on the page
+PAGE, PAGE_WORK = "page", 8000.0  # stage, and its work in simulated releases
 
 
 def run_design(
@@ -63,17 +64,17 @@ def run_design(
         return known
     check_replaced(out, overwrite)
     search = Search(scenario, place, bounds, target, engine, seed)
-    sites = len(search.sites)
+    search.check()
+    sites, bars = len(search.sites), Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
     make_folder(stages)
     try:
-        with Bars(progress).stage(place, sites * most_sizes(bounds, tolerance), "sites") as bar:
+        with size_bars(search, bars, tolerance) as bar_of:
 
             def judged(size: float) -> Judgement:
-                file = stages / f"{key}_{size:.12g}.json"
+                file, bar = stages / f"{key}_{size:.12g}.json", bar_of(size)
                 if file.is_file():
                     bar.omit(sites)
                     return Judgement(**read_json(file))
-                bar.set_postfix_str(f"{size:.4g}")
                 found = search.judge(size, bar.update)
                 write_whole(file, json.dumps(asdict(found)))
                 return found
@@ -86,7 +87,9 @@ def run_design(
         _write(
             partial, scenario, answer, {"question": question, "engine": engine, "seed": seed, "sites": sites}
         )
-        taken = _write_page(partial, scenario, answer, (engine, seed), command)
+        with bars.stage(PAGE, 1, "step") as bar:
+            taken = _write_page(partial, scenario, answer, (engine, seed), command)
+            bar.update()
     shutil.rmtree(stages, ignore_errors=True)
     report("\n".join([answer_text(answer, search), *taken]))
     report(f"written: {out}")

@@ -183,8 +183,6 @@ class Search:
             if not better:
                 return
             known, self.best = self.best, max(better, key=lambda pair: pair[0])[1]
-            further = sum(max(e.total, 0.0) for e in self.beside(self.best).values())
-            self.bars.found(len(self.best.names), MOST_CAUSES, further)
             self._prune(self.best.names - known.names)
 
     def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
@@ -195,6 +193,8 @@ class Search:
         if not own.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in but]
         expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
+        if own is self.best:
+            self.bars.found(len(own.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values()))
         ranked = sorted(expected, key=lambda name: -expected[name])
         return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, ahead)
 

@@ -17,7 +17,7 @@ SETS, LEARNT, GAP, REPORT = "sets of effects", "learnt changes", "gap", "report"
 EXPLORED, FITTED = 40.0, 27.0  # evaluations for each effect
 ONE_OF_A_SET, SCREENED = 60.0, 18.0  # for each set: in one of the processes, and in this one
 LEARNT_BESIDE_ONE = 800.0  # for each set, if there is something to learn
-LITTLE = 100.0  # if there is nothing
+REGRESSED = 400.0  # dependences and regressions of residuals, whatever there is to learn
 # log likelihood that all further effects together must be expected to gain, for there to be something
 UNEXPLAINED_GAIN = 50.0
 LEAST_GAIN = 15.0  # log likelihood of an effect that is worth more than chance gives
@@ -34,7 +34,8 @@ class DiagnosisBars(Bars):
         self._each_set = ONE_OF_A_SET / workers + SCREENED
         super().__init__(shown, {
             READING: 250.0, BASE: 300.0, EXPLORING: EXPLORED * effects / workers, ALONE: FITTED * effects / workers,
-            SETS: USUAL_SETS * self._each_set, LEARNT: USUAL_LEARNT * LEARNT_BESIDE_ONE, GAP: 500.0, REPORT: 600.0,
+            SETS: USUAL_SETS * self._each_set, LEARNT: REGRESSED + USUAL_LEARNT * LEARNT_BESIDE_ONE, GAP: 100.0,
+            REPORT: 600.0,
         }, clock)  # fmt: skip
 
     def explored(self, share: float, gain: float) -> None:
@@ -42,13 +43,14 @@ class DiagnosisBars(Bars):
         nothing to search."""
         likely = 1.0 if gain > LEAST_GAIN else 1.0 - share
         self.expect(SETS, likely * USUAL_SETS * self._each_set)
-        self.expect(LEARNT, LITTLE + likely * USUAL_LEARNT * LEARNT_BESIDE_ONE)
+        self.expect(LEARNT, REGRESSED + likely * USUAL_LEARNT * LEARNT_BESIDE_ONE)
 
     def found(self, causes: int, most: int, further_gain: float) -> None:
         """The best set has so many `causes` of at most so many, and this is what further effects are expected to
         gain."""
         much = further_gain > UNEXPLAINED_GAIN
-        self.expect(LEARNT, (max(causes, USUAL_CAUSES) + 1) * LEARNT_BESIDE_ONE if much else LITTLE)
+        learnt = (max(causes, USUAL_CAUSES) + 1) * LEARNT_BESIDE_ONE if much else 0.0
+        self.expect(LEARNT, REGRESSED + learnt)
         sets = FEWEST_SETS + (SETS_OF_A_CAUSE * (most - causes) if much else 0)
         self.expect(SETS, sets * self._each_set, sets)
 

@@ -94,11 +94,12 @@ class DiagnosisResult:
         from rock2d.diagnosis.report.page import write_report
         from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text
         from rock2d.files.folders import make_folder, write_whole
+        from rock2d.progress import Bars
 
         folder, content = Path(folder), self.to_dict()
         text = diagnosis_text(content)
         make_folder(folder)
-        write_report(self.diagnosis, content, folder, progress=progress)
+        write_report(self.diagnosis, content, folder, bars=Bars(progress))
         write_whole(folder / DIAGNOSIS, text)
 
     def __repr__(self) -> str:
@@ -154,19 +155,14 @@ def diagnose(
     'air_drag'
     >>> found.write("out/drops")  # doctest: +SKIP
     """
-    from tqdm import tqdm
-
     from rock2d.diagnosis.diagnose import diagnose as run_diagnosis
     from rock2d.diagnosis.diagnosis_content import diagnosis_json
+    from rock2d.diagnosis.workload import DiagnosisBars
+    from rock2d.effects import catalogue
 
-    read = _loaded(experiment)
-    with tqdm(unit="model", disable=not progress) as bar:
-
-        def on_model(name: str) -> None:
-            bar.set_description(name)
-            bar.update()
-
-        found = run_diagnosis(read, seed=seed, workers=workers or os.cpu_count() or 1, on_progress=on_model)
+    read, processes = _loaded(experiment), workers or os.cpu_count() or 1
+    bars = DiagnosisBars(progress, len(catalogue()), processes)
+    found = run_diagnosis(read, seed=seed, workers=processes, bars=bars)
     return DiagnosisResult(found, diagnosis_json(found))
 
 
@@ -296,21 +292,20 @@ def least_size(
     >>> least = rock2d.variant(site, {answer.place: answer.least}, uncertain=True)  # doctest: +SKIP
     >>> rock2d.write_report(rock2d.run(least), "out/least")  # doctest: +SKIP
     """
-    from tqdm import tqdm
-
-    from rock2d.design.least_size import Judgement, Search
+    from rock2d.design.least_size import Judgement, Search, size_bars, work_of_sizes
     from rock2d.design.least_size import least_size as bisect
+    from rock2d.progress import Bars
 
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
 
-    def judged(size: float) -> Judgement:
-        with tqdm(
-            total=len(search.sites), desc=f"{place} = {size:.4g}", unit="site", disable=not progress
-        ) as bar:
-            return search.judge(size, bar.update)
+    search.check()
+    with size_bars(search, Bars(progress, work_of_sizes(search))) as bar_of:
 
-    return bisect(search, judged)
+        def judged(size: float) -> Judgement:
+            return search.judge(size, bar_of(size).update)
+
+        return bisect(search, judged)
 
 
 def write_report(result: RunResult, folder: str | Path, *, assessment: Assessment | None = None) -> None:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+from functools import cache
 from pathlib import Path
 
 import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
-from rock2d import compiling
+from rock2d.compiling import COMPILING, heard
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 from rock2d.site_commands import ON_SCHEDULER, SITE_COMMANDS
-
-LOG_INTERVAL_S = "10"  # between two states of a progress bar in a log file
-COMPILING = "compiling, once for this version (about a minute)"
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -309,13 +307,12 @@ def schema(kind) -> None:
     click.echo(json.dumps(file_schema(kind), indent=2, ensure_ascii=False))
 
 
-def _say_compiling() -> None:
-    """Explain a progress bar that stands still, unless the command is to be quiet."""
-    from tqdm import tqdm
-
+@cache  # it is said once
+def _say_compiling(begins: bool) -> None:
+    """Explain why a command stands still that shows no bar, unless it is to be quiet."""
     context = click.get_current_context(silent=True)
-    if context is not None and not context.params.get("quiet"):
-        tqdm.write(COMPILING, file=sys.stderr)
+    if begins and context is not None and not context.params.get("quiet"):
+        click.echo(COMPILING, err=True)
 
 
 def main() -> None:
@@ -323,15 +320,13 @@ def main() -> None:
     from rock2d.errors import InputError, print_old_keys_in_one_line
 
     print_old_keys_in_one_line()
-    compiling.tell_once(_say_compiling)
     terminated = answer_signals()
-    if not sys.stderr.isatty():  # a log file: progress bars write a line now and then, not ten a second
-        os.environ.setdefault("TQDM_MININTERVAL", LOG_INTERVAL_S)
     # Matrices are small: a second thread of linear algebra burns processor time and slows the first. Before numpy is
     # imported, so that every library with a BLAS of its own has it, and every worker.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        cli(standalone_mode=False)
+        with heard(_say_compiling):
+            cli(standalone_mode=False)
     except InputError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)

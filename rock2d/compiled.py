@@ -105,7 +105,7 @@ class _Compiling(event.Listener):
         compiling.begins()
 
     def on_end(self, event):
-        pass
+        compiling.ends()
 
 
 event.register("numba:compile", _Compiling())
@@ -191,8 +191,8 @@ def _alone(name: str) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            compiling.begins()
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            with compiling.compiling():
+                fcntl.flock(handle, fcntl.LOCK_EX)
     try:
         yield
     finally:

@@ -1,18 +1,47 @@
-"""Who is told when numba begins to compile, which takes long; code from the cache is not compiled."""
+"""Who hears when numba begins and ends to compile, which takes long; code from the cache is not compiled."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
-_told: list[Callable[[], None]] = []
+COMPILING = "compiling, once for this version (about a minute)"
+_listeners: list[Callable[[bool], None]] = []
+_depth = 0  # functions are compiled within others
 
 
-def tell_once(say: Callable[[], None]) -> None:
-    """Have `say` called when this process compiles something for the first time."""
-    _told.append(say)
+@contextmanager
+def heard(listener: Callable[[bool], None]) -> Iterator[None]:
+    """In the block, this process calls `listener(True)` when it begins to compile, and `listener(False)` at the end.
+    The innermost listener hears it alone."""
+    _listeners.append(listener)
+    try:
+        yield
+    finally:
+        _listeners.remove(listener)
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Numba compiles something in the block, or waits for another process that does."""
+    begins()
+    try:
+        yield
+    finally:
+        ends()
 
 
 def begins() -> None:
     """Numba compiles something; the module that sets up numba calls this."""
-    while _told:
-        _told.pop()()
+    global _depth
+    _depth += 1
+    if _depth == 1 and _listeners:
+        _listeners[-1](True)
+
+
+def ends() -> None:
+    """What began last is compiled."""
+    global _depth
+    _depth -= 1
+    if _depth == 0 and _listeners:
+        _listeners[-1](False)

@@ -8,6 +8,8 @@ import pandas as pd
 
 from rock2d.files.scenario import load_scenario
 from rock2d.graphics.figure_style import save_figure
+from rock2d.progress import Bars
+from rock2d.reproduction.computation import FIGURES
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
 from rock2d.reproduction.results import SPACES, Results
 from rock2d.runs.run import run
@@ -18,25 +20,26 @@ RELEASES_IN_FIGURE_3 = 25  # of each block
 FIGURE_DPI = 220
 
 
-def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, *, progress: bool) -> None:
+def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, bars: Bars) -> None:
     """Draw all figures (PNG) into `folder`, which holds the calibrated scenarios; `tables` as `result_tables` gives."""
-    runs = {
-        model: run(
-            load_scenario(folder / f"{model}.yaml"), engine=ENGINE_OF_MODEL[model], releases=RELEASES_IN_FIGURE_3,
-            progress=progress,
-        )
-        for model in SPACES
-    }  # fmt: skip
-    figures = {
-        "figure_1": figure_1.figure(results),
-        "figure_2": figure_2.figure(results),
-        "figure_3": figure_3.figure(runs),
-        "passing": passing.figure(results.passing),
-        "arrivals": arrivals.figure(results.arrivals, results.known),
-        "identified": identified.figure(_identified(tables)),
-    }
-    for name, figure in figures.items():
-        save_figure(figure, folder / f"{name}.png", dpi=FIGURE_DPI)
+    with bars.stage(FIGURES, 6, "figures") as bar:
+        runs = {
+            model: run(
+                load_scenario(folder / f"{model}.yaml"), engine=ENGINE_OF_MODEL[model], releases=RELEASES_IN_FIGURE_3
+            )
+            for model in SPACES
+        }  # fmt: skip
+        figures = {
+            "figure_1": figure_1.figure(results),
+            "figure_2": figure_2.figure(results),
+            "figure_3": figure_3.figure(runs),
+            "passing": passing.figure(results.passing),
+            "arrivals": arrivals.figure(results.arrivals, results.known),
+            "identified": identified.figure(_identified(tables)),
+        }
+        for name, figure in figures.items():
+            save_figure(figure, folder / f"{name}.png", dpi=FIGURE_DPI)
+            bar.step(name)
 
 
 def _identified(tables: dict[str, pd.DataFrame]) -> pd.DataFrame:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rock2d.files.folders import atomic_folder
-from rock2d.reproduction.computation import FinishedStages, compute_results
+from rock2d.reproduction.computation import FinishedStages, compute_results, reproduction_bars
 from rock2d.reproduction.results import Results
 from rock2d.reproduction.saving import write_results
 from rock2d.reproduction.stages import Effort
@@ -31,10 +31,11 @@ def reproduce(
     with atomic_folder(out) as folder:
         final = out.absolute()
         key = {"seed": seed, **vars(effort)}
-        finished = FinishedStages(final.with_name(f".{final.name}.stages"), key, progress)
-        results = compute_results(finished, seed=seed, effort=effort, candidates=candidates)
+        bars = reproduction_bars(progress, candidates)
+        finished = FinishedStages(final.with_name(f".{final.name}.stages"), key, bars)
+        results = compute_results(finished, bars, seed=seed, effort=effort, candidates=candidates)
         tables = write_results(results, folder)
-        write_figures(results, tables, folder, progress=progress)
+        write_figures(results, tables, folder, bars)
         (folder / "report.md").write_text(report_text(results, tables), encoding="utf-8")
     finished.clear()
     for line in results.conclusions:

@@ -35,7 +35,7 @@ FIT, HELDOUT, TWIN_FIT, TWIN = "fit", "heldout", "twin_fit", "twin"  # experimen
 
 def make_trial(
     count: int, seed: int, out: Path, *, causes: list[tuple[str, ...]] | None = None, workers: int = 1,
-    on_case: Callable[[], None] = lambda: None,
+    on_case: Callable[[], Any] = lambda: None,
 ) -> str:  # fmt: skip
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
 

@@ -16,41 +16,28 @@ Report = Callable[[str], None]
 
 def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, report: Report) -> None:
     """Write a sealed trial."""
-    from tqdm import tqdm
-
     from rock2d.blind.case_files import make_trial
+    from rock2d.progress import Bars
 
-    with tqdm(total=count, unit="case", disable=not progress) as bar:
-        digest = make_trial(
-            count, seed, out, workers=workers or os.cpu_count() or 1, on_case=lambda: _advance(bar)
-        )
+    with Bars(progress).stage("filming", count, "cases") as bar:
+        digest = make_trial(count, seed, out, workers=workers or os.cpu_count() or 1, on_case=bar.update)
     report(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
-
-
-def _advance(bar: Any) -> None:
-    bar.update()
 
 
 def run(
     folder: Path, *, workers: Workers, without_best: bool = False, progress: bool, report: Report
 ) -> None:
     """Diagnose all cases of a trial."""
-    from tqdm import tqdm
-
     from rock2d.blind.running import run_trial
+    from rock2d.progress import Bars
 
-    with tqdm(unit="case", disable=not progress) as bar:
-
-        def on_progress(done: int, of: int) -> None:
-            bar.total, bar.n = of, done
-            bar.refresh()
-
+    with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         out = run_trial(
             folder,
             workers=workers.processes or os.cpu_count() or 1,
             scheduler=workers.scheduler,
             without_best=without_best,
-            on_progress=on_progress,
+            on_progress=bar.reach,
         )
     report(f"written: {out}")
 

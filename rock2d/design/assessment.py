@@ -97,12 +97,13 @@ def assess(scenario: Scenario, engine: str, seed: int, progress: bool = False) -
     Raises InputError if it has no `uncertainty`, or if a drawn value makes no sense.
     """
     import pandas as pd
-    from tqdm import tqdm
+
+    from rock2d.progress import Bars
 
     sites = draw_sites(scenario, seed)
     variants = variants_of(scenario, sites)
     assert scenario.uncertainty is not None
-    with tqdm(total=len(variants), desc="possible sites", unit="site", disable=not progress) as bar:
+    with Bars(progress).stage("possible sites", len(variants), "sites") as bar:
         seeds = [sites.release_seed(i) for i in range(len(variants))]
         results = simulate_sites(variants, engine, seeds, scenario.uncertainty.releases, bar.update)
     return Assessment(

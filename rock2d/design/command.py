@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size
+from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
@@ -21,6 +21,7 @@ from rock2d.runs.tables import table_note
 
 FLOOR_OF_TARGET = 0.5  # of the target: if the largest size comes no lower, sampling decides the answer
 MOST_SHOWN = 1000  # releases of each block on the page
+PAGE, PAGE_WORK = "page", 8000.0  # stage, and its work in simulated releases
 
 
 def run_design(
@@ -47,7 +48,8 @@ def run_design(
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
     import numpy as np
-    from tqdm import tqdm
+
+    from rock2d.progress import Bars
 
     scenario = load_scenario(path)
     if changed:
@@ -66,20 +68,22 @@ def run_design(
     for remark in diagnosis_remarks(scenario):
         report(remark)
     search = Search(scenario, place, bounds, target, engine, seed)
-    sites = len(search.sites)
-
-    def judged(size: float) -> Judgement:
-        file = stages / f"{key}_{size:.12g}.json"
-        if file.is_file():
-            return Judgement(**read_json(file))
-        with tqdm(total=sites, desc=f"{place} = {size:.4g}", unit="site", disable=not progress) as bar:
-            found = search.judge(size, bar.update)
-        write_whole(file, json.dumps(asdict(found)))
-        return found
-
+    search.check()
+    sites, bars = len(search.sites), Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
     make_folder(stages)
     try:
-        answer = least_size(search, judged, tolerance)
+        with size_bars(search, bars, tolerance) as bar_of:
+
+            def judged(size: float) -> Judgement:
+                file, bar = stages / f"{key}_{size:.12g}.json", bar_of(size)
+                if file.is_file():
+                    bar.omit(sites)
+                    return Judgement(**read_json(file))
+                found = search.judge(size, bar.update)
+                write_whole(file, json.dumps(asdict(found)))
+                return found
+
+            answer = least_size(search, judged, tolerance)
     except KeyboardInterrupt:
         done = len(list(stages.glob(f"{key}_*.json")))
         raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
@@ -87,7 +91,9 @@ def run_design(
         _write(
             partial, scenario, answer, {"question": question, "engine": engine, "seed": seed, "sites": sites}
         )
-        taken = _write_page(partial, scenario, answer, (engine, seed), command)
+        with bars.stage(PAGE, 1, "step") as bar:
+            taken = _write_page(partial, scenario, answer, (engine, seed), command)
+            bar.update()
     shutil.rmtree(stages, ignore_errors=True)
     report("\n".join([answer_text(answer, search), *taken]))
     report(f"written: {out}")

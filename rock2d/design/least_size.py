@@ -6,7 +6,9 @@ their effect and not by chance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,7 @@ from rock2d.design.uncertainty import further_site_quantile, variance_shares
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
+from rock2d.progress import Bar, Bars
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,6 +32,8 @@ Array = np.ndarray
 
 DEFAULT_RELEASES = 1000  # of a scenario that says nothing about what is not known
 STEPS_OF_RANGE = 50  # the least size is found to this part of the range
+LARGEST, SMALLER = "largest size", "smaller sizes"  # stages of a search
+LATER_SHARE = 0.13  # of the time of the first size that another one takes, if they share descents
 
 
 @dataclass(frozen=True)
@@ -182,6 +187,11 @@ class Search:
     def _variants(self, size: float) -> list[Scenario]:
         return [variant(self.scenario, {**values, self.place: size}) for values, _ in self.sites]
 
+    @property
+    def shares(self) -> bool:
+        """Whether the releases of all sizes have a part in common."""
+        return self._descents is not None
+
     @cached_property
     def _descents(self) -> SharedDescents | None:
         """What the releases of all sizes have in common; None if a size changes more than the ground."""
@@ -209,6 +219,40 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
         for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):
             bound[block] = further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
     return Judgement(size, median, low, high, max(high.values()) <= target.frequency, unresolved)
+
+
+def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:
+    """How many sizes `least_size` judges at most."""
+    low, high = bounds
+    steps = STEPS_OF_RANGE if tolerance is None else (high - low) / tolerance
+    return 2 + max(0, math.ceil(math.log2(max(steps, 1.0))))
+
+
+def work_of_sizes(search: Search, tolerance: float | None = None) -> dict[str, float]:
+    """Work of the stages of `size_bars`, in simulated releases."""
+    each = len(search.sites) * search.releases * len(search.scenario.make_blocks())
+    later = LATER_SHARE if search.shares else 1.0
+    return {LARGEST: each, SMALLER: later * each * (most_sizes(search.bounds, tolerance) - 1)}
+
+
+@contextmanager
+def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Iterator[Callable[[float], Bar]]:
+    """Give the bar that a size advances: of the largest one, which is judged first and simulates what all sizes share,
+    or of the others."""
+    sites = len(search.sites)
+    with ExitStack() as stack:
+        first = bar = stack.enter_context(bars.stage(LARGEST, sites, "sites"))
+
+        def bar_of(size: float) -> Bar:
+            nonlocal bar
+            if bar is first and size != search.bounds[1]:
+                stack.close()
+                others = most_sizes(search.bounds, tolerance) - 1
+                bar = stack.enter_context(bars.stage(SMALLER, others * sites, "sites"))
+            bar.set_postfix_str(f"{search.place} = {size:.4g}")
+            return bar
+
+        yield bar_of
 
 
 def least_size(

@@ -7,7 +7,7 @@ and "unknown" if the residuals of even the best effect can be predicted (`residu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,10 +35,12 @@ from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.predicted_gap import harmless
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
+from rock2d.diagnosis.workload import BASE, LEARNT, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
 from rock2d.processes import Processes
+from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -107,7 +109,9 @@ class Attribution:
         return max(self.probabilities, key=lambda name: self.probabilities[name])
 
 
-def fit_base(setup: World, base: Array, data: Data, registered: World | None = None) -> Fit:
+def fit_base(
+    setup: World, base: Array, data: Data, registered: World | None = None, bars: Bars | None = None
+) -> Fit:
     """The paper's law with its own parameters refitted.
 
     The fit explores a coarse grid around `base` on some releases and then fits all of them. Both readings of the
@@ -117,6 +121,12 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
     without a further fit on the stated set-up, where blocks would fall into the ground. The gains of effects over such
     a base are no measure of their size.
     """
+    bars = bars or Bars(False)
+    with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
+        return _fitted_base(setup, base, data, registered, bar)
+
+
+def _fitted_base(setup: World, base: Array, data: Data, registered: World | None, bar: Bar) -> Fit:
     found = []
     some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
@@ -134,12 +144,12 @@ def fit_base(setup: World, base: Array, data: Data, registered: World | None = N
         scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
         scale[scale == 0.0] = 1.0  # of what was not measured
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
-        found += [
-            fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS)
-            for i in np.argsort(misfit)[:BASE_STARTS]
-        ]
+        for i in np.argsort(misfit)[:BASE_STARTS]:
+            found.append(fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS))
+            bar.step("some releases")
     best = max(found, key=Fit.total)
     best = fit(best.model, data, best.p)
+    bar.step("all releases")
     if registered is None:
         return fit(best.model, data, best.p, old=best, renew_noise=True)
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
@@ -153,19 +163,18 @@ def attribute(
     *,
     workers: int = 1,
     folder: Path | None = None,
-    on_progress: Callable[[str], None] = lambda name: None,
+    bars: DiagnosisBars | None = None,
 ) -> Attribution:
     """Try every effect against the base law, and then search the set of effects that explains most.
 
     Where the law of the best candidate fits better without the effect than the base, and predicts held-out releases
     better, it becomes the base and everything is tried again.
 
-    `on_progress` is called with the names of each model when it is done; `folder` keeps finished fits.
+    `folder` keeps finished fits.
     """
+    bars = bars or DiagnosisBars(False, len(effects), workers)
     with Processes(workers, (data,)) as processes:
-        search = Search(
-            data, effects, processes, CauseSet(base, cross_validate(base, data)), folder, on_progress
-        )
+        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars, folder)
         search.try_alone()
         for _ in range(MOST_RESTARTS if base.free else 0):
             better = _better_base(search)
@@ -189,9 +198,14 @@ def _better_base(search: Search) -> CauseSet | None:
 
 
 def _attribution(search: Search) -> Attribution:
+    with search.bars.stage(LEARNT, len(search.best.names) + 2, "sets") as bar:
+        return _attributed(search, bar)
+
+
+def _attributed(search: Search, bar: Bar) -> Attribution:
     base, data = search.base, search.data
     found = Dependences(data)
-    learnt, beside_learnt, tried = _learn_beside(search, found)
+    learnt, beside_learnt, tried = _learn_beside(search, found, bar)
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     best = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, candidates) or [candidates[best]]
@@ -272,7 +286,7 @@ class Dependences:
 
 
 def _learn_beside(
-    search: Search, found: Dependences
+    search: Search, found: Dependences, bar: Bar
 ) -> tuple[Learnt, dict[str, BesideLearnt], dict[Names, Learnt]]:
     """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each of
     them adds, and what was learnt beside each set.
@@ -283,6 +297,7 @@ def _learn_beside(
     """
     data, beside = search.data, dict[str, BesideLearnt]()
     learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
+    bar.step(_said(search.best.names))
     tried = {search.best.names: learnt}
     waiting: list[str] | None = None  # members to be tried; None: all of the best set
     while learnt.changes:
@@ -297,6 +312,7 @@ def _learn_beside(
         name = waiting.pop(0)
         own = smaller[name]
         other = tried[own.names] = learn(own.fit, own.held_out, data, found.of(own.fit))
+        bar.step(_said(own.names))
         beside[name] = BesideLearnt(
             held_out_gain(data, learnt, other),
             gains[name],
@@ -305,6 +321,10 @@ def _learn_beside(
         if beside[name].needless:
             search.best, learnt, waiting = own, other, None
     return learnt, beside, tried
+
+
+def _said(names: Names) -> str:
+    return f"beside {' + '.join(sorted(names)) or 'the base law'}"
 
 
 def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:

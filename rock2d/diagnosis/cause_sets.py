@@ -8,7 +8,7 @@ exchanged for its rivals. `screening` says which additions are worth a fit.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.screening import Expected, Screening
 from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.workload import ALONE, EXPLORING, SETS, USUAL_SETS, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.saved_arrays import load_arrays, save_arrays
@@ -68,8 +69,8 @@ class Search:
     data : of the fits; also in every worker of `processes`
     effects : of the catalogue
     base : the base law
+    bars : of the diagnosis
     folder : keeps finished fits
-    on_progress : called with the names of each set that is fitted
     known : names -> set
     best : the set from which no addition, omission or exchange gains more
     expected : names of a set -> what screening expects of each effect beside it
@@ -79,8 +80,8 @@ class Search:
     effects: Mapping[str, Effect]
     processes: Processes
     base: CauseSet
+    bars: DiagnosisBars
     folder: Path | None = None
-    on_progress: Callable[[str], None] = lambda name: None
     known: dict[Names, CauseSet] = field(init=False)
     best: CauseSet = field(init=False)
     expected: dict[Names, dict[str, Expected]] = field(init=False)
@@ -91,11 +92,20 @@ class Search:
     def try_alone(self) -> None:
         """Fit the base law with each effect alone. All are explored first: no fit goes on far behind another one."""
         base, on_some = self.base.fit, fit_to_some(self.base.fit, self.data)
-        found: dict[int, Explored] = {}
+        found, gain = dict[int, Explored](), -np.inf
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
-        found.update(self.processes.as_finished(_explore_step, jobs))
-        rival = base.total() + max((own.gain for own in found.values()), default=0.0)
-        self._fit([_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)])
+        with self.bars.stage(EXPLORING, len(jobs), "effects") as bar:
+            for k, own in self.processes.as_finished(_explore_step, jobs):
+                if not found:
+                    self.bars.skip()  # the processes start
+                found[k] = own
+                gain = max(gain, own.gain)
+                self.bars.explored(len(found) / len(jobs), gain)
+                bar.step(jobs[k][0].name)
+        rival = base.total() + gain
+        steps = [_Addition(base, name, None, found[k], rival) for k, name in enumerate(self.effects)]
+        with self.bars.stage(ALONE, len(steps), "effects"):
+            self._fit(steps)
 
     @property
     def alone(self) -> dict[str, CauseSet]:
@@ -104,11 +114,12 @@ class Search:
 
     def run(self) -> None:
         """Find the best set, once each effect was tried alone."""
-        self._grow()
-        for _ in range(MOST_EXCHANGES):
-            if not self._exchange():
-                break
+        with self.bars.stage(SETS, USUAL_SETS, "fits"):
             self._grow()
+            for _ in range(MOST_EXCHANGES):
+                if not self._exchange():
+                    break
+                self._grow()
 
     def without(self, own: CauseSet) -> dict[str, CauseSet]:
         """The sets that leave out one member each; name of the member -> set."""
@@ -182,6 +193,8 @@ class Search:
         if not own.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in but]
         expected = {name: e.total for name, e in self.beside(own).items() if name not in but}
+        if own is self.best:
+            self.bars.found(len(own.names), MOST_CAUSES, sum(max(gain, 0.0) for gain in expected.values()))
         ranked = sorted(expected, key=lambda name: -expected[name])
         return self._with([n for n in ranked if expected[n] > LEAST_EXPECTED_GAIN][:most], own, ahead)
 
@@ -245,11 +258,12 @@ class Search:
     def _finished(self, steps: Sequence[_Addition | _Reduction | _Refit]) -> list[CauseSet]:
         """What the steps fit, in their order, however many processes there are."""
         results: dict[int, CauseSet] = {}
+        self.bars.fits(len(steps))
         for k, (fitted, out) in self.processes.as_finished(
             _fit_step, [(step, self.folder) for step in steps]
         ):
             results[k] = CauseSet(fitted, out)
-            self.on_progress(" + ".join(steps[k].names))
+            self.bars.fitted(" + ".join(steps[k].names))
         return [results[k] for k in range(len(steps))]
 
 

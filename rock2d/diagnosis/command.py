@@ -6,7 +6,6 @@ import json
 import os
 import shlex
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import predict
+from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
 from rock2d.files.diagnosis import DIAGNOSIS, diagnosis_text, is_diagnosis, read_diagnosis
@@ -37,8 +37,6 @@ def run_diagnosis(
     report: Callable[[str], None],
 ) -> dict[str, Any]:
     """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first."""
-    from tqdm import tqdm
-
     from rock2d.diagnosis.report.page import write_report
     from rock2d.graphics.rendering import page_date
 
@@ -51,27 +49,13 @@ def run_diagnosis(
     releases, length = counted(rows["release"].nunique(), "release"), counted(len(rows), "row")
     report(f"{read.name}: {releases}, {length}; {counted(len(names), 'effect')} to try")
     make_folder(out)
-    with tqdm(unit="model", disable=not progress) as bar:
-        bar.total = len(names) + 1
-
-        def step(name: str) -> None:
-            bar.total = max(bar.total or 0, bar.n + 1)  # effects beside the best one add models
-            bar.set_description(name)
-            bar.update()
-
-        processes = workers or os.cpu_count() or 1
-
-        def forecast(seconds: float) -> None:
-            if progress:
-                bar.write(f"about {seconds:.0f} s with {processes} processes", file=sys.stderr)
-
-        result = diagnose(
-            read, seed=seed, workers=processes, folder=out / FITS, on_progress=step, on_forecast=forecast
-        )
+    processes = workers or os.cpu_count() or 1
+    bars = DiagnosisBars(progress, len(names), processes)
+    result = diagnose(read, seed=seed, workers=processes, folder=out / FITS, bars=bars)
     content = diagnosis_json(result)
     words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
     text = diagnosis_text(content)
-    write_report(result, content, out, progress=progress, command=shlex.join(words))
+    write_report(result, content, out, bars=bars, command=shlex.join(words))
     write_whole(out / DIAGNOSIS, text)
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")

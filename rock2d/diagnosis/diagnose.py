@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -24,10 +23,11 @@ from rock2d.diagnosis.gap import (
     where,
 )
 from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
+from rock2d.diagnosis.workload import GAP, READING, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
@@ -51,10 +51,6 @@ SPEAKING_FAULTS = {
     checks.FEW_RELEASES, checks.FEW_IMPACTS, checks.WRONG_GRAVITY, checks.CONSTANT_ANGLE, checks.BELOW_GROUND,
     checks.ABOVE_GROUND, checks.BESIDE_GROUND,
 }  # fmt: skip
-BASE_EVALUATIONS, EFFECT_EVALUATIONS = (
-    400,
-    220,
-)  # at all impacts, that fits of the base and of an effect take on average
 
 
 @dataclass(repr=False)
@@ -94,8 +90,7 @@ def diagnose(
     effects: Mapping[str, Effect] | None = None,
     workers: int = 1,
     folder: Path | None = None,
-    on_progress: Callable[[str], None] = lambda name: None,
-    on_forecast: Callable[[float], None] = lambda seconds: None,
+    bars: DiagnosisBars | None = None,
 ) -> Diagnosis:
     """Diagnose an experiment.
 
@@ -105,12 +100,17 @@ def diagnose(
     effects : to try; default the whole catalogue
     workers : number of processes that fit effects; the result does not depend on it
     folder : for finished fits, so that an interrupted diagnosis can continue
-    on_progress : called with the name of each model when it is done
-    on_forecast : called at the start with a rough number of seconds that the diagnosis will take
+    bars : show how far it is
     """
+    tried = effects or catalogue()
+    bars = bars or DiagnosisBars(False, len(tried), workers)
     setup = setup_world(experiment)
-    sanity, data = prepared(experiment, setup)
-    result = Diagnosis(experiment, sanity, setup, said_by_film(experiment, setup, sanity, data))
+    with bars.stage(READING, 2, "steps") as bar:
+        sanity, data = prepared(experiment, setup)
+        bars.skip()  # imports
+        bar.step("flights and impacts")
+        result = Diagnosis(experiment, sanity, setup, said_by_film(experiment, setup, sanity, data))
+        bar.step("scale and rest")
     if data is None:
         return result
     if folder is not None:
@@ -124,18 +124,19 @@ def diagnose(
         folder.mkdir(parents=True, exist_ok=True)
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
-        tried = effects or catalogue()
-        on_forecast(_duration_s(setup, base_start(experiment), data, len(tried), workers))
-        base = fit_base(setup, base_start(experiment), data, result.sanity.registered)
-        on_progress("base")
-        found = attribute(base, data, tried, workers=workers, folder=folder, on_progress=on_progress)
+        base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)
+        found = attribute(base, data, tried, workers=workers, folder=folder, bars=bars)
     result.data, result.found, result.seed = data, found, seed
-    gaps = Gaps(data, found, seed)
-    result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
-    result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
-    result.cells = locate(experiment, data, found, setup)
-    if isinstance(data, FilmData):
-        result.predicted = predicted_gap(data, found.base, found.learnt, seed)
+    with bars.stage(GAP, 3, "steps") as bar:
+        gaps = Gaps(data, found, seed)
+        result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
+        result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
+        bar.step("budget")
+        result.cells = locate(experiment, data, found, setup)
+        bar.step("places")
+        if isinstance(data, FilmData):
+            result.predicted = predicted_gap(data, found.base, found.learnt, seed)
+        bar.step("predictions")
     return result
 
 
@@ -180,15 +181,6 @@ def said_by_film(
         return None
     segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
     return film_statement(segments, world, experiment.fps)
-
-
-def _duration_s(setup: World, start: Array, data: FilmData | TableData, effects: int, workers: int) -> float:
-    """Expected seconds of all fits, from the time of one evaluation of all residuals."""
-    model = Model(setup, start)
-    model.residuals(model.start(), data)  # the first evaluation may compile
-    begin = perf_counter()
-    model.residuals(model.start(), data)
-    return (perf_counter() - begin) * (BASE_EVALUATIONS + EFFECT_EVALUATIONS * effects / workers)
 
 
 def locate(

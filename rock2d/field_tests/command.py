@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,23 +157,19 @@ def study_text(tables: Mapping[str, pd.DataFrame], mass_kg: float) -> str:
 
 @contextmanager
 def bars(progress: bool) -> Iterator[Callable[[str, int, int], None]]:
-    """A function that shows how many of how many are done of what."""
-    from tqdm import tqdm
+    """A function that shows how many of how many are done of what, and the time that this still takes."""
+    from rock2d.progress import Bar, Bars
 
-    shown: dict[str, Any] = {}
+    shown = dict[str, Bar]()
+    with ExitStack() as open_bars:
 
-    def show(what: str, done: int, of: int) -> None:
-        if what not in shown:
-            shown[what] = tqdm(total=of, desc=what, disable=not progress)
-        shown[what].update(done - shown[what].n)
-        if done >= of:
-            shown[what].close()
+        def show(what: str, done: int, of: int) -> None:
+            if what not in shown:
+                open_bars.close()
+                shown[what] = open_bars.enter_context(Bars(progress).stage(what, of, "soils"))
+            shown[what].reach(done, of)
 
-    try:
         yield show
-    finally:
-        for bar in shown.values():
-            bar.close()
 
 
 def _write_figures(

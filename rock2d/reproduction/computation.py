@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from rock2d.files.folders import make_folder
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.progress import Bars
 from rock2d.reproduction import published, stages
 from rock2d.reproduction.arrival_results import ArrivalStages
 from rock2d.reproduction.arrivals import calibrate_with_arrivals
@@ -29,11 +29,32 @@ from rock2d.reproduction.table_3_readings import readings_computed
 Array = np.ndarray
 OnProgress = Callable[[float], None]
 
+PREDICTIONS, FIGURES = "predictions", "figures"  # stages after the calibrations
+
 SCENARIO = "paper_setup.yaml"
+# calibration -> its work, relative to the others
+WORK = {
+    "deterministic": 1.2, "probabilistic": 1.3, "slope_reduction": 0.5, "without_cube": 2.0,
+    "without_parallelepiped": 2.0, "arrivals": 2.3, "missing_effects_deterministic": 4.2,
+    "missing_effects_probabilistic": 0.5, "table_3_readings": 0.7,
+}  # fmt: skip
+
+
+def reproduction_bars(shown: bool, candidates: bool) -> Bars:
+    """The bars of a reproduction."""
+    work = {
+        stage_title(name): own for name, own in WORK.items() if candidates or not name.startswith("without_")
+    }
+    return Bars(shown, {**work, PREDICTIONS: 0.5, FIGURES: 0.5})
+
+
+def stage_title(name: str) -> str:
+    """What the bar of a calibration is called."""
+    return name.replace("_", " ")
 
 
 def compute_results(
-    finished: FinishedStages, *, seed: int, effort: Effort, candidates: bool = False
+    finished: FinishedStages, bars: Bars, *, seed: int, effort: Effort, candidates: bool = False
 ) -> Results:
     """Calibrate both models and predict the three blocks; stages that `finished` holds are not computed again.
 
@@ -70,14 +91,17 @@ def compute_results(
     }
     readings = finished.arrays("table_3_readings", partial(readings_computed, known, effort, seeds[9]))
     found = ArrivalStages(arrivals, missing, readings)
-    return evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
+    with bars.stage(PREDICTIONS, 1, "step") as bar:
+        results = evaluate(known, samples, reduction, held_out, found, seeds[5], seed)
+        bar.update()
+    return results
 
 
 class FinishedStages:
     """Results of finished calibrations in a folder, each with the key (seed, effort, code) that it belongs to."""
 
-    def __init__(self, folder: Path, key: dict[str, Any], progress: bool) -> None:
-        self._folder, self._progress = folder, progress
+    def __init__(self, folder: Path, key: dict[str, Any], bars: Bars) -> None:
+        self._folder, self._bars = folder, bars
         self._key = json.dumps({**key, "code": fingerprint()}, sort_keys=True)
         make_folder(folder)
 
@@ -87,8 +111,8 @@ class FinishedStages:
         kept = load_arrays(path)
         if kept is not None and str(kept.pop("key", "")) == self._key:
             return kept
-        with _percent_bar(name.replace("_", " "), self._progress) as on_progress:
-            found = compute(on_progress)
+        with self._bars.stage(stage_title(name), 100, "%") as bar:
+            found = compute(lambda share: bar.reach(round(100 * share), 100))
         save_arrays(path, key=np.array(self._key), **found)
         return found
 
@@ -100,17 +124,3 @@ class FinishedStages:
     def clear(self) -> None:
         """Remove the folder, once the results are written."""
         shutil.rmtree(self._folder, ignore_errors=True)
-
-
-@contextmanager
-def _percent_bar(title: str, shown: bool) -> Iterator[OnProgress]:
-    """Give a callback (share done, 0 to 1) that drives a progress bar."""
-    from tqdm import tqdm
-
-    form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}"
-    with tqdm(desc=title, total=100, disable=not shown, bar_format=form) as bar:
-
-        def on_progress(share: float) -> None:
-            bar.update(100 * share - bar.n)
-
-        yield on_progress

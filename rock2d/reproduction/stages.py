@@ -56,6 +56,7 @@ OnProgress = Callable[[float], None]
 
 # Few releases tell well enough what to do with a low power of the likelihood: this share of them, up to this power.
 COARSE_SHARE, COARSE_UP_TO = 0.25, 0.1
+WORK_EXPONENT = 0.4  # a calibration does about this power of the likelihood's power of its work
 NO_CANDIDATE = "none"
 # effects of the catalogue that change an impact and depend neither on the camera nor on the order of the releases
 CANDIDATES = (
@@ -131,7 +132,7 @@ def calibrate(
         rng = np.random.default_rng(own.spawn(1)[0])
 
         def halfway(power: float) -> None:
-            on_progress((len(runs) + power) / 2)
+            on_progress((len(runs) + power**WORK_EXPONENT) / 2)
 
         prior = prior_draws(effort.prior_draws * half, width, rng)
         finer = COARSE_UP_TO, factors(draws)

@@ -16,7 +16,7 @@ from rock2d.runs.before_after import before_after, before_after_text, campaign_b
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import unresolved_remarks
-from rock2d.runs.run import run
+from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
 
@@ -132,9 +132,11 @@ def _run_in_memory(
     progress: bool,
 ) -> dict[str, pd.DataFrame]:
     """Run, print the tables, then write the folder; the tables that it holds."""
+    engine = options.engine or scenario.engine
+    bars = run_bars(scenario, engine, progress, workers.processes)
     result = run(
-        scenario, engine=options.engine, seed=options.seed, releases=options.releases,
-        workers=workers.processes, progress=progress,
+        scenario, engine=engine, seed=options.seed, releases=options.releases,
+        workers=workers.processes, progress=bars,
     )  # fmt: skip
     print_tables(result)
     found = Findings(
@@ -152,7 +154,7 @@ def _run_in_memory(
             of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
             _write_page(result, of_run, found, partial, page_of)
 
-    tables = result.write(folder, video, progress=progress, also=also)
+    tables = result.write(folder, video, progress=bars, also=also)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables

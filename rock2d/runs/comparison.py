@@ -92,10 +92,10 @@ def write_comparison(
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
     from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.overlays import overlay_figure
-    from rock2d.graphics.progress import frame_bar
     from rock2d.graphics.residuals import residuals_figure
     from rock2d.graphics.video import side_by_side
     from rock2d.graphics.video_options import VideoOptions
+    from rock2d.progress import Bars
 
     assert film.trajectories is not None and simulated.trajectories is not None
     cross_section, blocks = simulated.cross_section, simulated.blocks
@@ -110,11 +110,11 @@ def write_comparison(
     save_figure(residuals_figure(residuals, title), folder / "residuals.png")
     shown = _typical(residuals)
     track = next(t for t in tracks if t.release == shown)
-    with frame_bar("side by side", progress) as show:
+    with Bars(progress).stage("side by side", 0, "frames") as bar:
         side_by_side(
             folder / "side_by_side.webm", cross_section, blocks,
             [clip_from_measured(measured[measured["release"] == shown])], [clip_from_track(track)],
-            VideoOptions(slow_motion=slow_motion, titles=(f"{film.name}, release {shown}",)), show,
+            VideoOptions(slow_motion=slow_motion, titles=(f"{film.name}, release {shown}",)), bar.reach,
         )  # fmt: skip
     return {"residuals": residuals, "residual_summary": summary}
 

@@ -17,7 +17,7 @@ def run_demo(out: Path, progress: bool = True) -> None:
     from rock2d.files.folders import check_folder
     from rock2d.files.scenario import load_scenario
     from rock2d.files.shipped_scenarios import scenario_file
-    from rock2d.runs.run import run
+    from rock2d.runs.run import run, run_bars
     from rock2d.runs.tables import passing_text
 
     begin = time.perf_counter()
@@ -26,8 +26,9 @@ def run_demo(out: Path, progress: bool = True) -> None:
     scenario = load_scenario(scenario_file("paper_setup.yaml"))
     passing = []
     for engine, releases in (("pymunk", PYMUNK_RELEASES), ("point_mass", scenario.releases)):
-        result = run(scenario, engine=engine, releases=releases, progress=progress)
-        tables = result.write(out / engine, progress=progress)
+        bars = run_bars(scenario, engine, progress)
+        result = run(scenario, engine=engine, releases=releases, progress=bars)
+        tables = result.write(out / engine, progress=bars)
         table = tables["passing"]
         passing.append(table.assign(block=table["block"] + f" ({engine})"))
         if engine == "pymunk":

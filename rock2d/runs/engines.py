@@ -61,6 +61,7 @@ class Engine:
     chunk_releases : releases of a chunk of a campaign by default: enough that its files and tables take little beside
         it, but some seconds' work, which an interruption loses
     chunk_a_thread : the threads of a campaign compute a chunk each, since a release is little work beside its output
+    writing_work : time that the tables and files of a run take, relative to that of its simulation in one process
     """
 
     name: str
@@ -74,6 +75,7 @@ class Engine:
     groups_at_once: int = 1
     chunk_releases: int = 10_000
     chunk_a_thread: bool = False
+    writing_work: float = 15.0
 
 
 def engine_named(name: str) -> Engine:
@@ -137,7 +139,13 @@ def _point_mass_ensemble(job: Job, group: Group) -> Outcome:
 
 _ALL = (
     Engine(
-        "pymunk", "deterministic", _contact_parameters, _pymunk_track, many_processes=True, audits_energy=True
+        "pymunk",
+        "deterministic",
+        _contact_parameters,
+        _pymunk_track,
+        many_processes=True,
+        audits_energy=True,
+        writing_work=0.3,
     ),
     Engine(
         "batch",

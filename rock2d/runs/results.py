@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
+from rock2d.progress import Bars
 from rock2d.records.columns import STATE_NAMES
 from rock2d.runs.comparison import write_comparison
 from rock2d.runs.diagnosis_remarks import diagnosis_about
@@ -19,6 +20,8 @@ from rock2d.runs.simulation import TRAJECTORIES, Simulation
 
 if TYPE_CHECKING:
     import pandas as pd
+
+WRITING = "tables and figure"  # stage of a run
 
 
 @dataclass(kw_only=True, repr=False)
@@ -59,7 +62,7 @@ class RunResult(Simulation):
         folder: str | Path,
         video: bool = False,
         *,
-        progress: bool = False,
+        progress: bool | Bars = False,
         also: Callable[[Path], None] = lambda folder: None,
     ) -> dict[str, pd.DataFrame]:
         """Write the results folder, whole or not at all.
@@ -74,8 +77,8 @@ class RunResult(Simulation):
             An earlier result at this place is replaced.
         video : bool
             Also film the first releases of each block: trajectories.webm.
-        progress : bool
-            Show progress bars of the videos.
+        progress : bool or Bars
+            Show progress bars; or the bars of a command of which this is a stage.
         also : callable
             Writes further files into the folder that it is given, before the folder stands at its place.
 
@@ -92,27 +95,31 @@ class RunResult(Simulation):
         """
         from rock2d.graphics.figure_style import save_figure
 
-        scenario = self.scenario
-        tables = {name: self.to_pandas(name) for name in self.table_names() if name != TRAJECTORIES}
-        tables["starts"] = self._incident_states_table()
-        if self.drawn:
-            tables["drawn"] = self._drawn_table()
-        simulated = self.experiment()
+        scenario, bars = self.scenario, Bars.of(progress)
+        kept = [name for name in self.table_names() if name != TRAJECTORIES]
         with atomic_folder(folder) as partial:
-            write_experiment_files(partial, simulated)
+            with bars.stage(WRITING, len(kept) + 2, "parts") as bar:
+                tables = {name: self.to_pandas(name) for name in bar.counted(kept)}
+                tables["starts"] = self._incident_states_table()
+                if self.drawn:
+                    tables["drawn"] = self._drawn_table()
+                simulated = self.experiment()
+                write_experiment_files(partial, simulated)
+                bar.step("trajectories")
+                save_figure(self.plot(), partial / "trajectories.png")
+                bar.step("figure")
             if scenario.experiment is not None:
                 tables |= write_comparison(
                     scenario.experiment, simulated, self.tracks, partial,
-                    slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=progress,
+                    slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=bars.shown,
                 )  # fmt: skip
             for name, table in tables.items():
                 table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
             text = json.dumps(self._about(), indent=2) + "\n"
             (partial / "run.json").write_text(text, encoding="utf-8")
-            save_figure(self.plot(), partial / "trajectories.png")
             also(partial)
             if video:
-                self.write_video(partial / "trajectories.webm", progress=progress)
+                self.write_video(partial / "trajectories.webm", progress=bars.shown)
         return tables
 
     def write_video(
@@ -136,7 +143,6 @@ class RunResult(Simulation):
             Fields of `rock2d.graphics.video_options.VideoOptions`, for example `size_px`.
         """
         from rock2d.graphics.clips import clip_from_track
-        from rock2d.graphics.progress import frame_bar
         from rock2d.graphics.video import render_video
         from rock2d.graphics.video_options import VideoOptions
 
@@ -152,9 +158,11 @@ class RunResult(Simulation):
         ]
         longest = max((clip.t_s[-1] - clip.t_s[0] for scene in scenes for clip in scene), default=0.0)
         options = {"slow_motion": slow_motion or outputs.slowed(longest), "titles": (self.title,), **options}
-        with frame_bar("video", progress) as show:
+        with Bars(progress).stage("video", 0, "frames") as bar:
             filled = [scene for scene in scenes if scene]
-            render_video(Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), show)
+            render_video(
+                Path(path), self.cross_section, self.blocks, filled, VideoOptions(**options), bar.reach
+            )
 
     def _about(self) -> Mapping[str, Any]:
         from rock2d import __version__

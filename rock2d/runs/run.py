@@ -16,12 +16,13 @@ import numpy as np
 
 from rock2d.files.scenario import Scenario
 from rock2d.processes import as_finished
+from rock2d.progress import Bars
 from rock2d.records.track import Track
 from rock2d.runs.conditions import Condition, Conditions, starts
 from rock2d.runs.engines import ENGINES, ReleaseInputs, engine_named
 from rock2d.runs.incident_states import IncidentState
 from rock2d.runs.recording import Recording
-from rock2d.runs.results import RunResult
+from rock2d.runs.results import WRITING, RunResult
 
 FRAME_MARGIN_S = (
     1e-9  # a restarted release lasts a little longer than its film, so that the last frame is inside
@@ -44,7 +45,7 @@ def run(
     seed: int | None = None,
     releases: int | None = None,
     workers: int | None = None,
-    progress: bool = False,
+    progress: bool | Bars = False,
 ) -> RunResult:
     """Run every release of a scenario.
 
@@ -60,8 +61,8 @@ def run(
         Releases of each block, instead of the scenario's.
     workers : int, optional
         Processes; default: all cores. Results do not depend on it.
-    progress : bool
-        Show a progress bar.
+    progress : bool or Bars
+        Show a progress bar; or the bars of a command of which this is a stage.
 
     Returns
     -------
@@ -82,8 +83,6 @@ def run(
     >>> len(result.tracks), list(result.blocks)
     (10, ['circle', 'square', 'rectangle', 'ellipse', 'polygon'])
     """
-    from tqdm import tqdm
-
     chosen = engine_named(engine or scenario.engine)
     seed = scenario.seed if seed is None else seed
     conditions = Conditions(scenario, chosen.name, seed)
@@ -95,9 +94,10 @@ def run(
     job = _Job(chosen.name, scenario.gravity_m_s2, {} if conditions.vary else common)
     own = [condition for _, condition in begun] if conditions.vary else [None] * len(begun)
     jobs = list(zip(states, _time_limits(scenario, states), own, strict=True))
-    title = f"{scenario.name} ({chosen.name})"
-    with closing(_tracks(job, jobs, workers or os.cpu_count() or 1)) as simulated:
-        found = dict(tqdm(simulated, total=len(states), desc=title, unit="release", disable=not progress))
+    title = run_title(scenario, chosen.name)
+    bars, processes = Bars.of(progress), workers or os.cpu_count() or 1
+    with closing(_tracks(job, jobs, processes)) as simulated, bars.stage(title, len(jobs), "releases") as bar:
+        found = dict(bar.counted(simulated))
     tracks = [found[k] for k in range(len(states))]
     return RunResult(
         chosen.name, conditions.cross_section, blocks, tracks, _recording(scenario, seed), title,
@@ -105,6 +105,18 @@ def run(
         scenario=scenario, seed=seed, incident_states=states,
         drawn={start.release: met.drawn for start, met in begun if met.drawn},
     )  # fmt: skip
+
+
+def run_title(scenario: Scenario, engine: str) -> str:
+    """What a run is called on its figures and on its bar."""
+    return f"{scenario.name} ({engine})"
+
+
+def run_bars(scenario: Scenario, engine: str, shown: bool, workers: int | None = None) -> Bars:
+    """The bars of a run whose results are written."""
+    own = ENGINES[engine]
+    processes = (workers or os.cpu_count() or 1) if own.many_processes else 1
+    return Bars(shown, {run_title(scenario, engine): 1.0, WRITING: own.writing_work * processes})
 
 
 def _recording(scenario: Scenario, seed: int) -> Recording:

@@ -14,6 +14,7 @@ from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Enough, fit
 from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
@@ -113,12 +114,13 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
 def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path):
     experiment, effects, undisturbed = plain
 
-    def stop_after_one(name: str) -> None:
-        if name == "angle_offset":
-            raise KeyboardInterrupt
+    class StopAfterOne(DiagnosisBars):
+        def fitted(self, names):
+            if names == "angle_offset":
+                raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose(experiment, effects=effects, folder=tmp_path, on_progress=stop_after_one)
+        diagnose(experiment, effects=effects, folder=tmp_path, bars=StopAfterOne(False, len(effects), 1))
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
     names = sorted(path.stem.rsplit("_", 1)[0] for path in kept)
     assert names == ["angle_offset", *(f"explored_{name}" for name in sorted(effects))]

@@ -13,6 +13,7 @@ from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Enough, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.mirrored_axis import MIRROR_THETA
 from rock2d.effects.zone_contrast import FACE
@@ -36,7 +37,8 @@ def searched(hidden: dict[str, list[float]]) -> Search:
     base = fit(Model(setup, base_start(experiment)), data)
     effects = {name: catalogue()[name] for name in TRIED}
     with Processes(1, (data,)) as processes:
-        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)))
+        bars = DiagnosisBars(False, len(effects), 1)
+        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars)
         search.try_alone()
         search.run()
     return search
@@ -96,7 +98,8 @@ def test_no_effect_makes_the_empty_set():
 
 
 def test_the_order_in_which_effects_are_tried_does_not_matter(two):
-    again = Search(two.data, dict(reversed(two.effects.items())), Processes(1, (two.data,)), two.base)
+    effects = dict(reversed(two.effects.items()))
+    again = Search(two.data, effects, Processes(1, (two.data,)), two.base, two.bars)
     again.try_alone()
     again.run()
     assert again.best.names == two.best.names

@@ -32,6 +32,7 @@ from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
+from rock2d.progress import Bars
 from tests.kinematics.synthetic_films import film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
@@ -94,7 +95,7 @@ def write(result: Diagnosis, folder: Path) -> tuple[Page, str]:
         small_video(patch)
         patch.setenv("SOURCE_DATE_EPOCH", "86400")
         command = "rock2d diagnose <x> --out y"
-        page.write_report(result, diagnosis_json(result), folder, progress=False, command=command)
+        page.write_report(result, diagnosis_json(result), folder, bars=Bars(False), command=command)
     text = (folder / "report.html").read_text(encoding="utf-8")
     return Page(text), text
 

@@ -11,6 +11,7 @@ from rock2d_figures.command import reproduce
 
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
+from rock2d.progress import Bars
 from rock2d.reproduction import published, stages
 from rock2d.reproduction.computation import FinishedStages
 from rock2d.reproduction.hypotheses import known_setup
@@ -85,11 +86,11 @@ def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):
     def pressed(on_progress):
         raise KeyboardInterrupt
 
-    work = FinishedStages(tmp_path / "kept", {"seed": 1}, progress=False)
+    work = FinishedStages(tmp_path / "kept", {"seed": 1}, Bars(False))
     assert work.arrays("one", lambda on_progress: {"a": np.arange(3)})["a"].tolist() == [0, 1, 2]
     with pytest.raises(KeyboardInterrupt):
         work.arrays("two", pressed)
-    again = FinishedStages(tmp_path / "kept", {"seed": 1}, progress=False)
+    again = FinishedStages(tmp_path / "kept", {"seed": 1}, Bars(False))
     assert again.arrays("one", pressed)["a"].tolist() == [0, 1, 2]
     with pytest.raises(KeyboardInterrupt):  # of another seed
-        FinishedStages(tmp_path / "kept", {"seed": 2}, progress=False).arrays("one", pressed)
+        FinishedStages(tmp_path / "kept", {"seed": 2}, Bars(False)).arrays("one", pressed)

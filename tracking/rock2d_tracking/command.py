@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from rock2d.errors import InputError, counted
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
+from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.explanation import Seen
 from rock2d_tracking.film_reading import FilmFile, Frames
@@ -34,6 +35,9 @@ SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller t
 VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
+# why a film is read, with the time that this takes, relative to each other
+PASSES = {"finding what moves": 1.0, "learning looks": 0.2, "following": 2.0}
+FIRST_PASSES = {"looking for motion": 1.0, "learning first looks": 0.2}
 
 
 class FirstScale(NamedTuple):
@@ -68,6 +72,19 @@ class TrackSettings:
     report: Report = print
 
 
+class ShownFrames(Frames):
+    """Frames with a bar for each time that they are read; `passes`: what for."""
+
+    def __init__(self, film: FilmFile, last: int | None, bars: Bars, passes: Sequence[str]) -> None:
+        super().__init__(film, last)
+        self._bars, self._passes = bars, iter(passes)
+        self._length = min(film.promised, last or film.promised)
+
+    def __iter__(self) -> Iterator[Array]:
+        with self._bars.stage(next(self._passes, "reading again"), self._length, "frames") as bar:
+            yield from bar.counted(super().__iter__())
+
+
 def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSettings) -> None:
     """Track a film into the experiment folder `out`; whole or not at all.
 
@@ -77,7 +94,8 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
     from rock2d_tracking.first_setup import first_motion, write_first_setup
 
     film = FilmFile(video)
-    frames = film.frames(settings.last)
+    passes = PASSES if isinstance(config, Path) else FIRST_PASSES | PASSES
+    frames = ShownFrames(film, settings.last, Bars(settings.progress, passes), list(passes))
     check_folder(out)
     if isinstance(config, Path):
         _track(film, frames, Setup(config), out, settings)
@@ -96,8 +114,6 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
 
 
 def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: TrackSettings) -> None:
-    from tqdm import tqdm
-
     from rock2d.kinematics.film_statement import film_statement, write_statement
     from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.explanation import write_explanation
@@ -108,16 +124,12 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
 
     with atomic_folder(out) as folder:
         still: list[Array] = []
-        with (
-            closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay,
-            tqdm(total=film.promised or None, unit="frame", disable=not settings.progress) as bar,
-        ):
+        with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay:
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
                     still.append(GREY_VIEW(frame))
                 overlay.draw(number, frame, release)
-                bar.update()
 
             followed = follow(frames, setup, film.size_px, on_progress, film.promised)
         seen = Seen(frames, followed.motion, followed, setup)
@@ -206,8 +218,6 @@ def film(
 
     `faults`: one of `FAULT_LEVELS`. Raises `InputError` for an experiment that cannot be filmed.
     """
-    from tqdm import tqdm
-
     from rock2d.files.experiment import load_experiment, seen_frames
     from rock2d_tracking.setup_writing import write_setup
     from rock2d_tracking.synthetic.faults import FAULT_LEVELS
@@ -224,14 +234,10 @@ def film(
     camera = _whole_view(experiment, film_format.size_px)
     options = FilmOptions(seed, FAULT_LEVELS[faults], releases=numbers, rest_frames=FILM_REST_FRAMES)
     shots = film_frames(experiment, camera, film_format.size_px, options)
-    with tqdm(unit="frame", disable=not progress) as bar:
-
-        def counted():
-            for shot in shots:
-                bar.update()
-                yield shot
-
-        write_film(out, counted(), film_format.size_px, FILM_PLAYED_FPS, options.faults.quality, truth=True)
+    length = int(table["release"].isin(numbers).sum()) + FILM_REST_FRAMES * len(numbers)
+    with Bars(progress).stage("filming", length, "frames") as bar:
+        size_px, quality = film_format.size_px, options.faults.quality
+        write_film(out, bar.counted(shots), size_px, FILM_PLAYED_FPS, quality, truth=True)
     setup = out.with_suffix(".yaml")
     first = table.groupby("release")["block"].first()
     write_setup(setup, experiment, camera, [str(first[n]) for n in numbers])

@@ -28,10 +28,12 @@ from rock2d.diagnosis.report.practical_indicators import (
 )
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do
+from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.rendering import Made, rendered
+from rock2d.progress import Bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,6 +46,7 @@ FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
 SHOWN_CELLS = 8  # places; the others are folded away
 MOST_REPORTED_FRAMES = 150_000  # of the film for the practical indicators
 MOST_REPORTED_RELEASES = 4_000  # simulated for them
+PARTS = 5  # of the page of a film
 LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
 
 
@@ -52,24 +55,18 @@ def write_report(
     content: dict[str, Any],
     folder: Path,
     *,
-    progress: bool,
+    bars: Bars,
     command: str = "rock2d.diagnose in Python",
 ) -> None:
     """Write report.html and, where there is a film, the video into an existing `folder`.
 
     `content` is that of diagnosis.json, `command` what the page says it was made with.
     """
-    from tqdm import tqdm
-
     made = Made.now(command, f"{result.seed} (of the bootstrap intervals)")
-    with tqdm(desc="report", unit="part", disable=not progress) as bar:
-
-        def on_progress(part: str) -> None:
-            bar.set_postfix_str(part)
-            bar.update()
-
-        page = report_page(result, content, folder, made, on_progress)
-    write_whole(folder / PAGE, page)
+    with bars.stage(REPORT, PARTS, "parts") as bar:
+        page = report_page(result, content, folder, made, bar.step)
+        write_whole(folder / PAGE, page)
+        bar.step("page")
 
 
 def report_page(
@@ -138,7 +135,6 @@ def _sections(
     """All sections below the verdict."""
     assert result.found is not None and result.data is not None
     labels = {"measured": "measured", "base": "base law", "effect": f"with {text.listed(chain)}"}
-    on_progress("where")
     context: dict[str, Any] = {
         "labels": labels,
         "chain": chain,
@@ -151,7 +147,7 @@ def _sections(
          "gain": text.plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
-    on_progress("which")
+    on_progress("where")
     context |= _which(content) | _how_far(content, chain or [reported_effect(result.found)]) | {
         "law": parameters.law_rows(models), "scatter": parameters.scatter_rows(models),
         "effect_rows": parameters.effect_rows(models), "noise": parameters.noise_rows(result, models),
@@ -282,11 +278,11 @@ def _film(
         drawn[name] = simulated_releases(data, fit, film, signs, repetitions=repetitions)
     top = float(np.nanmax(film.pose[..., 1]))
     lines, line_note = measure_lines(experiment, top)
-    on_progress("practice")
+    on_progress("which")
     quantities = film_quantities(experiment, film, drawn, lines)
     improves = content["verdict"] not in ("none", "unknown")
     segments = tables.segments_of(result, models, improves)
-    on_progress("impacts")
+    on_progress("practice")
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
@@ -304,7 +300,7 @@ def _film(
         "apart": {name: text.length(v) for name, v in apart.items()},
         "releases": len(film),
     }
-    on_progress("video")
+    on_progress("impacts")
     return context | video_section(result, film, plain, labels, improves, folder)
 
 

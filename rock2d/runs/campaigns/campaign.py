@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campaign
 OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each is prepared for itself, which takes longer
 BYTES_OF_A_SAMPLE = 32
+READ_OUTPUTS = {"crossings", "ends"}  # by tables; more than once if they are very large
+TABLES_SHARE = 0.02  # of the time of the releases, that their tables take
 MANIFEST = "campaign.json"
 WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
 THIS_PROCESS = Workers()  # on all threads
@@ -98,9 +100,8 @@ def run_campaign(
     `folder` holds anything else, or a campaign that is determined otherwise without `overwrite`, or cannot be written.
     OSError, for example of a full disk, and KeyboardInterrupt say how far it came.
     """
-    from tqdm import tqdm
-
     from rock2d.files.folders import write_whole
+    from rock2d.progress import Bars
     from rock2d.runs.campaigns.chunks import is_done
     from rock2d.runs.campaigns.streaming import all_counts, campaign_tables
 
@@ -116,10 +117,11 @@ def run_campaign(
     title = f"{scenario.name} ({job.engine})"
     try:
         first = total - sum(chunk.count for chunk in todo)
-        with tqdm(total=total, initial=first, desc=title, unit="release", disable=not progress) as bar:
+        bars = Bars(progress, {title: total - first, "tables": TABLES_SHARE * total})
+        with bars.stage(title, total, "releases", first) as bar:
             _compute(job, todo, workers, bar.update)
         counts = all_counts(job, chunks)
-        with tqdm(desc="tables", unit="file", disable=not progress) as bar:
+        with bars.stage("tables", len(chunks) * len(READ_OUTPUTS & set(job.keep)), "files") as bar:
             tables = campaign_tables(job, chunks, counts, bar.update)
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))

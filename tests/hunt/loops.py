@@ -1,0 +1,228 @@
+"""The hunt for loops that break: `python -m tests.hunt.loops --loops 300 --seed 1 --workers 2`.
+
+A loop is a chain of commands as a user types them, on the files that the commands before wrote, to the last step. It
+breaks at a traceback, a warning of numpy, something that is no number, a half-written output, a refusal that is not one
+of `loop_commands.TRUE_REFUSALS`, a page that differs from its tables, or a prediction that breaks what
+`loop_predictions` demands. `--repeat NAME` goes one loop again and shows its commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from time import monotonic, perf_counter
+from typing import NamedTuple
+
+from tests.hunt.loop_cases import KIND_SHARES, Loop, named, random_loop
+
+WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
+LIMIT_SECONDS = 300.0  # of one loop
+MOST_TEXT = 1500
+MOST_SHRUNK = 6  # loops tried to make one smaller
+
+
+class Outcome(NamedTuple):
+    """WHOLE, BROKEN or REFUSED; the cause in a few words, the facts, the commands up to there, and seconds."""
+
+    what: str
+    cause: str = ""
+    text: str = ""
+    commands: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+def gone(loop: Loop, folder: Path) -> Outcome:
+    """Go a loop in an empty folder."""
+    from tests.hunt.loop_commands import BrokenError, Chain, RefusedError
+    from tests.hunt.loop_kinds import KINDS
+
+    chain, begin = Chain(folder, loop), perf_counter()
+    what, cause, text = WHOLE, "", ""
+    try:
+        KINDS[loop.kind](chain)
+    except RefusedError as error:
+        what, cause = REFUSED, str(error)
+    except BrokenError as error:
+        what, cause, text = BROKEN, error.cause, error.text
+    except Exception as error:  # of the hunt itself, or of files that it cannot read
+        what, cause, text = BROKEN, f"{type(error).__name__} in the loop", traceback.format_exc()
+    return Outcome(what, cause, text[-MOST_TEXT:], tuple(chain.commands), perf_counter() - begin)
+
+
+def _work(given: Connection) -> None:
+    """Go the loops that come, each in a folder of its own."""
+    import matplotlib
+    import numba
+
+    matplotlib.use("Agg")
+    numba.set_num_threads(1)
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 2)
+    while True:
+        loop = given.recv()
+        with tempfile.TemporaryDirectory(prefix="loop_") as name:
+            given.send(gone(loop, Path(name).resolve()))
+
+
+@dataclass
+class Worker:
+    """A process that goes loops; started anew after a hang or a crash."""
+
+    loop: Loop | None = None
+    since: float = 0.0
+    _ours: Connection = field(init=False)
+    _process: multiprocessing.process.BaseProcess = field(init=False)
+
+    def __post_init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._ours, theirs = context.Pipe()
+        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def begin(self, loop: Loop) -> None:
+        """Start a loop."""
+        self.loop, self.since = loop, monotonic()
+        self._ours.send(loop)
+
+    def ended(self) -> Outcome | None:
+        """What became of the loop; None while it goes on."""
+        late = monotonic() - self.since > LIMIT_SECONDS
+        if not late and not self._ours.poll():
+            return None
+        try:
+            if self._ours.poll():
+                return Outcome(*self._ours.recv())
+            outcome = Outcome(BROKEN, f"longer than {LIMIT_SECONDS:g} s", seconds=LIMIT_SECONDS)
+        except (EOFError, OSError):
+            outcome = Outcome(BROKEN, "the process ended")
+        self.close()
+        self.__post_init__()
+        return outcome
+
+    def close(self) -> None:
+        """Stop the process."""
+        self._process.kill()
+        self._process.join()
+        self._ours.close()
+
+    @property
+    def pipe(self) -> Connection:
+        """On which the outcome comes."""
+        return self._ours
+
+
+def all_gone(loops: Sequence[Loop], workers: Sequence[Worker]) -> Iterator[tuple[Loop, Outcome]]:
+    """The loops with their outcomes, in the order in which they end."""
+    left, busy = list(loops)[::-1], []
+    while left or busy:
+        for worker in workers:
+            if left and worker not in busy:
+                worker.begin(left.pop())
+                busy.append(worker)
+        wait([worker.pipe for worker in busy], timeout=1.0)
+        for worker in list(busy):
+            if (outcome := worker.ended()) is not None:
+                busy.remove(worker)
+                assert worker.loop is not None
+                yield worker.loop, outcome
+
+
+def shortest(loop: Loop, outcome: Outcome, worker: Worker) -> tuple[Loop, Outcome]:
+    """The loop with the least in it that breaks for the same cause, of a few that are tried."""
+    tried, smaller = 0, True
+    while smaller and tried < MOST_SHRUNK:
+        smaller = False
+        for fewer in loop.smaller():
+            tried += 1
+            _, again = next(all_gone([fewer], [worker]))
+            if again.cause == outcome.cause:
+                loop, outcome, smaller = fewer, again, True
+                break
+            if tried >= MOST_SHRUNK:
+                break
+    return loop, outcome
+
+
+def show(loop: Loop, outcome: Outcome) -> None:
+    """Print a loop that breaks, with its commands."""
+    print(
+        f"\n{loop.name}: {outcome.what}: {outcome.cause}", *(f"  $ {c}" for c in outcome.commands), sep="\n"
+    )
+    print(*(f"  | {line}" for line in outcome.text.splitlines()), sep="\n", flush=True)
+
+
+def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
+    """Go `count` random loops and print what breaks; the number of broken ones."""
+    loops = [loop for i in range(count) if (loop := random_loop(seed, i)).kind in kinds]
+    crew = [Worker() for _ in range(workers)]
+    counts: Counter[tuple[str, str]] = Counter()
+    refused: Counter[str] = Counter()
+    broken: dict[str, list[tuple[Loop, Outcome]]] = {}
+    begin = perf_counter()
+    for number, (loop, outcome) in enumerate(all_gone(loops, crew), 1):
+        counts[loop.kind, outcome.what] += 1
+        print(
+            f"{number:4d} {outcome.seconds:5.1f} s {outcome.what:8s} {loop.name} {outcome.cause}", flush=True
+        )
+        if outcome.what == REFUSED:
+            refused[outcome.cause] += 1
+        if outcome.what == BROKEN:
+            broken.setdefault(outcome.cause, []).append((loop, outcome))
+    least = {}
+    for cause, found in broken.items():
+        first = min(found, key=lambda one: (len(one[1].commands), len(one[0].quirks)))
+        least[cause] = shortest(*first, crew[0])
+    for worker in crew:
+        worker.close()
+    for loop, outcome in least.values():
+        show(loop, outcome)
+    print(f"\n{'kind':10s}{'made':>6s}{'broken':>8s}{'refused':>9s}")
+    for kind in kinds:
+        made = sum(counts[kind, what] for what in (WHOLE, BROKEN, REFUSED))
+        print(f"{kind:10s}{made:6d}{counts[kind, BROKEN]:8d}{counts[kind, REFUSED]:9d}")
+    print(f"\n{len(loops)} loops in {perf_counter() - begin:.0f} s; true refusals: {dict(refused)}")
+    for cause, found in sorted(broken.items(), key=lambda item: -len(item[1])):
+        print(f"{len(found):4d}  {cause}: {least[cause][0].name}, {len(least[cause][1].commands)} commands")
+    return sum(map(len, broken.values()))
+
+
+def repeat(name: str, folder: Path | None) -> int:
+    """Go the loop of that name in this process; 1 if it breaks. Its files stay in `folder`."""
+    with tempfile.TemporaryDirectory(prefix="loop_") as other:
+        place = folder or Path(other)
+        place.mkdir(parents=True, exist_ok=True)
+        outcome = gone(named(name), place.resolve())
+    show(named(name), outcome)
+    return int(outcome.what == BROKEN)
+
+
+def main() -> None:
+    """Hunt; exit code 1 if a loop breaks."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--loops", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--kinds", nargs="*", choices=list(KIND_SHARES), default=list(KIND_SHARES))
+    parser.add_argument("--repeat", metavar="NAME")
+    parser.add_argument("--folder", type=Path, help="of the files of the repeated loop, which stay")
+    given = parser.parse_args()
+    if given.repeat:
+        sys.exit(repeat(given.repeat, given.folder))
+    sys.exit(hunt(given.loops, given.seed, given.workers, given.kinds) > 0)
+
+
+if __name__ == "__main__":
+    main()

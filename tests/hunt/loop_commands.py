@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-from tests.hunt.loop_cases import NO_IMPACT, Loop
+from tests.hunt.loop_cases import NO_ANGLES, NO_IMPACT, Loop
 from tests.hunt.loop_files import unnumbered
 
 CUT_SHORT = 4  # exit code: releases ran out of time, or no size meets the target
@@ -29,12 +29,16 @@ FEWEST_RELEASES, FEWEST_REBOUNDS = 6, 15  # that a diagnosis says that it needs
 MOST_IN_GROUND = 0.2  # share of the frames with the centre in the ground that no diagnosis explains
 
 
-class BrokenError(Exception):
-    """The loop breaks: `cause` in a few words, the same for the same fault, and the facts."""
+class Fault(NamedTuple):
+    """What breaks a loop: a cause in a few words, the same for the same fault; the facts; the commands to it."""
 
-    def __init__(self, cause: str, text: str = "") -> None:
-        super().__init__(cause)
-        self.cause, self.text = cause, text
+    cause: str
+    facts: str
+    commands: int
+
+
+class BrokenError(Exception):
+    """The loop cannot go on; what breaks it is the last of the chain's faults."""
 
 
 class RefusedError(Exception):
@@ -60,6 +64,16 @@ class Chain:
     loop: Loop
     commands: list[str] = field(default_factory=list)
     film: Film | None = None
+    faults: list[Fault] = field(default_factory=list)
+
+    def note(self, cause: str, facts: str = "") -> None:
+        """A fault after which the loop goes on."""
+        self.faults.append(Fault(cause, facts, len(self.commands)))
+
+    def stop(self, cause: str, facts: str = "") -> NoReturn:
+        """A fault with which the loop ends."""
+        self.note(cause, facts)
+        raise BrokenError(cause)
 
     def __call__(self, *words: object) -> str:
         """Run `rock2d WORDS`; what it prints."""
@@ -73,25 +87,25 @@ class Chain:
         for warning in warned:
             if issubclass(warning.category, RuntimeWarning):
                 place = f"{Path(warning.filename).name}:{warning.lineno}"
-                raise BrokenError(f"{name}: RuntimeWarning", f"{place}: {warning.message}")
+                self.note(f"{name}: RuntimeWarning", f"{place}: {warning.message}")
         if isinstance(error, InputError):
             self._judge(name, error, before)
         if error is not None and not isinstance(error, SystemExit):
             frame = traceback.extract_tb(error.__traceback__)[-1]
             text = "".join(traceback.format_exception(error))
-            raise BrokenError(f"{name}: {type(error).__name__} in {Path(frame.filename).name}", text)
+            self.stop(f"{name}: {type(error).__name__} in {Path(frame.filename).name}", text)
         hidden = [path.name for path in self.folder.rglob(".*")]
         if hidden:
-            raise BrokenError(f"{name}: half-written output", str(hidden))
+            self.note(f"{name}: half-written output", str(hidden))
         cut_short = done.exit_code == CUT_SHORT and any(said in done.output for said in SAID_OF_CUT_SHORT)
         if done.exit_code != 0 and not cut_short:
-            raise BrokenError(f"{name}: exit code {done.exit_code}", done.output)
+            self.stop(f"{name}: exit code {done.exit_code}", done.output)
         if found := NOT_A_NUMBER.search(done.output):
             line = next(text for text in done.output.splitlines() if NOT_A_NUMBER.search(text))
-            raise BrokenError(f"{name} prints {found.group().lower()}", line)
+            self.note(f"{name} prints {found.group().lower()}", line)
         for path in sorted(self._files().items() - before.items()):
             if fault := unnumbered(path[0]):
-                raise BrokenError(f"{name} writes {fault[0]}", fault[1])
+                self.note(f"{name} writes {fault[0]}", fault[1])
         return done.output
 
     def _files(self) -> dict[Path, int]:
@@ -100,11 +114,11 @@ class Chain:
     def _judge(self, name: str, error: InputError, before: dict[Path, int]) -> None:
         """Raise `RefusedError` if the refusal is one of `TRUE_REFUSALS` and true."""
         if name != "diagnose" and (new := self._files().keys() - before.keys()):
-            raise BrokenError(f"{name}: refuses after it has written", ", ".join(sorted(map(str, new))))
+            self.stop(f"{name}: refuses after it has written", ", ".join(sorted(map(str, new))))
         if any(code == error.code and true(self) for command, code, true in TRUE_REFUSALS if command == name):
             raise RefusedError(f"{name}: {error.code}")
         words = re.sub(r"[-+]?\d[\d.e+-]*", "#", error.message.replace(f"{self.folder}/", ""))
-        raise BrokenError(f"{name} refuses ({error.code}): {words[:90]}", str(error))
+        self.stop(f"{name} refuses ({error.code}): {words[:90]}", str(error))
 
     def fault_codes(self) -> set[str]:
         """Why the last diagnosis was none, in codes."""
@@ -132,9 +146,16 @@ def _nothing_to_predict(chain: Chain) -> bool:
     return bool(chain.fault_codes()) or chain.film.impacts == 0 or NO_IMPACT in chain.loop.quirks
 
 
+def _without_rows(chain: Chain) -> bool:
+    """A table without an impact, or a film of blocks that are not round and have no angle in any frame."""
+    rows = pd.read_csv(chain.folder / "table" / "impacts.csv") if chain.loop.kind == "table" else None
+    return rows.empty if rows is not None else NO_ANGLES in chain.loop.quirks
+
+
 # command, code, and the condition under which the refusal is true
 TRUE_REFUSALS: tuple[tuple[str, str, Callable[[Chain], bool]], ...] = (
     ("diagnose", "not_diagnosed", _cannot_be_diagnosed),
+    ("diagnose", "empty", _without_rows),
     ("predict", "bad_value", _nothing_to_predict),
 )
 

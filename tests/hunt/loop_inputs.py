@@ -37,7 +37,7 @@ def document(loop: Loop, name: str) -> dict[str, Any]:
     }
     found["releases"] = cases.FEWEST  # `--releases` says how many run
     if "uncertainty" in found:
-        found["uncertainty"] |= {"sites": 4, "releases": 10}
+        found["uncertainty"] |= {"sites": 4, "releases": 20}
     if "blocks" in found and "field_test" not in found:
         _keep_blocks(found, 1 if cases.ONE_BLOCK in loop.quirks or loop.kind == "import" else 3)
     _edit_law(found["model"], loop)

@@ -9,6 +9,7 @@ of `loop_commands.TRUE_REFUSALS`, a page that differs from its tables, or a pred
 from __future__ import annotations
 
 import argparse
+import itertools
 import multiprocessing
 import os
 import sys
@@ -22,22 +23,31 @@ from pathlib import Path
 from time import monotonic, perf_counter
 from typing import NamedTuple
 
+import psutil
+
+from rock2d.errors import counted
 from tests.hunt.loop_cases import KIND_SHARES, Loop, named, random_loop
+from tests.hunt.loop_commands import Fault
 
 WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
-LIMIT_SECONDS = 300.0  # of one loop
+LIMIT_SECONDS = 150.0  # of processor time of one loop
+LONGEST_WAIT_S = 1800.0  # for one loop on a busy machine
 MOST_TEXT = 1500
 MOST_SHRUNK = 6  # loops tried to make one smaller
 
 
 class Outcome(NamedTuple):
-    """WHOLE, BROKEN or REFUSED; the cause in a few words, the facts, the commands up to there, and seconds."""
+    """WHOLE, BROKEN or REFUSED; what is refused; the faults; the commands; seconds."""
 
     what: str
-    cause: str = ""
-    text: str = ""
+    refusal: str = ""
+    faults: tuple[Fault, ...] = ()
     commands: tuple[str, ...] = ()
     seconds: float = 0.0
+
+    def of(self, cause: str) -> Fault | None:
+        """The first fault of this cause."""
+        return next((fault for fault in self.faults if fault.cause == cause), None)
 
 
 def gone(loop: Loop, folder: Path) -> Outcome:
@@ -45,17 +55,23 @@ def gone(loop: Loop, folder: Path) -> Outcome:
     from tests.hunt.loop_commands import BrokenError, Chain, RefusedError
     from tests.hunt.loop_kinds import KINDS
 
-    chain, begin = Chain(folder, loop), perf_counter()
-    what, cause, text = WHOLE, "", ""
+    chain, begin, refusal = Chain(folder, loop), perf_counter(), ""
     try:
         KINDS[loop.kind](chain)
     except RefusedError as error:
-        what, cause = REFUSED, str(error)
-    except BrokenError as error:
-        what, cause, text = BROKEN, error.cause, error.text
+        refusal = str(error)
+    except BrokenError:
+        pass
     except Exception as error:  # of the hunt itself, or of files that it cannot read
-        what, cause, text = BROKEN, f"{type(error).__name__} in the loop", traceback.format_exc()
-    return Outcome(what, cause, text[-MOST_TEXT:], tuple(chain.commands), perf_counter() - begin)
+        chain.note(f"{type(error).__name__} in the loop", traceback.format_exc())
+    what = BROKEN if chain.faults else REFUSED if refusal else WHOLE
+    faults = tuple(Fault(cause, facts[-MOST_TEXT:], count) for cause, facts, count in chain.faults)
+    return Outcome(what, refusal, faults, tuple(chain.commands), perf_counter() - begin)
+
+
+def _lost(cause: str) -> Outcome:
+    """Of a loop whose process did not answer."""
+    return Outcome(BROKEN, faults=(Fault(cause, "", 0),))
 
 
 def _work(given: Connection) -> None:
@@ -79,6 +95,7 @@ class Worker:
 
     loop: Loop | None = None
     since: float = 0.0
+    before: float = 0.0
     _ours: Connection = field(init=False)
     _process: multiprocessing.process.BaseProcess = field(init=False)
 
@@ -91,23 +108,32 @@ class Worker:
 
     def begin(self, loop: Loop) -> None:
         """Start a loop."""
-        self.loop, self.since = loop, monotonic()
+        self.loop, self.since, self.before = loop, monotonic(), self._used()
         self._ours.send(loop)
 
     def ended(self) -> Outcome | None:
         """What became of the loop; None while it goes on."""
-        late = monotonic() - self.since > LIMIT_SECONDS
+        used = self._used()
+        late = used - self.before > LIMIT_SECONDS or monotonic() - self.since > LONGEST_WAIT_S
         if not late and not self._ours.poll():
             return None
         try:
             if self._ours.poll():
                 return Outcome(*self._ours.recv())
-            outcome = Outcome(BROKEN, f"longer than {LIMIT_SECONDS:g} s", seconds=LIMIT_SECONDS)
+            outcome = _lost(f"more than {LIMIT_SECONDS:g} s of processor time")
         except (EOFError, OSError):
-            outcome = Outcome(BROKEN, "the process ended")
+            outcome = _lost("the process ended")
         self.close()
         self.__post_init__()
         return outcome
+
+    def _used(self) -> float:
+        """Processor time of the process in s."""
+        try:
+            times = psutil.Process(self._process.pid).cpu_times()
+        except psutil.Error:
+            return 0.0
+        return float(times.user + times.system)
 
     def close(self) -> None:
         """Stop the process."""
@@ -137,28 +163,26 @@ def all_gone(loops: Sequence[Loop], workers: Sequence[Worker]) -> Iterator[tuple
                 yield worker.loop, outcome
 
 
-def shortest(loop: Loop, outcome: Outcome, worker: Worker) -> tuple[Loop, Outcome]:
-    """The loop with the least in it that breaks for the same cause, of a few that are tried."""
+def shortest(loop: Loop, outcome: Outcome, cause: str, worker: Worker) -> tuple[Loop, Outcome]:
+    """The loop with the least in it that breaks for this cause, of a few that are tried."""
     tried, smaller = 0, True
     while smaller and tried < MOST_SHRUNK:
         smaller = False
-        for fewer in loop.smaller():
+        for fewer in itertools.islice(loop.smaller(), MOST_SHRUNK - tried):
             tried += 1
             _, again = next(all_gone([fewer], [worker]))
-            if again.cause == outcome.cause:
+            if again.of(cause):
                 loop, outcome, smaller = fewer, again, True
-                break
-            if tried >= MOST_SHRUNK:
                 break
     return loop, outcome
 
 
-def show(loop: Loop, outcome: Outcome) -> None:
-    """Print a loop that breaks, with its commands."""
+def show(loop: Loop, outcome: Outcome, fault: Fault) -> None:
+    """Print a fault with the commands that lead to it."""
     print(
-        f"\n{loop.name}: {outcome.what}: {outcome.cause}", *(f"  $ {c}" for c in outcome.commands), sep="\n"
+        f"\n{loop.name}: {fault.cause}", *(f"  $ {c}" for c in outcome.commands[: fault.commands]), sep="\n"
     )
-    print(*(f"  | {line}" for line in outcome.text.splitlines()), sep="\n", flush=True)
+    print(*(f"  | {line}" for line in fault.facts.splitlines()), sep="\n", flush=True)
 
 
 def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
@@ -171,29 +195,40 @@ def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
     begin = perf_counter()
     for number, (loop, outcome) in enumerate(all_gone(loops, crew), 1):
         counts[loop.kind, outcome.what] += 1
-        print(
-            f"{number:4d} {outcome.seconds:5.1f} s {outcome.what:8s} {loop.name} {outcome.cause}", flush=True
-        )
+        causes = list(dict.fromkeys(fault.cause for fault in outcome.faults))
+        said = "; ".join(causes) or outcome.refusal
+        print(f"{number:4d} {outcome.seconds:5.1f} s {outcome.what:8s} {loop.name} {said}", flush=True)
         if outcome.what == REFUSED:
-            refused[outcome.cause] += 1
-        if outcome.what == BROKEN:
-            broken.setdefault(outcome.cause, []).append((loop, outcome))
-    least = {}
-    for cause, found in broken.items():
-        first = min(found, key=lambda one: (len(one[1].commands), len(one[0].quirks)))
-        least[cause] = shortest(*first, crew[0])
+            refused[outcome.refusal] += 1
+        for cause in causes:
+            broken.setdefault(cause, []).append((loop, outcome))
+    least = {cause: _least(cause, found, crew[0]) for cause, found in broken.items()}
     for worker in crew:
         worker.close()
-    for loop, outcome in least.values():
-        show(loop, outcome)
+    for loop, outcome, fault in least.values():
+        show(loop, outcome, fault)
     print(f"\n{'kind':10s}{'made':>6s}{'broken':>8s}{'refused':>9s}")
     for kind in kinds:
         made = sum(counts[kind, what] for what in (WHOLE, BROKEN, REFUSED))
         print(f"{kind:10s}{made:6d}{counts[kind, BROKEN]:8d}{counts[kind, REFUSED]:9d}")
     print(f"\n{len(loops)} loops in {perf_counter() - begin:.0f} s; true refusals: {dict(refused)}")
     for cause, found in sorted(broken.items(), key=lambda item: -len(item[1])):
-        print(f"{len(found):4d}  {cause}: {least[cause][0].name}, {len(least[cause][1].commands)} commands")
-    return sum(map(len, broken.values()))
+        loop, _, fault = least[cause]
+        print(f"{len(found):4d}  {cause}: {loop.name}, {counted(fault.commands, 'command')}")
+    return sum(counts[kind, BROKEN] for kind in kinds)
+
+
+def _least(cause: str, found: Sequence[tuple[Loop, Outcome]], worker: Worker) -> tuple[Loop, Outcome, Fault]:
+    """The smallest loop that breaks for this cause, of those found and of smaller ones."""
+
+    def size(one: tuple[Loop, Outcome]) -> tuple[int, int]:
+        fault = one[1].of(cause)
+        return (fault.commands if fault else 0, len(one[0].quirks))
+
+    loop, outcome = shortest(*min(found, key=size), cause, worker)
+    fault = outcome.of(cause)
+    assert fault is not None
+    return loop, outcome, fault
 
 
 def repeat(name: str, folder: Path | None) -> int:
@@ -202,7 +237,9 @@ def repeat(name: str, folder: Path | None) -> int:
         place = folder or Path(other)
         place.mkdir(parents=True, exist_ok=True)
         outcome = gone(named(name), place.resolve())
-    show(named(name), outcome)
+    print(outcome.what, outcome.refusal, *(f"  $ {command}" for command in outcome.commands), sep="\n")
+    for fault in outcome.faults:
+        show(named(name), outcome, fault)
     return int(outcome.what == BROKEN)
 
 

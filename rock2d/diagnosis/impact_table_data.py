@@ -27,7 +27,7 @@ from rock2d.kinematics.flights import clearances
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
-from rock2d.records.columns import AFTER, POSE, RATES, VX, VY, X, Y
+from rock2d.records.columns import AFTER, AT, BEFORE, POSE, RATES, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -52,7 +52,10 @@ class TableData(ImpactTable):
         return self
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
-        """Simulated less recorded velocities after each impact: along the ground, across it, spin."""
+        """Simulated less recorded velocities after each impact: along the ground, across it, spin.
+
+        A block that the impact does not throw off has the velocities with which it stays on the ground.
+        """
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
@@ -66,7 +69,13 @@ class TableData(ImpactTable):
             starts[own, X] += gap * self.tangent[own, Y]  # along the normal until it just touches
             starts[own, Y] -= gap * self.tangent[own, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
-        starts = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
+        earlier = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
+        for b, block in enumerate(
+            blocks
+        ):  # the way back of a slow block, or of one that turns into the ground
+            own = self.impact_block == b
+            clear = clearances(block_arrays(block), ground, earlier[own, POSE]) > 0.0
+            starts[own] = np.where(clear[:, None], earlier[own], starts[own])
         ensemble, tables = world_ensemble(world)
         limit = (
             LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
@@ -76,7 +85,10 @@ class TableData(ImpactTable):
             ensemble, starts, block_ids=self.impact_block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
             time_limit_s=limit, impact_limit=1, impact_room=1,
         )  # fmt: skip
-        end = result.impacts[:, 0, AFTER]
+        touch = result.impacts[:, 0]
+        leaves = np.isfinite(touch[:, AFTER])
+        stays = np.isfinite(touch[:, BEFORE]) & ~leaves
+        end = np.where(stays, result.ends[:, AT], touch[:, AFTER])
         recorded = _recorded_velocities(world, end)
         d = recorded - self.after
         residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])

@@ -56,6 +56,17 @@ def test_true_law_reproduces_the_table():
     assert np.quantile(np.abs(residuals), 0.9, axis=0) == pytest.approx([0, 0, 0], abs=0.05)
 
 
+def test_slow_impacts_and_those_that_end_at_rest_have_an_outcome():
+    """A slow block is not moved back into the ground; one that sticks ends almost without motion."""
+    experiment = impacts(plain_world(), 3, seed=1, noise=0.0)
+    table = experiment.impacts.assign(x_m=0.0, y_m=0.03, theta_rad=0.0, vx_m_s=0.0, omega_rad_s=0.0)
+    table["vy_m_s"] = [-0.02, -0.002, 0.01]  # the last one only turns into the ground
+    table.loc[2, ["theta_rad", "y_m", "omega_rad_s"]] = [-0.4, 0.0393, 8.0]
+    data = TableData.of(replace(experiment, impacts=table))
+    after = data.residuals(plain_world()).impacts + data.after
+    assert np.isfinite(after).all() and np.abs(after[:2, :2]).max() < 0.02
+
+
 def test_a_table_is_predicted_from_the_states_before_the_impacts_alone():
     experiment = impacts(plain_world(), 40, seed=3, noise=0.0)
     after = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]

@@ -87,6 +87,7 @@ def _refuse_foreign(out: Path) -> None:
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
+    from rock2d.diagnosis.report.text import predicted_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -101,6 +102,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     lines.append(
         f"gap: {gap['base']:.3g} base, {gap['augmented']:.3g} with the effect, {gap['noise_floor']:.3g} floor; {closed}"
     )
+    if (own := content["predicted"]) is not None and verdict != "none":
+        lines.append(f"predictions close {100 * own['typical']['closure']:.0f} %, {predicted_words(own)}")
     for cause in content["causes"]:
         if cause["closes"] is not None:
             rivals = f"; not separated from {', '.join(cause['group'])}" if cause["group"] else ""

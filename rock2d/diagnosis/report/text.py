@@ -203,7 +203,7 @@ def key_figures(
     if verdict == "unknown":
         with_it = best_model(content, chain)
         tiles.append(Tile("Gap closed", closed, f"by the best model, with {with_it}; 95 % interval"))
-        return [*tiles, *_place_tile(content)]
+        return [*tiles, *_predicted_tile(content), *_place_tile(content)]
     low, high = (round(100 * v) for v in gap["closure_ci95"])
     remark = "no predictable residual remains" if low == high else "95 % interval"
     tiles.append(Tile("Gap closed", closed, f"on held-out releases; {remark}"))
@@ -220,7 +220,32 @@ def key_figures(
             Tile("Second effect", "none needed", "no other effect gains significantly beside this one")
         )
     tiles += [Tile("Further effect", spoken(part["effect"]), _gain(part)) for part in beside]
-    return [*tiles, *_size_tile(content, effects[verdict]), *_place_tile(content)]
+    return [
+        *tiles,
+        *_predicted_tile(content),
+        *_size_tile(content, effects[verdict]),
+        *_place_tile(content),
+    ]
+
+
+def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
+    """What predictions reach; of a film."""
+    own = content.get("predicted")
+    if own is None:
+        return []
+    closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
+    return [Tile("Closed by predictions", closed, predicted_words(own))]
+
+
+def predicted_words(own: Mapping[str, Any]) -> str:
+    """What predictions of whole segments miss, with the key `predicted`."""
+    typical, tail, units = own["typical"], own["tail"], own["units"]
+    return (
+        f"from one flight to the next, held-out releases: they miss {typical['base']:.3g} σ without and "
+        f"{typical['augmented']:.3g} σ with it (median; {typical['floor']:.3g} σ is noise and soil), the worst 5 % "
+        f"{tail['base']:.3g} σ and {tail['augmented']:.3g} σ or more; 1 σ is {units['mm']:.2g} mm and "
+        f"{units['deg']:.2g}°"
+    )
 
 
 def _gain(scored: Mapping[str, Any]) -> str:

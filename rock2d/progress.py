@@ -187,8 +187,8 @@ class Bar(tqdm):
         self.set_postfix_str(COMPILING if begins else "", refresh=not (self._in_log and again))
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        """Draw the bar; in a log file, not before there is something to say."""
-        if not self._in_log or self.n > self.initial or self._noted:
+        """Draw the bar; in a log file, only if there is something new to say."""
+        if not self._in_log or self.n > self.last_print_n or self.postfix == COMPILING:
             super().display(msg, pos)
 
     @property

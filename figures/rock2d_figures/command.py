@@ -31,7 +31,7 @@ def reproduce(
     with atomic_folder(out) as folder:
         final = out.absolute()
         key = {"seed": seed, **vars(effort)}
-        bars = reproduction_bars(progress, candidates)
+        bars = reproduction_bars(progress, effort, candidates)
         finished = FinishedStages(final.with_name(f".{final.name}.stages"), key, bars)
         results = compute_results(finished, bars, seed=seed, effort=effort, candidates=candidates)
         tables = write_results(results, folder)

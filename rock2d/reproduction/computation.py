@@ -32,7 +32,8 @@ OnProgress = Callable[[float], None]
 PREDICTIONS, FIGURES = "predictions", "figures"  # stages after the calibrations
 
 SCENARIO = "paper_setup.yaml"
-# calibration -> its work, relative to the others
+# calibration -> its work with this effort, relative to the others
+WORK_EFFORT = Effort(96, 16)
 WORK = {
     "deterministic": 1.2, "probabilistic": 1.3, "slope_reduction": 0.5, "without_cube": 2.0,
     "without_parallelepiped": 2.0, "arrivals": 2.3, "missing_effects_deterministic": 4.2,
@@ -40,12 +41,15 @@ WORK = {
 }  # fmt: skip
 
 
-def reproduction_bars(shown: bool, candidates: bool) -> Bars:
+def reproduction_bars(shown: bool, effort: Effort, candidates: bool) -> Bars:
     """The bars of a reproduction."""
+    hypotheses, releases = effort.hypotheses / WORK_EFFORT.hypotheses, effort.releases / WORK_EFFORT.releases
     work = {
-        stage_title(name): own for name, own in WORK.items() if candidates or not name.startswith("without_")
+        stage_title(name): hypotheses * releases * own
+        for name, own in WORK.items()
+        if candidates or not name.startswith("without_")
     }
-    return Bars(shown, {**work, PREDICTIONS: 0.5, FIGURES: 0.5})
+    return Bars(shown, {**work, PREDICTIONS: 3.0 * hypotheses, FIGURES: 1.0})
 
 
 def stage_title(name: str) -> str:

@@ -88,6 +88,8 @@ def random_loop(seed: int, number: int) -> Loop:
     quirks = _random_quirks(rng)
     if kind in ("table", "import", "film"):
         scenario, engine = str(rng.choice(BENCH)), str(rng.choice(ENGINES[:2]))
+    if kind == "film":
+        scenario = "paper_setup"
     if kind == "import":
         scenario += f":{rng.choice(FORMATS)}"
     if kind == "profile":
@@ -106,4 +108,4 @@ def _random_quirks(rng: np.random.Generator) -> tuple[str, ...]:
 
 def _of_a_film(quirks: tuple[str, ...]) -> tuple[str, ...]:
     """Those that change a film that is there."""
-    return tuple(own for own in quirks if own in (NO_ANGLES, NO_IMPACT, LOST_FRAMES))
+    return tuple(own for own in quirks if own in (NO_ANGLES, LOST_FRAMES))

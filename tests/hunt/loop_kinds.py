@@ -29,7 +29,7 @@ from tests.hunt.loop_inputs import (
 from tests.hunt.loop_predictions import prediction_faults
 
 FILM_SIZE = (480, 320)
-FILM_LIMIT_S, FILM_RELEASES = 0.4, 6
+FILM_LIMIT_S, FILM_RELEASES = 0.6, 6
 SAME_M = 1e-6  # to which imported positions are those of the export
 
 

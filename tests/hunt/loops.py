@@ -33,7 +33,7 @@ WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
 LIMIT_SECONDS = 150.0  # of processor time of one loop
 LONGEST_WAIT_S = 1800.0  # for one loop on a busy machine
 MOST_TEXT = 1500
-MOST_SHRUNK = 6  # loops tried to make one smaller
+MOST_SHRUNK = 4  # loops tried to make one smaller
 
 
 class Outcome(NamedTuple):

@@ -249,6 +249,8 @@ class LearntMotion:
         for learnt in self._changes:
             if learnt.lever == OUTCOME:
                 along = learnt.of({name: values[own] for name, values in self._quantities.items()})
+                if along.shape[1] == POSE_SIZE:  # learnt from a table of impacts: rates alone
+                    along = np.column_stack([np.zeros_like(along), along])
                 for first in (X, RATES.start):
                     a, b = along[:, first], along[:, first + 1]
                     change[:, first] += tx * a - ty * b

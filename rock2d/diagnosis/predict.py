@@ -11,6 +11,7 @@ import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, read_changes
+from rock2d.diagnosis.levers import FRAME, LAW, STATE
 from rock2d.diagnosis.segment_prediction import Segments, as_rows, predicted_poses
 from rock2d.diagnosis.table_prediction import predicted_velocities
 from rock2d.effects import catalogue
@@ -139,7 +140,17 @@ def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -
     block = data.impact_block[np.unique(data.impact_release, return_index=True)[1]]
     data.impact_order = _places(content, names, block, data.order)[data.impact_release]
     world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
-    velocities = predicted_velocities(data, world, [] if base_only else learnt_changes(content))
+    changes = [] if base_only else learnt_changes(content)
+    known = data.impact_quantities(world).keys() | data.outcome_quantities(world).keys()
+    for change in changes:
+        rates = change.lever in (LAW, STATE, FRAME) or len(change.coefficients) == len(AFTER_COLUMNS)
+        if not rates or not {curve.quantity for curve in change.basis.curves} <= known:
+            message = (
+                f"the diagnosis learnt a change of a film ({change.lever} of {change.basis.name}), which a table of "
+                "impacts does not show; predict with --base-only, or diagnose a table"
+            )
+            raise InputError(message, experiment.folder, code="wrong_kind")
+    velocities = predicted_velocities(data, world, changes)
     found = given[["release", "block"]].reset_index(drop=True)
     found["segment"] = found.groupby("release").cumcount()
     return found.assign(**dict(zip(AFTER_COLUMNS, velocities.T, strict=True)))[list(TABLE_COLUMNS)]

@@ -22,6 +22,7 @@ SPLINE_PIECES = {SPLINE: 5, FINE: 16}
 LEAST_VALUES_PER_PIECE = 6  # measured ones
 SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
 WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
+FADE = 0.5  # of the measured range: how far beyond it a change has faded to nothing
 LEAST_SPREAD = 1e-9  # of a quantity that varies, relative to its size
 
 BLOCK, ZONE, SERIES, HISTORY = "block", "zone", "release of the block", "impact of the release"
@@ -90,11 +91,21 @@ class Curve:
     ----------
     numbers : of a spline its breakpoints; of harmonics their numbers; of kinds the members; of a line the unit;
         of waves their angular frequencies
+    measured : lowest and highest measured value of a line or waves; those of a spline are its ends
     """
 
     quantity: str
     kind: str
     numbers: tuple[float, ...]
+    measured: tuple[float, float] | None = None
+
+    def known(self, values: Array) -> Array:
+        """(n,) 1 for values (n,) that were measured, falling to 0 at `FADE` times their range beyond them."""
+        ends = (self.numbers[0], self.numbers[-1]) if self.kind == SPLINE else self.measured
+        if ends is None:
+            return np.ones(len(values))
+        beyond = np.maximum(np.maximum(ends[0] - values, values - ends[1]), 0.0)
+        return np.clip(1.0 - beyond / (FADE * (ends[1] - ends[0])), 0.0, 1.0)
 
     def features(self, values: Array) -> Array:
         """(n, k) functions of the values (n,): of a spline a line and B-splines, which keep their last value beyond its
@@ -125,10 +136,13 @@ class Basis:
     curves: tuple[Curve, ...]
 
     def features(self, quantities: Mapping[str, Array]) -> Array:
-        """(n, k) functions of quantities (n,)."""
+        """(n, k) functions of quantities (n,); they fade to 0 where these were never measured."""
         if not self.curves:
             return np.ones((len(next(iter(quantities.values()))), 1))
-        return np.concatenate([curve.features(quantities[curve.quantity]) for curve in self.curves], axis=1)
+        each = [quantities[curve.quantity] for curve in self.curves]
+        known = np.prod([c.known(values) for c, values in zip(self.curves, each, strict=True)], axis=0)
+        parts = [c.features(values) for c, values in zip(self.curves, each, strict=True)]
+        return np.concatenate(parts, axis=1) * known[:, None]
 
     def content(self) -> dict[str, Any]:
         """For a JSON file."""
@@ -142,7 +156,11 @@ def quantities_of(dependences: Entries) -> frozenset[str]:
 
 def read_basis(content: Mapping[str, Any]) -> Basis:
     """The inverse of `Basis.content`."""
-    curves = (Curve(c["quantity"], c["kind"], tuple(map(float, c["numbers"]))) for c in content["curves"])
+    curves = []
+    for c in content["curves"]:
+        ends = c.get("measured")
+        measured = None if ends is None else (float(ends[0]), float(ends[1]))
+        curves.append(Curve(c["quantity"], c["kind"], tuple(map(float, c["numbers"])), measured))
     return Basis(content["depends_on"], tuple(curves))
 
 
@@ -163,7 +181,8 @@ def waves(times_s: Array, pace_s: float) -> list[Basis]:
     √(size / g)."""
     step = 1.0 / (WAVES_PER_PHASE * max(float(np.ptp(times_s)), pace_s))
     rates = 2.0 * np.pi * np.arange(SLOWEST_WAVE / pace_s, FASTEST_WAVE / pace_s, step)
-    return [Basis("time", (Curve(TIME_S, WAVES, (float(rate),)),)) for rate in rates]
+    ends = float(times_s.min()), float(times_s.max())
+    return [Basis("time", (Curve(TIME_S, WAVES, (float(rate),), ends),)) for rate in rates]
 
 
 def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
@@ -175,7 +194,8 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
     if kind == KINDS:
         return Curve(quantity, kind, tuple(map(float, np.unique(values))))
     if kind == LINE:
-        return Curve(quantity, kind, (float(np.sqrt(np.mean(values**2))),))
+        unit = float(np.sqrt(np.mean(values**2)))
+        return Curve(quantity, kind, (unit,), (float(values.min()), float(values.max())))
     pieces = min(SPLINE_PIECES[kind], len(values) // LEAST_VALUES_PER_PIECE)
     if kind == FINE and pieces <= SPLINE_PIECES[SPLINE]:
         return None

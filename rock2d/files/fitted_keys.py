@@ -85,6 +85,12 @@ class CurveKeys(Part):
         description="Breakpoints of a spline, numbers of harmonics, members of kinds, unit of a line, angular "
         "frequencies of waves",
     )
+    measured: list[Number] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="Lowest and highest measured value of a line or waves",
+    )
 
 
 class ChangeKeys(Part):

@@ -202,3 +202,11 @@ def test_splines_sum_to_one_and_keep_their_last_value():
     assert features[:, 1:].sum(axis=1) == pytest.approx(1.0)
     assert features[-1] == pytest.approx(curve.features(np.array([4.0]))[0])
     assert read_basis(Basis("place", (curve,)).content()) == Basis("place", (curve,))
+
+
+def test_a_change_fades_where_nothing_was_measured():
+    """1 within the measured range, half at a quarter of it beyond, nothing at half of it."""
+    for curve in (Curve("x_m", "spline", (0.0, 1.0, 4.0)), Curve("x_m", "line", (2.0,), (0.0, 4.0))):
+        at = np.array([-3.0, -2.0, -1.0, 0.0, 1.7, 4.0, 5.0, 6.0, 100.0])
+        whole, faded = curve.features(at), Basis("place", (curve,)).features({"x_m": at})
+        assert faded == pytest.approx(whole * np.array([0, 0, 0.5, 1, 1, 1, 0.5, 0, 0])[:, None])

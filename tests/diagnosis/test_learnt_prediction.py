@@ -8,7 +8,9 @@ import pytest
 
 from rock2d.diagnosis.predict import predict
 from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.errors import InputError
 from rock2d.kinematics.flights import clearances
+from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.diagnosis.test_predict import known
 from tests.kinematics.synthetic_films import film, world
 
@@ -74,6 +76,16 @@ def test_a_change_of_size_zero_shows_in_no_film(other, lever):
     base = predict(other, nothing, base_only=True)
     miss = np.abs(predict(other, nothing)[POSES] - base[POSES]).max()
     assert (miss < [other.position_noise_m, other.position_noise_m, other.angle_noise_rad]).all()
+
+
+def test_what_a_table_taught_is_used_for_a_film_and_a_film_says_what_a_table_cannot_use(other):
+    table = learnt(("outcome", STRONG["outcome"][3:]))  # the rates alone
+    film_ = learnt(("outcome", [[0.0], [0.0], [0.0], *STRONG["outcome"][3:]]))
+    pd.testing.assert_frame_equal(predict(other, table), predict(other, film_))
+    for lever in ("flight", "slope", "outcome"):
+        with pytest.raises(InputError, match=f"learnt a change of a film .{lever} of nothing") as caught:
+            predict(impacts(plain_world(), 30, seed=4, noise=0.01), learnt((lever, STRONG[lever])))
+        assert caught.value.code == "wrong_kind"
 
 
 @pytest.mark.parametrize("lever", STRONG)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, read_changes
-from rock2d.diagnosis.levers import FRAME, LAW, STATE
+from rock2d.diagnosis.levers import FRAME, LAW, OUTCOME, STATE
 from rock2d.diagnosis.segment_prediction import Segments, as_rows, predicted_poses
 from rock2d.diagnosis.table_prediction import predicted_velocities
 from rock2d.effects import catalogue
@@ -143,8 +143,9 @@ def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -
     changes = [] if base_only else learnt_changes(content)
     known = data.impact_quantities(world).keys() | data.outcome_quantities(world).keys()
     for change in changes:
-        rates = change.lever in (LAW, STATE, FRAME) or len(change.coefficients) == len(AFTER_COLUMNS)
-        if not rates or not {curve.quantity for curve in change.basis.curves} <= known:
+        rates = change.lever == OUTCOME and len(change.coefficients) == len(AFTER_COLUMNS)
+        acts = rates or change.lever in (LAW, STATE, FRAME)
+        if not acts or not {curve.quantity for curve in change.basis.curves} <= known:
             message = (
                 f"the diagnosis learnt a change of a film ({change.lever} of {change.basis.name}), which a table of "
                 "impacts does not show; predict with --base-only, or diagnose a table"

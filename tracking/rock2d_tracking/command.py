@@ -36,8 +36,8 @@ VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the m
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
 FILM_PLAYED_FPS = 25
 # why a film is read, with the time that this takes, relative to each other
-PASSES = {"finding what moves": 1.0, "learning looks": 0.2, "following": 2.0}
-FIRST_PASSES = {"looking for motion": 1.0, "learning first looks": 0.2}
+PASSES = {"finding what moves": 1.0, "learning looks": 0.4, "following": 0.7}
+FIRST_PASSES = {"looking for motion": 1.0, "learning first looks": 0.4}
 
 
 class FirstScale(NamedTuple):

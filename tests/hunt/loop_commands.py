@@ -134,7 +134,7 @@ def _cannot_be_diagnosed(chain: Chain) -> bool:
     true = {
         "few_releases": film.releases < FEWEST_RELEASES,
         "few_impacts": film.rebounds < FEWEST_REBOUNDS,
-        "constant_angle": chain.loop.engine == "point_mass",
+        "constant_angle": chain.loop.engine == "point_mass" or film.impacts == 0,
         "below_ground": film.share_in_ground > MOST_IN_GROUND,
     }
     return bool(faults) and all(true.get(fault, False) for fault in faults)

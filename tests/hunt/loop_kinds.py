@@ -127,7 +127,9 @@ def compared(chain: Chain, first: Path, second: Path) -> None:
 
 def again(chain: Chain, keys: dict[str, Any]) -> None:
     """Run a scenario with the diagnosis, and read its page."""
-    engine = "batch" if chain.loop.engine == "point_mass" else chain.loop.engine
+    # a slope takes the other engine minutes, and the law of points knows no diagnosis
+    quick = chain.loop.engine == "pymunk" and chain.loop.scenario in (*cases.BENCH, "real_squares")
+    engine = "pymunk" if quick else "batch"
     options = ("--data", str(chain.folder / "measured")) if (chain.folder / "measured").exists() else ()
     keys = {**keys, "name": "again", "engine": engine, "model": {"diagnosis": "diagnosis/diagnosis.json"}}
     keys.pop("uncertainty", None)

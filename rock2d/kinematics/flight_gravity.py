@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.kinematics.flights import Film, Flights
+from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
 from rock2d.kinematics.recorded_gravity import (
     AGREEING_SPREAD,
     CLEAR_CURVATURE,
@@ -33,7 +33,6 @@ from rock2d.statistics import weighted_median
 
 Array = np.ndarray
 
-SMALLEST_NOISE_M = 1.0e-9  # of the positions in an exact film: free flight needs no simulation
 PARABOLA = 3  # polynomials of a parabola
 SLOW_DEGREES = 2  # of the polynomials next to it
 VARIANCE_ROUNDS = 5  # of the estimate of σ and τ, at most
@@ -253,7 +252,7 @@ def _variances(flights: list[_Whitened], variance: float, jitter: float) -> tupl
     speed = np.concatenate([np.append(own.speed, np.zeros_like(own.speed)) for own in flights])
     design = np.column_stack([np.ones_like(speed), speed**2])
     weight = left**2 / (design @ [variance, jitter]) ** 2
-    least = SMALLEST_NOISE_M**2
+    least = SMALLEST_NOISE**2
     alone = max(float((weight * squares / left).sum() / weight.sum()), least)
     normal = design.T @ (weight[:, None] * design)
     if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)) + 1e-300)) > 1e8:

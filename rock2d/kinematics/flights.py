@@ -41,9 +41,7 @@ IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
 SMOOTH_ACCELERATION_SD = 0.5  # 1 sigma, in units of gravity, by which air, lens and perspective bend a flight
 SMOOTH_DEGREE = 4  # of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
-# of block radii and of rad: least noise of a pose. The simulated law is not more exact: its steps change the velocity
-# after an impact by about 1e-4 √(g × radius), which moves the block by 1e-4 of its radius in √(radius / g)
-MODEL_RESOLUTION = 1.0e-4
+SMALLEST_NOISE = 1.0e-9  # of positions in m and angles in rad, for films without noise
 NOISE_LAGS = 6  # frames over which the noise may be correlated
 
 
@@ -61,7 +59,6 @@ class Film:
     angle_known : (releases,) whether the angle was measured; that of a circle without marks is not, and constant
     noise : (3,) 1 sigma of a frame, white part; `long_noise` (3,) the same for averages over many frames, which
         correlated noise makes larger
-    floor : (3,) least noise that counts: `MODEL_RESOLUTION`
     """
 
     t_s: Array
@@ -74,12 +71,6 @@ class Film:
     stated_noise: Array
     noise: Array
     long_noise: Array
-    floor: Array
-
-    @property
-    def exact(self) -> Array:
-        """(3,) whether the noise is that of the floor."""
-        return np.asarray(self.noise <= self.floor)
 
 
 @dataclass
@@ -123,7 +114,6 @@ def load_film(experiment: Experiment) -> Film:
         pose[a:b, THETA] = np.unwrap(pose[a:b, THETA])
         angle_known[r] = not round_[blocks[a]] or np.ptp(pose[a:b, THETA]) > 0.0
     stated = np.array([experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad])
-    radius = min(block.radius_m for block in experiment.blocks.values())
     film = Film(
         table["t_s"].to_numpy(float),
         pose,
@@ -135,7 +125,6 @@ def load_film(experiment: Experiment) -> Film:
         stated,
         stated,
         stated,
-        MODEL_RESOLUTION * np.array([radius, radius, 1.0]),
     )
     film.noise = film.long_noise = _first_noise(film)
     return film
@@ -145,7 +134,7 @@ def _first_noise(film: Film) -> Array:
     """Noise from the residuals of parabolas over short windows. The median ignores the few windows with contact."""
     n = len(film.t_s) // NOISE_WINDOW_FRAMES * NOISE_WINDOW_FRAMES
     if n < 4 * NOISE_WINDOW_FRAMES:
-        return np.maximum(film.stated_noise, film.floor)
+        return np.maximum(film.stated_noise, 1e-6)
     windows = film.pose[:n].reshape(-1, NOISE_WINDOW_FRAMES, 3)
     t = film.t_s[:n].reshape(-1, NOISE_WINDOW_FRAMES)
     release = film.release[:n].reshape(-1, NOISE_WINDOW_FRAMES)
@@ -155,35 +144,15 @@ def _first_noise(film: Film) -> Array:
     whole = even & (release[:, 0] == release[:, -1])
     windows, known = windows[whole], film.angle_known[release[whole, 0]]
     if len(windows) < 4:
-        return np.maximum(film.stated_noise, film.floor)
+        return np.maximum(film.stated_noise, 1e-6)
     basis = np.linalg.qr(np.vander(np.linspace(-1, 1, NOISE_WINDOW_FRAMES), 3))[0]
     residual = windows - np.einsum("fk,gk,wgc->wfc", basis, basis, windows)
     variance = (residual**2).sum(axis=1) / (NOISE_WINDOW_FRAMES - 3)
-    noise = np.maximum(np.sqrt(np.median(variance, axis=0)), film.floor)
+    noise = np.maximum(np.sqrt(np.median(variance, axis=0)), SMALLEST_NOISE)
     if not known.all():
         angle = np.sqrt(np.median(variance[known, THETA])) if known.any() else film.stated_noise[THETA]
-        noise[THETA] = max(float(angle), film.floor[THETA])
+        noise[THETA] = max(float(angle), SMALLEST_NOISE)
     return noise
-
-
-def noise_remarks(film: Film) -> list[str]:
-    """What to know of a film whose noise is that of the floor."""
-    parts = [
-        f"{value:.2g} {unit} of {what}"
-        for value, unit, what, exact in (
-            (film.floor[Y], "m", "positions", film.exact[:THETA].any()),
-            (film.floor[THETA], "rad", "angles", film.exact[THETA] and film.angle_known.any()),
-        )
-        if exact
-    ]
-    if not parts:
-        return []
-    return [
-        f"The film shows less noise than the simulated law can resolve. {' and '.join(parts)} count as its noise "
-        f"({MODEL_RESOLUTION:g} of the least radius of a block, {MODEL_RESOLUTION:g} rad). Of a simulated film the "
-        "noise may be 0: give its scenario outputs.position_noise_m and outputs.angle_noise_rad to see what a camera "
-        "would show"
-    ]
 
 
 def segment_film(world: World, film: Film) -> Segmentation:
@@ -344,7 +313,7 @@ def _noise_of_flights(film: Film, flights: Flights) -> tuple[Array, Array]:
         used += 1
     if freedom < 50:
         return film.noise, film.noise
-    variance = np.maximum(lagged[0] / freedom, film.floor**2)
+    variance = np.maximum(lagged[0] / freedom, SMALLEST_NOISE**2)
     # four fitted parameters give even white noise a small negative correlation
     correlation = lagged[1:] / pairs[1:, None] / variance + 4.0 * used / (freedom + 4.0 * used)
     sigma = np.sqrt(variance)

@@ -31,7 +31,7 @@ def flights(
     first = np.arange(count) * n
     film = Film(
         np.tile(t, count), pose, np.repeat(release, n), np.arange(releases), np.zeros(releases, int), ["ball"],
-        np.zeros(releases, bool), *[np.full(3, sigma)] * 4,
+        np.zeros(releases, bool), *[np.full(3, sigma)] * 3,
     )  # fmt: skip
     return film, Flights(release, np.zeros(count, int), first, first + n, np.full(count, -1))
 

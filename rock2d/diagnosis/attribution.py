@@ -7,13 +7,14 @@ and "unknown" if the residuals of even the best effect can be predicted (`residu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
 from rock2d.diagnosis.classification import probabilities, statistics
@@ -49,6 +50,8 @@ SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains t
 NAMED_PROBABILITY = 0.5  # from which on an effect is one of the causes
 GROUP_Z = 2.0  # standard errors between effects that the data cannot separate
 BASE_STARTS = 2  # places from which the base law is fitted
+MOST_RIVALS = 2  # effects that may stand for one that is named
+CLEAR_GAIN_Z = 3.0  # standard errors that an effect must gain which only widens the scatter
 MOST_RESTARTS = 2  # with a better base law
 
 
@@ -224,8 +227,14 @@ def _attributed(search: Search, bar: Bar) -> Attribution:
     included = inclusion(numbers["causes"])
     chances = explained_away(probabilities(numbers), included)
     likeliest = max(chances, key=lambda name: chances[name])
-    named = frozenset(name for name, p in included.items() if p >= NAMED_PROBABILITY)
-    named |= {likeliest} & candidates.keys()
+    probable = {name for name, p in included.items() if p >= NAMED_PROBABILITY} | {
+        likeliest
+    } & candidates.keys()
+    named = frozenset(name for name in probable if _matters(search, name, rivals.get(name, [])))
+    if likeliest in probable - named:  # what closes nothing, or could be many others, is no answer
+        gap = learnt.changes or any(_is_significant(d) for d in left)
+        answer = "unknown" if named or gap else "none"
+        chances = {**chances, answer: chances[answer] + chances[likeliest], likeliest: 0.0}
     settled = learnt if named == search.best.names else None
     if settled is None:
         search.best = search.joint(named)
@@ -251,6 +260,23 @@ def _attributed(search: Search, bar: Bar) -> Attribution:
         numbers, [d for d in left if _is_significant(d)], learnt, regressed.left, named, rivals,
         {names: own.held_out for names, own in search.within(named).items()},
     )  # fmt: skip
+
+
+def _matters(search: Search, name: str, rivals: Sequence[str]) -> bool:
+    """Whether an effect may be named: at most MOST_RIVALS can stand for it, and it surely closes a part of the gap,
+    alone or beside the others of the best set. One that widens the scatter closes nothing and must gain instead."""
+    if len(rivals) > MOST_RIVALS:
+        return False
+    alone = search.alone[name]
+    pairs = [(alone, search.base)]
+    if name in search.best.names:
+        pairs.append((search.best, search.without(search.best)[name]))
+    if search.effects[name].scatter:
+        return any(search.gain(*pair).significance > CLEAR_GAIN_Z for pair in pairs)
+    sizes = Sizes(search.data, search.best.fit.covariance())
+    draws = Draws(sizes, seed=0)
+    gaps = [[draws.gap(sizes.of(own.held_out.residuals)) for own in pair] for pair in pairs]
+    return any(np.quantile((without - with_it)[1:], 0.025) > 0.0 for with_it, without in gaps)
 
 
 class Regressed(NamedTuple):

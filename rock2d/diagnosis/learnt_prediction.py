@@ -40,6 +40,7 @@ from rock2d.records.columns import (
     BEFORE,
     I_TIME,
     I_TIME_AFTER,
+    LINEAR_VELOCITY,
     POSE,
     POSITION,
     RATES,
@@ -54,6 +55,7 @@ Array = np.ndarray
 
 COUNTED_IMPACTS = 16  # of a segment, among which a flight is looked for
 STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
+LONGEST_STEP_RADII = 0.25  # of the smallest block, so that no step leads through an edge of the ground
 END_MARGIN_S = 1e-9  # the last frame is inside
 
 
@@ -108,14 +110,12 @@ class _Aloft(NamedTuple):
     segment : (m,) their segments
     left_s, clear_s : (m,) instants, from the start of the segment, at which the impact ends and at which the block is
         clear of the ground
-    lasts_s : (m,) how long the flight lasts from then on
     state : (m, 6) when clear
     """
 
     segment: Array
     left_s: Array
     clear_s: Array
-    lasts_s: Array
     state: Array
 
     def only(self, keep: Array) -> _Aloft:
@@ -228,16 +228,16 @@ class LearntMotion:
         long = lasts >= least  # NaN in an impact that has no end: the block stays on the ground
         own = np.flatnonzero(long.any(axis=1))
         at = (own, long[own].argmax(axis=1))
-        left_s, lasts_s = impacts[at][:, I_TIME_AFTER], lasts[at]
+        left_s = impacts[at][:, I_TIME_AFTER]
         # at the end of an impact the block is still in its indentation
-        after_s = np.linspace(0.0, 0.5, 1 + STEPS_OF_LEAST_FLIGHT) * lasts_s[:, None]
+        after_s = np.linspace(0.0, 0.5, 1 + STEPS_OF_LEAST_FLIGHT) * lasts[at][:, None]
         poses = self._run(
             self._world, begins[own], own, time_limit_s=longer[own], times_s=left_s[:, None] + after_s
         ).samples
         clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
         clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
         states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[:, AT]
-        flights = _Aloft(own, left_s, left_s + clear_s, lasts_s - clear_s, states)
+        flights = _Aloft(own, left_s, left_s + clear_s, states)
         return flights.only(np.asarray(clear.any(axis=1)))
 
     def _leaving(self, aloft: _Aloft) -> Array:
@@ -266,10 +266,14 @@ class LearntMotion:
 
     def _path(self, aloft: _Aloft) -> _Paths:
         """The flights with all changes, until the blocks touch the ground or their segments end."""
-        s, own, step = self._segments, aloft.segment, self._segments.least_flight_s / STEPS_OF_LEAST_FLIGHT
-        states, left_s = self._leaving(aloft), s.limit_s[own] - aloft.clear_s
+        s, own, states = self._segments, aloft.segment, self._leaving(aloft)
+        radius = min(block.radius_m for block in self._world.blocks.values())
+        fastest = max(float(np.hypot(*states[:, LINEAR_VELOCITY].T).max()), 1e-9)
+        step = min(s.least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
         path, pushes = [states], [self._acceleration(aloft, states, 0.0)]
-        last, flies = np.zeros(len(own), np.int64), left_s > 0.0
+        last, left_s = np.zeros(len(own), np.int64), s.limit_s[own] - aloft.clear_s
+        # without learnt accelerations the engine simulates the flight, too
+        flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
             states = drift(self._world, s.block[own], states, np.full(len(own), step))

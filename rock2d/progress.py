@@ -1,8 +1,8 @@
 """Progress bars: one for each stage of a command, with its total, the time so far and the time that the command still
 takes.
 
-What is left is an amount of work, in a unit that is the same for all stages, times what a unit took in the recent past
-of this run. So the estimate follows a machine that is slow or becomes busy. Time in which code is compiled does not
+What is left is an amount of work, in a unit that is the same for all stages, times what a unit took in this run, above
+all recently. So the estimate follows a machine that is slow or becomes busy. Time in which code is compiled does not
 count. A bar keeps its line; in a log file it writes a line now and then.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from math import exp
+from math import exp, sqrt
 from time import perf_counter
 from typing import Any
 
@@ -25,17 +25,18 @@ FORM = "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} {unit}{times}{post
 
 
 class Pace:
-    """Seconds that a unit of work takes, from the recent past."""
+    """Seconds that a unit of work takes, recently and so far."""
 
     def __init__(self, now_s: float) -> None:
         self._begin_s = self._last_s = now_s
-        self._seconds = self._work = 0.0
+        self._seconds = self._work = self._all_work = 0.0
 
     def did(self, work: float, now_s: float) -> None:
         """An amount of work was done since the last call."""
         took, so_far = now_s - self._last_s, now_s - self._begin_s
         kept = exp(-took / (MEMORY * so_far)) if so_far > 0.0 else 1.0
         self._seconds, self._work = kept * self._seconds + took, kept * self._work + work
+        self._all_work += work
         self._last_s = now_s
 
     def pause(self, seconds: float) -> None:
@@ -47,9 +48,16 @@ class Pace:
         """Nor was any of it."""
         self.pause(now_s - self._last_s)
 
-    def seconds(self, work: float) -> float | None:
-        """That an amount of work takes; None if none was done yet."""
-        return work * self._seconds / self._work if self._work > 0.0 else None
+    def seconds(self, here: float, ahead: float) -> float | None:
+        """That the work of this stage and of those ahead takes; None if none was done yet.
+
+        A slow stage may be slow because the machine is, or because it is more work than was thought. Only the first
+        holds for other stages, so these are expected between the recent pace and that so far.
+        """
+        if self._work <= 0.0:
+            return None
+        recent, so_far = self._seconds / self._work, (self._last_s - self._begin_s) / self._all_work
+        return here * recent + ahead * sqrt(recent * so_far)
 
 
 class Bars:
@@ -73,7 +81,7 @@ class Bars:
         self._ahead, self._each = dict(work or {}), dict[str, float]()
         self._begin_s, self._pace = clock(), Pace(clock())
         self.bar: Bar | None = None
-        self._compiling_s = 0.0  # since then
+        self._starts, self._compiling_s = False, 0.0  # since then
 
     @classmethod
     def of(cls, shown: bool | Bars) -> Bars:
@@ -103,11 +111,15 @@ class Bars:
 
     def did(self, bar: Bar, units: float) -> None:
         """Some units of a bar are done."""
-        self._pace.did(units * self._each[bar.name], self._clock())
+        if self._starts:
+            self._pace.skip(self._clock())
+        else:
+            self._pace.did(units * self._each[bar.name], self._clock())
+        self._starts = False
 
-    def skip(self) -> None:
-        """The time since the last unit was spent on a start (imports, processes), and tells nothing about the rest."""
-        self._pace.skip(self._clock())
+    def starts(self) -> None:
+        """The next unit waits for a start (imports, processes), so its time tells nothing about others."""
+        self._starts = True
 
     def compiling(self, begins: bool) -> None:
         """Numba begins or ends to compile."""
@@ -120,10 +132,8 @@ class Bars:
 
     def times_s(self) -> tuple[float, float | None]:
         """Time so far, and about how long the command still takes; None if nothing is known."""
-        work = sum(self._ahead.values())
-        if self.bar is not None:
-            work += self.bar.left * self._each[self.bar.name]
-        return self._clock() - self._begin_s, self._pace.seconds(work)
+        here = self.bar.left * self._each[self.bar.name] if self.bar is not None else 0.0
+        return self._clock() - self._begin_s, self._pace.seconds(here, sum(self._ahead.values()))
 
 
 class Bar(tqdm):

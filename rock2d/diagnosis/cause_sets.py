@@ -95,9 +95,8 @@ class Search:
         found, gain = dict[int, Explored](), -np.inf
         jobs = [(_Addition(base, name, None), on_some, self.folder) for name in self.effects]
         with self.bars.stage(EXPLORING, len(jobs), "effects") as bar:
+            self.bars.starts()
             for k, own in self.processes.as_finished(_explore_step, jobs):
-                if not found:
-                    self.bars.skip()  # the processes start
                 found[k] = own
                 gain = max(gain, own.gain)
                 self.bars.explored(len(found) / len(jobs), gain)

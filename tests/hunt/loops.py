@@ -33,6 +33,7 @@ WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
 LIMIT_SECONDS = 150.0  # of processor time of one loop
 LONGEST_WAIT_S = 1800.0  # for one loop on a busy machine
 MOST_TEXT = 1500
+COARSE_DPI = 40
 MOST_SHRUNK = 4  # loops tried to make one smaller
 
 
@@ -79,7 +80,10 @@ def _work(given: Connection) -> None:
     import matplotlib
     import numba
 
+    from rock2d.graphics.figure_style import save_figure
+
     matplotlib.use("Agg")
+    save_figure.__defaults__ = (COARSE_DPI,)  # nobody looks at these pictures, and drawing is half of a loop
     numba.set_num_threads(1)
     with open(os.devnull, "w") as nothing:
         os.dup2(nothing.fileno(), 2)

@@ -32,8 +32,9 @@ QUIRKS = (
     NO_NOISE, NO_POSITION_NOISE, NO_ANGLE_NOISE, NO_ANGLES, ONE_BLOCK, ONE_RELEASE, FEW_RELEASES, NO_IMPACT,
     LOST_FRAMES, NO_TANGENTIAL, NEVER_SLIPS, OTHER_DIAGNOSIS,
 )  # fmt: skip
+REFUSED_SOON, RARE = (ONE_RELEASE, NO_IMPACT), 0.3  # such films can hardly be diagnosed: fewer of them
 KIND_SHARES = {"run": 0.55, "table": 0.1, "import": 0.1, "film": 0.05, "profile": 0.1, "outside": 0.1}
-SHARE_PLAIN = 0.2  # of the loops without a quirk
+SHARE_PLAIN = 0.25  # of the loops without a quirk
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,9 @@ def random_loop(seed: int, number: int) -> Loop:
 
 def _random_quirks(rng: np.random.Generator) -> tuple[str, ...]:
     count = 0 if rng.random() < SHARE_PLAIN else int(rng.integers(1, 4))
-    return tuple(sorted(map(str, rng.choice(QUIRKS, count, replace=False)), key=QUIRKS.index))
+    weights = np.array([RARE if quirk in REFUSED_SOON else 1.0 for quirk in QUIRKS])
+    drawn = rng.choice(QUIRKS, count, replace=False, p=weights / weights.sum())
+    return tuple(sorted(map(str, drawn), key=QUIRKS.index))
 
 
 def _of_a_film(quirks: tuple[str, ...]) -> tuple[str, ...]:

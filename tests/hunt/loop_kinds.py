@@ -50,7 +50,7 @@ def _films(chain: Chain) -> tuple[Path, Path]:
     """A run of the loop's scenario, whose film `spoil_film` has changed, and one with another seed."""
     keys = document(chain.loop, "site")
     data = _measured(chain) if chain.loop.scenario in ("real_squares", "tschamut") else ()
-    return tuple(simulated(chain, keys, name, seed, *data) for name, seed in (("site", 0), ("other", 1)))  # type: ignore[return-value]
+    return simulated(chain, keys, "site", 0, *data), simulated(chain, keys, "other", 1, *data)
 
 
 def _measured(chain: Chain) -> tuple[str, str]:
@@ -144,7 +144,7 @@ def again(chain: Chain, keys: dict[str, Any]) -> None:
 
 def table_loop(chain: Chain) -> None:
     """run -> a table of its impacts -> diagnose -> predict -> run with the diagnosis."""
-    film, folder = _films(chain)[0], chain.folder / "table"
+    film, folder = simulated(chain, document(chain.loop, "site"), "site", 0), chain.folder / "table"
     impacts = pd.read_csv(film / "impacts.csv")
     write_impact_table(film, impacts, folder, chain.loop)
     assert chain.film is not None
@@ -156,7 +156,7 @@ def table_loop(chain: Chain) -> None:
 
 def import_loop(chain: Chain) -> None:
     """run -> export, or the files of another program -> import -> diagnose -> predict."""
-    film = _films(chain)[0]
+    film = simulated(chain, document(chain.loop, "site"), "site", 0)
     experiment = load_experiment(film)
     kind, block = chain.loop.scenario.partition(":")[2], next(iter(experiment.blocks))
     setup = _setup_in_metres(chain, film)

@@ -206,19 +206,17 @@ def hunt(count: int, seed: int, workers: int, kinds: Sequence[str]) -> int:
             refused[outcome.refusal] += 1
         for cause in causes:
             broken.setdefault(cause, []).append((loop, outcome))
-    least = {cause: _least(cause, found, crew[0]) for cause, found in broken.items()}
-    for worker in crew:
-        worker.close()
-    for loop, outcome, fault in least.values():
-        show(loop, outcome, fault)
     print(f"\n{'kind':10s}{'made':>6s}{'broken':>8s}{'refused':>9s}")
     for kind in kinds:
         made = sum(counts[kind, what] for what in (WHOLE, BROKEN, REFUSED))
         print(f"{kind:10s}{made:6d}{counts[kind, BROKEN]:8d}{counts[kind, REFUSED]:9d}")
-    print(f"\n{len(loops)} loops in {perf_counter() - begin:.0f} s; true refusals: {dict(refused)}")
+    print(f"{len(loops)} loops in {perf_counter() - begin:.0f} s; true refusals: {dict(refused)}")
     for cause, found in sorted(broken.items(), key=lambda item: -len(item[1])):
-        loop, _, fault = least[cause]
-        print(f"{len(found):4d}  {cause}: {loop.name}, {counted(fault.commands, 'command')}")
+        loop, outcome, fault = _least(cause, found, crew[0])
+        print(f"\n{len(found)} of: {cause}; the shortest takes {counted(fault.commands, 'command')}:", end="")
+        show(loop, outcome, fault)
+    for worker in crew:
+        worker.close()
     return sum(counts[kind, BROKEN] for kind in kinds)
 
 

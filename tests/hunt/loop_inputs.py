@@ -207,7 +207,7 @@ def write_survey(kind: str, folder: Path, seed: int) -> tuple[Path, list[str]]:
     it."""
     rng = np.random.default_rng(seed)
     widths, slopes = rng.uniform(8.0, 20.0, 5), np.sort(rng.uniform(0.05, 1.2, 5))[::-1]
-    widths[-1] = 30.0  # room for an embankment
+    widths[-1], slopes[-1] = 30.0, min(slopes[-1], 0.2)  # room for an embankment
     x = np.concatenate([[0.0], np.cumsum(widths)])
     y = np.concatenate([[0.0], np.cumsum(widths * slopes)])[-1] - np.concatenate(
         [[0.0], np.cumsum(widths * slopes)]

@@ -19,6 +19,7 @@ KEYS = ["release", "block", "segment", "t_s"]
 POSE = ["x_m", "y_m", "theta_rad"]
 STILL_RADII, STILL_RAD = 0.02, 0.02  # a block that moves less in a tail is at rest there
 FEWEST_TAIL_FRAMES = 6
+SLOWING = 0.5  # of the way in the half before: a block that slows down to rest goes at most as far
 LARGEST_DRIFT_RADII, LARGEST_TURN_RAD = 0.1, 0.1
 LARGEST_TAIL = 2.0  # of the base law's
 TAIL_PERCENTILE = 95.0
@@ -76,6 +77,12 @@ def _pushed(
         tail = poses[2][(first + len(rows)) // 2 :]
         if len(rows) - first < FEWEST_TAIL_FRAMES:
             continue
+        middle = tail[len(tail) // 2]
+        first_half, second_half = (
+            np.nan_to_num(np.abs(d) / unit) for d in (middle - tail[0], tail[-1] - middle)
+        )
+        if (second_half < SLOWING * first_half).all():
+            continue  # the law lets it slide a little further, and it comes to rest
         x, y, turned = np.nan_to_num(np.abs(tail[-1] - tail[0]) / unit)
         moved = float(np.hypot(x, y))
         size = max(moved / LARGEST_DRIFT_RADII, turned / LARGEST_TURN_RAD)

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from rock2d_tracking.following import follow
+from rock2d_tracking.following import _Follower, follow
+from rock2d_tracking.outline import outline_of
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.setup_writing import write_setup
-from rock2d_tracking.sights import FollowedRelease
+from rock2d_tracking.sights import FollowedRelease, Sight, lost_sight
 from rock2d_tracking.synthetic.faults import CLEAN, MODERATE, Faults
 from rock2d_tracking.synthetic.film import FilmOptions, Shot, film_frames
 from rock2d_tracking.tracked_film import TrackedFilm, film_of, tracked_film
@@ -183,3 +184,11 @@ def test_what_never_moves_is_no_release(tracked):
     again = tracked_film([*copy.deepcopy(found.releases), *still], found.setup, SIZE_PX)
     assert again.experiment.trajectories["release"].nunique() == 3
     assert any("never moved" in remark for remark in again.remarks)
+
+
+def test_where_a_release_was_never_seen_any_block_is_another_one():
+    """Its frames along an arc were all lost, so that there is no place from which the new one could be far away."""
+    follower = object.__new__(_Follower)
+    follower.release = FollowedRelease("cube", [lost_sight(k, "no fit") for k in range(5)], 1.0, 0.0)
+    sight = Sight(5, np.array([100.0, 80.0, 0.0]), np.ones(3), 1.0, "")
+    assert follower._far_away(sight, outline_of(falls().blocks["cube"], 1e-3, -1))

@@ -345,6 +345,10 @@ class _Follower:
         return True
 
     def _far_away(self, sight: Sight, outline: Outline) -> bool:
+        """Whether a sight is not of the block that is followed; one that was never seen can be anywhere."""
+        assert self.release is not None
+        if not self.release.last_seen(1):
+            return True
         expected = self._expected(sight.frame)
         return float(np.hypot(*(sight.pose - expected)[:2])) > 4.0 * outline.reach_px
 

@@ -173,7 +173,11 @@ class Search:
         return self.expected[own.names]
 
     def _grow(self) -> None:
-        while len(self.best.names) < MOST_CAUSES:
+        """Add effects, and leave out what they make needless, until nothing gains or a set comes back: significance
+        is not transitive, so effects can replace each other in turn."""
+        seen = set[Names]()
+        while len(self.best.names) < MOST_CAUSES and self.best.names not in seen:
+            seen.add(self.best.names)
             found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
                 found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)

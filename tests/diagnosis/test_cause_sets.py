@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -129,3 +130,14 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     found = fit_effects(model, data, base, explored(model, data, base, fit_to_some(base, data)))
     assert model.values(found.p) == [[MIRROR_THETA]]
     assert np.abs(found.p[: len(BASE_WIDTH)]).max() < 0.5
+
+
+def test_effects_that_replace_each_other_in_turn_come_to_an_end(two, monkeypatch):
+    """Each gains beside the other and then makes it needless; without an end this test would not end."""
+    search, both = copy.copy(two), two.best
+    search.best = search.known[frozenset({"camera_tilt"})]
+    monkeypatch.setattr(search, "_additions", lambda *given: [both])
+    monkeypatch.setattr(search, "_scatters", list)
+    monkeypatch.setattr(search, "_prune", lambda kept: setattr(search, "best", search.known[kept]))
+    search._grow()
+    assert search.best.names == {"camera_tilt"}

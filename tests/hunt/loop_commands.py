@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-from tests.hunt.loop_cases import NO_ANGLES, NO_IMPACT, Loop
+from tests.hunt.loop_cases import NEVER_SLIPS, NO_ANGLES, NO_IMPACT, Loop
 from tests.hunt.loop_files import unnumbered
 
 CUT_SHORT = 4  # exit code: releases ran out of time, or no size meets the target
@@ -133,7 +133,8 @@ def _cannot_be_diagnosed(chain: Chain) -> bool:
     assert film is not None
     true = {
         "few_releases": film.releases < FEWEST_RELEASES,
-        "few_impacts": film.rebounds < FEWEST_REBOUNDS,
+        # point masses touch the ground with their centres: low bounces lie below it for a block of some size
+        "few_impacts": film.rebounds < FEWEST_REBOUNDS or chain.loop.engine == "point_mass",
         "constant_angle": chain.loop.engine == "point_mass" or film.impacts == 0,
         "below_ground": film.share_in_ground > MOST_IN_GROUND,
     }
@@ -146,6 +147,11 @@ def _nothing_to_predict(chain: Chain) -> bool:
     return bool(chain.fault_codes()) or chain.film.impacts == 0 or NO_IMPACT in chain.loop.quirks
 
 
+def _above_90_deg(chain: Chain) -> bool:
+    """A friction angle of 90° that the scenario multiplies by a factor that is not known."""
+    return NEVER_SLIPS in chain.loop.quirks and chain.loop.scenario == "design_site"
+
+
 def _without_rows(chain: Chain) -> bool:
     """A table without an impact, or a film of blocks that are not round and have no angle in any frame."""
     rows = pd.read_csv(chain.folder / "table" / "impacts.csv") if chain.loop.kind == "table" else None
@@ -154,6 +160,7 @@ def _without_rows(chain: Chain) -> bool:
 
 # command, code, and the condition under which the refusal is true
 TRUE_REFUSALS: tuple[tuple[str, str, Callable[[Chain], bool]], ...] = (
+    ("run", "bad_value", _above_90_deg),
     ("diagnose", "not_diagnosed", _cannot_be_diagnosed),
     ("diagnose", "empty", _without_rows),
     ("predict", "bad_value", _nothing_to_predict),

@@ -80,10 +80,9 @@ def _pushed(
         if len(rows) - first < FEWEST_TAIL_FRAMES:
             continue
         middle = tail[len(tail) // 2]
-        first_half, second_half = (
-            np.nan_to_num(np.abs(d) / unit) for d in (middle - tail[0], tail[-1] - middle)
-        )
-        if (second_half < SLOWING * first_half).all():
+        halves = [np.nan_to_num(np.abs(d) / unit) for d in (middle - tail[0], tail[-1] - middle)]
+        ways = [max(np.hypot(x, y) / LARGEST_DRIFT_RADII, turn / LARGEST_TURN_RAD) for x, y, turn in halves]
+        if ways[1] < SLOWING * ways[0]:
             continue  # the law lets it slide a little further, and it comes to rest
         x, y, turned = np.nan_to_num(np.abs(tail[-1] - tail[0]) / unit)
         moved = float(np.hypot(x, y))

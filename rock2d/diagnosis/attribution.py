@@ -7,7 +7,7 @@ and "unknown" if the residuals of even the best effect can be predicted (`residu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -227,10 +227,9 @@ def _attributed(search: Search, bar: Bar) -> Attribution:
     included = inclusion(numbers["causes"])
     chances = explained_away(probabilities(numbers), included)
     likeliest = max(chances, key=lambda name: chances[name])
-    probable = {name for name, p in included.items() if p >= NAMED_PROBABILITY} | {
-        likeliest
-    } & candidates.keys()
-    named = frozenset(name for name in probable if _matters(search, name, rivals.get(name, [])))
+    probable = {name for name, p in included.items() if p >= NAMED_PROBABILITY}
+    probable |= {likeliest} & candidates.keys()
+    named = _that_matter(search, probable, rivals)
     if likeliest in probable - named:  # what closes nothing, or could be many others, is no answer
         gap = learnt.changes or any(_is_significant(d) for d in left)
         answer = "unknown" if named or gap else "none"
@@ -262,21 +261,24 @@ def _attributed(search: Search, bar: Bar) -> Attribution:
     )  # fmt: skip
 
 
-def _matters(search: Search, name: str, rivals: Sequence[str]) -> bool:
-    """Whether an effect may be named: at most MOST_RIVALS can stand for it, and it surely closes a part of the gap,
+def _that_matter(search: Search, probable: Set[str], rivals: Mapping[str, Sequence[str]]) -> Names:
+    """The effects that may be named: at most MOST_RIVALS can stand for each, and it surely closes a part of the gap,
     alone or beside the others of the best set. One that widens the scatter closes nothing and must gain instead."""
-    if len(rivals) > MOST_RIVALS:
-        return False
-    alone = search.alone[name]
-    pairs = [(alone, search.base)]
-    if name in search.best.names:
-        pairs.append((search.best, search.without(search.best)[name]))
-    if search.effects[name].scatter:
-        return any(search.gain(*pair).significance > CLEAR_GAIN_Z for pair in pairs)
     sizes = Sizes(search.data, search.best.fit.covariance())
     draws = Draws(sizes, seed=0)
-    gaps = [[draws.gap(sizes.of(own.held_out.residuals)) for own in pair] for pair in pairs]
-    return any(np.quantile((without - with_it)[1:], 0.025) > 0.0 for with_it, without in gaps)
+
+    def gap(own: CauseSet) -> Array:
+        return draws.gap(sizes.of(own.held_out.residuals))
+
+    def matters(name: str) -> bool:
+        pairs = [(search.alone[name], search.base)]
+        if name in search.best.names:
+            pairs.append((search.best, search.without(search.best)[name]))
+        if search.effects[name].scatter:
+            return any(search.gain(*pair).significance > CLEAR_GAIN_Z for pair in pairs)
+        return any(np.quantile((gap(less) - gap(own))[1:], 0.025) > 0.0 for own, less in pairs)
+
+    return frozenset(name for name in probable if len(rivals.get(name, ())) <= MOST_RIVALS and matters(name))
 
 
 class Regressed(NamedTuple):

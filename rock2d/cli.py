@@ -179,30 +179,6 @@ def blind_score(trial) -> None:
     score(trial, report=click.echo)
 
 
-@blind.command("train")
-@click.option(
-    "--cases", type=click.IntRange(20, 10_000), default=400, show_default=True, help="Number of cases."
-)
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed; never that of a trial.")
-@click.option(
-    "--work", type=click.Path(path_type=Path), required=True, help="Folder for cases and diagnoses."
-)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Weights (JSON) to write.")
-@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
-@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
-@click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_train(cases, seed, work, out, workers, scheduler, quiet) -> None:
-    """Learn the weights behind the probabilities from cases made for it.
-
-    Example: rock2d blind train --seed 2 --work work --out weights.json
-    """
-    from rock2d.blind.command import train_weights
-    from rock2d.cluster import Workers
-
-    chosen = Workers(workers, scheduler)
-    train_weights(cases, seed, work, out, workers=chosen, progress=not quiet, report=click.echo)
-
-
 @cli.command()
 @click.argument("video", type=click.Path(path_type=Path))
 @click.option("--config", type=click.Path(path_type=Path),

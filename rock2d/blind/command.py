@@ -1,4 +1,4 @@
-"""The commands `rock2d blind make | run | score | train`."""
+"""The commands `rock2d blind make | run | score`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.cluster import Workers
-from rock2d.files.folders import check_file, write_whole
+from rock2d.files.folders import write_whole
 
 Report = Callable[[str], None]
 
@@ -24,9 +24,7 @@ def make(count: int, seed: int, out: Path, *, workers: int | None, progress: boo
     report(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
 
 
-def run(
-    folder: Path, *, workers: Workers, without_best: bool = False, progress: bool, report: Report
-) -> None:
+def run(folder: Path, *, workers: Workers, progress: bool, report: Report) -> None:
     """Diagnose all cases of a trial."""
     from rock2d.blind.running import run_trial
     from rock2d.progress import Bars
@@ -36,7 +34,6 @@ def run(
             folder,
             workers=workers.processes or os.cpu_count() or 1,
             scheduler=workers.scheduler,
-            without_best=without_best,
             on_progress=bar.reach,
         )
     report(f"written: {out}")
@@ -61,17 +58,3 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
         report(f"{key}: {value}")
     report(f"written: {folder / 'score.html'}")
     return found
-
-
-def train_weights(
-    count: int, seed: int, work: Path, out: Path, *, workers: Workers, progress: bool, report: Report
-) -> None:
-    """Make and run a trial and learn weights from it; an interrupted training continues."""
-    from rock2d.blind.training import labelled_results, train, write_weights
-
-    check_file(out)
-    if not (work / "cases.json").is_file():
-        make(count, seed, work, workers=workers.processes, progress=progress, report=report)
-    run(work, workers=workers, without_best=True, progress=progress, report=report)
-    write_weights(train(labelled_results([work])), out)
-    report(f"written: {out}")

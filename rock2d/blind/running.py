@@ -15,7 +15,6 @@ from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
 RESULTS = "results"
-CLEAR_GAIN = 4.0  # standard errors of the gain of the best effect, for a case to be diagnosed without it too
 
 
 def run_trial(
@@ -23,7 +22,6 @@ def run_trial(
     *,
     workers: int = 1,
     scheduler: str | None = None,
-    without_best: bool = False,
     on_progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Path:
     """Diagnose every case of a trial that has no result yet; results/NNN.json each. Never opens the labels or the
@@ -31,7 +29,6 @@ def run_trial(
 
     scheduler : address of a Dask scheduler, whose workers diagnose instead of processes of this machine; they need
         access to the trial's folder (a shared file system)
-    without_best : diagnose a case with a clear effect a second time without this effect, to train "unknown"
     """
     if scheduler is not None:
         require_dask()
@@ -42,7 +39,7 @@ def run_trial(
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     cases, absolute = (folder / CASES).absolute(), out.absolute()  # a worker may run in another folder
-    jobs = [(cases / name, absolute / f"{name}.json", without_best) for name in waiting]
+    jobs = [(cases / name, absolute / f"{name}.json") for name in waiting]
     with temporary_folder(out) as fits:
         if scheduler is None:
             finished = as_finished(_diagnose, jobs, workers, (fits,))
@@ -54,7 +51,7 @@ def run_trial(
     return out
 
 
-def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> None:
+def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
     """Diagnose case/fit, test the model on case/heldout, and write one JSON file.
 
     `every_fit`: folder below which temporary files may be written.
@@ -62,10 +59,8 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
     from time import perf_counter
 
     from rock2d.blind.true_closure import true_closure
-    from rock2d.diagnosis.attribution import attribute
     from rock2d.diagnosis.diagnose import diagnose
     from rock2d.diagnosis.diagnosis_content import diagnosis_json
-    from rock2d.effects import catalogue
     from rock2d.files.experiment import load_experiment
 
     experiment = load_experiment(case / FIT)
@@ -74,26 +69,12 @@ def _diagnose(every_fit: Path, case: Path, out: Path, without_best: bool) -> Non
         result = diagnose(experiment, folder=Path(fits))
         content = diagnosis_json(result)
         seconds = perf_counter() - begin
-        kept: dict[str, Any] = {
-            "diagnosis": content,
-            "seconds": seconds,
-            "statistics": None,
-            "without_best": None,
-        }
+        kept: dict[str, Any] = {"diagnosis": content, "seconds": seconds}
         if result.found is not None:
-            found, data = result.found, result.data
-            assert data is not None
-            kept["statistics"] = found.statistics
             kept["closures"] = {name: gap.share_closed for name, gap in (result.gaps or {}).items()}
             kept["regression_closure"] = result.regression_closes
             kept["heldout"] = _heldout(case / HELDOUT, content)
             kept["true_closure"] = true_closure(case, result)
-            if without_best and found.chain[0].total > CLEAR_GAIN * found.chain[0].error:
-                names = {c.effect.name for c in found.chain}
-                others = {name: e for name, e in catalogue().items() if name not in names}
-                kept["without_best"] = attribute(
-                    found.base, data, others, folder=next(Path(fits).iterdir())
-                ).statistics
     write_whole(out, json.dumps(kept, indent=1) + "\n")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,36 +35,24 @@ def read_results(folder: Path) -> dict[str, dict[str, Any]]:
     return {path.stem: read_json(path) for path in paths}
 
 
-def score_table(
-    folder: Path, classify: Callable[[Mapping[str, Any]], Mapping[str, float]] | None = None
-) -> pd.DataFrame:
-    """One row for each case: hidden causes, verdict with its probability, share of the gap closed.
-
-    `classify`: gives probabilities from the statistics, instead of those in the diagnoses.
-    """
+def score_table(folder: Path) -> pd.DataFrame:
+    """One row for each case: hidden causes, verdict with its probability, share of the gap closed."""
     import pandas as pd
 
     labels, rows = read_labels(folder), []
     for name, result in read_results(folder).items():
         try:
-            rows.append(_row(name, labels[name], result, classify))
+            rows.append(_row(name, labels[name], result))
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, ZeroDivisionError):
             path = folder / RESULTS / f"{name}.json"
             raise InputError("expected a result of `rock2d blind run`", path, code="wrong_kind") from None
     return pd.DataFrame(rows)
 
 
-def _row(
-    name: str,
-    label: Mapping[str, Any],
-    result: Mapping[str, Any],
-    classify: Callable[[Mapping[str, Any]], Mapping[str, float]] | None,
-) -> dict[str, Any]:
+def _row(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
     """The row of one case."""
     diagnosis = result["diagnosis"]
     p = dict(diagnosis["probabilities"])
-    if classify is not None and result["statistics"] is not None:
-        p = dict.fromkeys(p, 0.0) | dict(classify(result["statistics"]))
     ranked = sorted(p, key=lambda effect: -p[effect])
     truth = set(label["label"].split("+"))
     verdict = ranked[0]
@@ -80,7 +68,7 @@ def _row(
         "signal_to_noise": label["signal_to_noise"], "kind": label["kind"], "releases": label["releases"],
         "noise": label["position_noise_m"] / label["block_size_m"], "fps": label["fps"],
         "form": label["hidden"][0]["form"] if label["hidden"] else -1,
-        "diagnosed": result["statistics"] is not None, "seconds": result["seconds"],
+        "diagnosed": diagnosis["gap"].get("base") is not None, "seconds": result["seconds"],
         "closure": closures.get(effect, np.nan) if effect else np.nan,
         "runner_up": max(others, default=np.nan), "gap_closure": diagnosis["gap"]["closure"],
         "phase": diagnosis["where"][0]["phase"] if diagnosis["where"] else "",

@@ -12,7 +12,7 @@ from rock2d.blind.set_scoring import (
     ABSENT_SIGNAL_TO_NOISE,
     CLOSURE_MARGIN,
     LABEL_KINDS,
-    NAMED_PROBABILITY,
+    CLAIMED_PROBABILITY,
     PRESENT_SIGNAL_TO_NOISE,
     SURE_PROBABILITY,
     SetCase,
@@ -50,9 +50,8 @@ def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
     outside = found["outside"]
     return "".join([
         f"<h1>Named sets of {found['cases']} cases</h1>"
-        f"<p>The named set of a case holds the effects with an inclusion probability of at least "
-        f"{NAMED_PROBABILITY:g}. A named effect is right if it is hidden, whatever its strength. Brackets are 95 % "
-        "Wilson intervals.</p>",
+        "<p>The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or an "
+        "effect that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.</p>",
         "<h2>Inclusion probabilities</h2>"
         f"<p>Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its "
         f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
@@ -69,7 +68,7 @@ def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
         f"<p>Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without.</p>"
         + html_table([
             ("AUROC", f"{outside['auroc']:.3g}"),
-            (f"clear ones with a probability of at least {NAMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
+            (f"clear ones with a probability of at least {CLAIMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
             ("false alarms", share_text(outside["false_alarms"])),
         ]),
         f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",

@@ -1,7 +1,7 @@
 """The score of named sets: how often each effect is in the named set and in truth, and what else is said of the gap.
 
-The named set of a case holds the effects with an inclusion probability of at least 0.5. A named effect is right if it
-is hidden, whatever its strength. Results without "causes" (of older versions) are left out.
+The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or an effect that it
+shares its name with, is hidden, whatever its strength. Results without "causes" (of older versions) are left out.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rock2d.blind.size_errors import SizeError, size_errors, size_summary
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 
-NAMED_PROBABILITY = 0.5  # from which on an effect belongs to the named set, and an outside cause is claimed
+CLAIMED_PROBABILITY = 0.5  # from which on an outside cause is claimed
 SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
 # own signal-to-noise of a hidden effect: below the first it counts as absent, from the second on as present, between
 # them as undecidable
@@ -49,6 +49,7 @@ class SetCase:
     hidden : effects of the catalogue -> own signal-to-noise
     outside : own signal-to-noise of the cause from outside the catalogue; None without one
     p : inclusion probabilities of the listed effects, most probable first
+    names : each named effect with those that it shares its name with
     claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
     sizes : of named effects that are hidden, where they can be compared
     """
@@ -57,16 +58,12 @@ class SetCase:
     hidden: Mapping[str, float]
     outside: float | None
     p: Mapping[str, float]
+    names: Sequence[frozenset[str]]
     p_outside: float
     releases: int
     claimed: float | None
     true: float | None
     sizes: Sequence[SizeError] = ()
-
-    @property
-    def named(self) -> list[str]:
-        """The named set."""
-        return [effect for effect, p in self.p.items() if p >= NAMED_PROBABILITY]
 
     @property
     def kind(self) -> str:
@@ -98,11 +95,12 @@ def set_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> 
     hidden = {effect: z for effect, z in strengths.items() if effect in catalogue()}
     outside = [z for cause, z in strengths.items() if cause not in hidden]
     p = {str(cause["effect"]): float(cause["p"]) for cause in diagnosis["causes"]}
+    names = [frozenset([own["effect"], *own["group"]]) for own in diagnosis["causes"] if own["named"]]
     claimed, true = diagnosis["gap"]["closure"], result.get("true_closure")
     return SetCase(
-        name, hidden, max(outside, default=None), dict(sorted(p.items(), key=lambda item: -item[1])),
+        name, hidden, max(outside, default=None), dict(sorted(p.items(), key=lambda item: -item[1])), names,
         float(outside_p), int(label["releases"]), _number(claimed), _number(true),
-        size_errors(label, diagnosis["causes"], NAMED_PROBABILITY),
+        size_errors(label, diagnosis["causes"]),
     )  # fmt: skip
 
 
@@ -189,7 +187,7 @@ def _by_outside(cases: Iterable[SetCase]) -> dict[str, list[SetCase]]:
 
 def _found(cases: Iterable[SetCase]) -> list[tuple[float, bool]]:
     """(own signal-to-noise, whether named) of every hidden effect."""
-    return [(z, effect in case.named) for case in cases for effect, z in case.hidden.items()]
+    return [(z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()]
 
 
 def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:
@@ -200,11 +198,11 @@ def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:
 
 
 def _precision(cases: Iterable[SetCase]) -> list[float]:
-    return wilson_share([effect in case.hidden for case in cases for effect in case.named])
+    return wilson_share([bool(own & case.hidden.keys()) for case in cases for own in case.names])
 
 
 def _nulls_named(cases: Iterable[SetCase]) -> list[float]:
-    return wilson_share([bool(case.named) for case in cases if case.kind == "nothing"])
+    return wilson_share([bool(case.names) for case in cases if case.kind == "nothing"])
 
 
 def _of_releases(cases: Sequence[SetCase]) -> dict[str, list[float]]:
@@ -223,7 +221,7 @@ def _outside(cases: Iterable[SetCase]) -> dict[str, Any]:
     compared = [*clear, *groups["without_outside"]]
 
     def claimed(own: Iterable[SetCase]) -> list[float]:
-        return wilson_share([c.p_outside >= NAMED_PROBABILITY for c in own])
+        return wilson_share([c.p_outside >= CLAIMED_PROBABILITY for c in own])
 
     return {
         "auroc": auroc(

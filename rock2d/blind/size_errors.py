@@ -71,16 +71,14 @@ class SizeError:
     covered: bool
 
 
-def size_errors(
-    label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]], named: float
-) -> list[SizeError]:
-    """Of the effects with a probability of at least `named`, from a label and the `causes` of a diagnosis."""
+def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -> list[SizeError]:
+    """Of the named effects, from a label and the `causes` of a diagnosis."""
     hidden = {str(own["name"]): own for own in label["hidden"]}
     found = []
     for cause in causes:
         effect, own = cause["effect"], hidden.get(cause["effect"])
         meaning = MEANINGS.get(effect)
-        if own is None or meaning is None or cause["p"] < named or int(own["form"]) != meaning.form:
+        if own is None or meaning is None or not cause["named"] or int(own["form"]) != meaning.form:
             continue
         if (fitted := cause["parameters"].get(meaning.parameter)) is None:
             continue

@@ -7,36 +7,28 @@ and "unknown" if the residuals of even the best effect can be predicted (`residu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
-from rock2d.diagnosis.classification import probabilities, statistics
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
+from rock2d.diagnosis.evidence import Evidence, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, fit, some_releases
-from rock2d.diagnosis.inclusion import (
-    BesideLearnt,
-    explained_away,
-    inclusion,
-    inclusion_statistics,
-    outside_statistics,
-)
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.predicted_gap import harmless
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
-from rock2d.diagnosis.workload import BASE, LEARNT, DiagnosisBars
+from rock2d.diagnosis.workload import BASE, EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
@@ -47,11 +39,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
-NAMED_PROBABILITY = 0.5  # from which on an effect is one of the causes
-GROUP_Z = 2.0  # standard errors between effects that the data cannot separate
 BASE_STARTS = 2  # places from which the base law is fitted
-MOST_RIVALS = 2  # effects that may stand for one that is named
-CLEAR_GAIN_Z = 3.0  # standard errors that an effect must gain which only widens the scatter
 MOST_RESTARTS = 2  # with a better base law
 
 
@@ -67,14 +55,13 @@ class Attribution:
         its gain over the set without it. Where no effect gains significantly, the best one
     base_regressed, best_regressed : flexible regression of the residuals of the base and of the last model of the
         chain
-    probabilities : over the catalogue, "none" and "unknown"; `statistics`: the numbers that they follow from
-    group : effects that the data cannot separate from the best, the best first
+    probabilities : of the single answers: the effects, "none" and "unknown"
+    evidence : of each effect that was in the best set, also of those that are not named
+    outside : probability that something outside the catalogue acts
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
-    learnt : what was learnt beside these effects, or beside the base law if they do not; beside others, too, if that
-        predicts better (`uncertain`)
+    learnt : what was learnt beside the named effects; beside others, too, if that predicts better (`uncertain`)
     left_regressed : flexible regression of what is left beside the learnt changes
-    named : the effects that are probable, all of them in the chain; there may be none
-    rivals : each of these -> effects that these data cannot tell from it
+    named : the effects that are named, all of them in the chain; there may be none
     sets : residuals and scores of the sets that tell what each of these closes
     """
 
@@ -85,13 +72,12 @@ class Attribution:
     base_regressed: RegressedResiduals
     best_regressed: RegressedResiduals
     probabilities: dict[str, float]
-    group: list[str]
-    statistics: dict[str, Any]
+    evidence: dict[str, Evidence]
+    outside: float
     unexplained: list[Discrepancy]
     learnt: Learnt
     left_regressed: RegressedResiduals
     named: Names
-    rivals: dict[str, list[str]]
     sets: dict[Names, HeldOut]
 
     @property
@@ -104,12 +90,16 @@ class Attribution:
 
     @property
     def uncertain(self) -> list[str]:
-        """Effects that act with the learnt changes, although they are not probable."""
+        """Effects that act with the learnt changes, although they are not named."""
         return [e.name for e in self.learnt.fit.model.effects if e.name not in self.named]
 
     @property
     def verdict(self) -> str:
         return max(self.probabilities, key=lambda name: self.probabilities[name])
+
+    def group(self, name: str) -> list[str]:
+        """Effects that these data cannot tell from a cause."""
+        return self.evidence[name].group if name in self.evidence else []
 
 
 def fit_base(
@@ -201,84 +191,28 @@ def _better_base(search: Search) -> CauseSet | None:
 
 
 def _attribution(search: Search) -> Attribution:
-    with search.bars.stage(LEARNT, len(search.best.names) + 2, "sets") as bar:
-        return _attributed(search, bar)
-
-
-def _attributed(search: Search, bar: Bar) -> Attribution:
-    base, data = search.base, search.data
-    found = Dependences(data)
-    learnt, beside_learnt, tried = _learn_beside(search, found, bar)
-    candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
-    best = max(candidates, key=lambda name: candidates[name].total)
-    chain = _chain(search, candidates) or [candidates[best]]
-    final = chain[-1]
-    regressed = _regressed(search, final, learnt)
-    left = found.of(final.fit)
-    ahead = {
-        name: held_out_gain(data, candidates[best], other).significance for name, other in candidates.items()
-    }
-    numbers = statistics(candidates, best, ahead, regressed.base, regressed.best, found.of(base.fit), left)
-    numbers["outside"] = outside_statistics(search, learnt, left, numbers["case"])
-    rivals = search.rivals(search.best, GROUP_Z)
-    numbers["causes"] = inclusion_statistics(
-        search, beside_learnt, numbers["outside"], numbers["case"], rivals
-    )
-    included = inclusion(numbers["causes"])
-    chances = explained_away(probabilities(numbers), included)
-    likeliest = max(chances, key=lambda name: chances[name])
-    probable = {name for name, p in included.items() if p >= NAMED_PROBABILITY}
-    probable |= {likeliest} & candidates.keys()
-    named = _that_matter(search, probable, rivals)
-    if likeliest in probable - named:  # what closes nothing, or could be many others, is no answer
-        gap = learnt.changes or any(_is_significant(d) for d in left)
-        answer = "unknown" if named or gap else "none"
-        chances = {**chances, answer: chances[answer] + chances[likeliest], likeliest: 0.0}
-    settled = learnt if named == search.best.names else None
-    if settled is None:
-        search.best = search.joint(named)
-        rivals = search.rivals(search.best, GROUP_Z)
-        learnt = tried.get(named) or learn(
-            search.best.fit, search.best.held_out, data, found.of(search.best.fit)
-        )
-        chain = _chain(search, candidates) or [candidates[best]]
-        final = chain[-1]
-        left = found.of(final.fit)
-    learnt = best_predicting(data, learnt, [own for names, own in tried.items() if names > named])
+    data, whole = search.data, search.best
+    with search.bars.stage(EVIDENCE, len(whole.names) + 2, "models") as bar:
+        beside_all = learn(whole, data)
+        bar.step("what is left")
+        evidence = weigh(search, beside_all, bar)
+        best = search.joint(frozenset(name for name, own in evidence.items() if own.named(name)))
+        learnt = beside_all if best is whole else learn(best, data)
+        bar.step("what is left")
+    p_outside = outside(held_out_gain(data, learnt, best), search.gain(best, search.base))
+    learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = harmless(data, learnt)
-    if learnt is not settled:
-        regressed = _regressed(search, final, learnt)
-    group = [best] + [
-        name
-        for name, other in sorted(candidates.items(), key=lambda item: -item[1].total)
-        if name != best and ahead[name] < GROUP_Z
-    ]
+    candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
+    largest = max(candidates, key=lambda name: candidates[name].total)
+    chain = _chain(search, best, candidates) or [candidates[largest]]
+    regressed = _regressed(search, chain[-1], learnt)
     return Attribution(
-        base.fit, base.held_out, candidates, chain, regressed.base, regressed.best, chances, group,
-        numbers, [d for d in left if _is_significant(d)], learnt, regressed.left, named, rivals,
-        {names: own.held_out for names, own in search.within(named).items()},
+        search.base.fit, search.base.held_out, candidates, chain, regressed.base, regressed.best,
+        single_answers(evidence, p_outside, search.effects), evidence, p_outside,
+        [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, regressed.left, best.names,
+        {names: own.held_out for names, own in search.within(best.names).items()},
     )  # fmt: skip
-
-
-def _that_matter(search: Search, probable: Set[str], rivals: Mapping[str, Sequence[str]]) -> Names:
-    """The effects that may be named: at most MOST_RIVALS can stand for each, and it surely closes a part of the gap,
-    alone or beside the others of the best set. One that widens the scatter closes nothing and must gain instead."""
-    sizes = Sizes(search.data, search.best.fit.covariance())
-    draws = Draws(sizes, seed=0)
-
-    def gap(own: CauseSet) -> Array:
-        return draws.gap(sizes.of(own.held_out.residuals))
-
-    def matters(name: str) -> bool:
-        pairs = [(search.alone[name], search.base)]
-        if name in search.best.names:
-            pairs.append((search.best, search.without(search.best)[name]))
-        if search.effects[name].scatter:
-            return any(search.gain(*pair).significance > CLEAR_GAIN_Z for pair in pairs)
-        return any(np.quantile((gap(less) - gap(own))[1:], 0.025) > 0.0 for own, less in pairs)
-
-    return frozenset(name for name in probable if len(rivals.get(name, ())) <= MOST_RIVALS and matters(name))
 
 
 class Regressed(NamedTuple):
@@ -299,69 +233,12 @@ def _regressed(search: Search, final: Candidate, learnt: Learnt) -> Regressed:
     return Regressed(of_base, of_best, left)
 
 
-class Dependences:
-    """Dependences in the residuals of fits, searched once for each fit."""
-
-    def __init__(self, data: Data) -> None:
-        self._data = data
-        self._known: dict[int, tuple[Fit, list[Discrepancy]]] = {}
-
-    def of(self, fit: Fit) -> list[Discrepancy]:
-        """In the residuals of a fit, the strongest first."""
-        if id(fit) not in self._known:  # the fit is kept, so that its id stays its own
-            self._known[id(fit)] = fit, discrepancies(fit, self._data)
-        return self._known[id(fit)][1]
-
-
-def _learn_beside(
-    search: Search, found: Dependences, bar: Bar
-) -> tuple[Learnt, dict[str, BesideLearnt], dict[Names, Learnt]]:
-    """Learn what the best set leaves unexplained, and leave out its members that add nothing beside that; what each of
-    them adds, and what was learnt beside each set.
-
-    A learnt change can often do what an effect does. So a member stays if alone it explains about as much as what would
-    be learnt in its place. That cannot gain more than the member and what is learnt beside it, so a member that gains
-    more than the latter is not tried.
-    """
-    data, beside = search.data, dict[str, BesideLearnt]()
-    learnt = learn(search.best.fit, search.best.held_out, data, found.of(search.best.fit))
-    bar.step(_said(search.best.names))
-    tried = {search.best.names: learnt}
-    waiting: list[str] | None = None  # members to be tried; None: all of the best set
-    while learnt.changes:
-        best = search.best
-        smaller = search.without(best)
-        gains = {name: search.gain(best, own) for name, own in smaller.items()}
-        beside_best = held_out_gain(data, learnt, best)
-        if waiting is None:
-            waiting = sorted(gains, key=lambda name: gains[name].total)
-        if not waiting or gains[waiting[0]].total > beside_best.total:
-            break
-        name = waiting.pop(0)
-        own = smaller[name]
-        other = tried[own.names] = learn(own.fit, own.held_out, data, found.of(own.fit))
-        bar.step(_said(own.names))
-        beside[name] = BesideLearnt(
-            held_out_gain(data, learnt, other),
-            gains[name],
-            held_out_gain(data, other, own),
-        )
-        if beside[name].needless:
-            search.best, learnt, waiting = own, other, None
-    return learnt, beside, tried
-
-
-def _said(names: Names) -> str:
-    return f"beside {' + '.join(sorted(names)) or 'the base law'}"
-
-
-def _chain(search: Search, candidates: Mapping[str, Candidate]) -> list[Candidate]:
-    """The members of the best set, the one that gains most alone first; each has the joint fit, and its gain over the
-    set without it."""
-    best, known = search.best, catalogue()
+def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) -> list[Candidate]:
+    """The members of a set, the one that gains most alone first; each has the joint fit, and its gain over the set
+    without it."""
     if len(best.names) < 2:
         return [candidates[name] for name in best.names]
-    smaller = search.without(best)
+    known, smaller = catalogue(), search.without(best)
     order = sorted(best.names, key=lambda name: -candidates[name].total)
     return [
         Candidate(known[name], best.fit, best.held_out, search.gain(best, smaller[name]).gain)

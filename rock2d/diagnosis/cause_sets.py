@@ -40,6 +40,8 @@ LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect which only widens the 
 REFIT_SHARE = 0.5  # of the largest gain among additions that one must gain to be fitted again
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
+# of which a set has one at most: the same change of gravity in flights, and only heights of contacts tell them apart
+TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 
 
 @dataclass
@@ -123,22 +125,19 @@ class Search:
     def without(self, own: CauseSet) -> dict[str, CauseSet]:
         """The sets that leave out one member each; name of the member -> set."""
         missing = [name for name in sorted(own.names) if own.names - {name} not in self.known]
-        self._fit([_Reduction(own.fit, name) for name in missing])
+        self._fit([Reduction(own.fit, name) for name in missing])
         return {name: self.known[own.names - {name}] for name in sorted(own.names)}
 
-    def rivals(self, own: CauseSet, z: float) -> dict[str, list[str]]:
-        """Member -> effects in whose place the set is less than z standard errors better."""
-        smaller = self.without(own)
-        return {
-            name: [
-                rival
-                for rival in self.effects
-                if rival not in own.names
-                and (ahead := self._ahead(own, less, rival)) is not None
-                and ahead.significance < z
-            ]
-            for name, less in smaller.items()
+    def rivals(self, own: CauseSet, name: str, z: float) -> dict[str, float]:
+        """Effect -> standard errors, less than z, by which the set is better than with it in the place of a member; the
+        closest first."""
+        less = self.without(own)[name]
+        ahead = {
+            rival: gain.significance
+            for rival in self.effects
+            if rival not in own.names and (gain := self._ahead(own, less, rival)) is not None
         }
+        return {rival: ahead[rival] for rival in sorted(ahead, key=lambda r: ahead[r]) if ahead[rival] < z}
 
     def gain(self, own: CauseSet, other: CauseSet) -> Gain:
         """Of a set over another one."""
@@ -203,6 +202,7 @@ class Search:
 
     def _with(self, names: Sequence[str], own: CauseSet, ahead: float = 0.0) -> list[CauseSet]:
         """A set with each of these effects in addition."""
+        names = [name for name in names if TWINS.get(name) not in own.names]
         new = [name for name in names if own.names | {name} not in self.known]
         self._fit([_Addition(own.fit, name, self._start(own, name)) for name in new], ahead)
         return [self.known[own.names | {name}] for name in names]
@@ -238,7 +238,7 @@ class Search:
     def _start(self, own: CauseSet, name: str) -> Array | None:
         return None if self.effects[name].scatter else self.beside(own)[name].p
 
-    def _fit(self, steps: Sequence[_Addition | _Reduction], ahead: float = 0.0) -> None:
+    def _fit(self, steps: Sequence[_Addition | Reduction], ahead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with
         their own noise: that of a fit far from the truth is wrong, too.
 
@@ -258,7 +258,7 @@ class Search:
         for own in results:
             self.known[own.names] = own
 
-    def _finished(self, steps: Sequence[_Addition | _Reduction | _Refit]) -> list[CauseSet]:
+    def _finished(self, steps: Sequence[_Addition | Reduction | _Refit]) -> list[CauseSet]:
         """What the steps fit, in their order, however many processes there are."""
         results: dict[int, CauseSet] = {}
         self.bars.fits(len(steps))
@@ -321,7 +321,7 @@ class _Refit:
 
 
 @dataclass
-class _Reduction:
+class Reduction:
     """A fit, and the effect that is taken out of it."""
 
     before: Fit
@@ -335,7 +335,7 @@ class _Reduction:
     def model(self) -> Model:
         known = self.before.model
         fewer = [effect for effect in known.effects if effect.name != self.name]
-        return Model(known.setup, known.base, fewer, self.before.p)
+        return replace(known, effects=fewer, beside=self.before.p)
 
     def fitted(self, data: Data) -> Fit:
         model, first = self.before.model, len(BASE_WIDTH)
@@ -369,7 +369,7 @@ def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | No
     return found
 
 
-def _fit_step(data: Data, step: _Addition | _Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
+def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | None) -> tuple[Fit, HeldOut]:
     """Fit and cross-validate, or read the result if it is kept."""
     path = None if folder is None else folder / f"{_name(step)}.npz"
     if path is not None and (found := load_fit(path, step.model)) is not None:
@@ -383,7 +383,7 @@ def _fit_step(data: Data, step: _Addition | _Reduction | _Refit, folder: Path | 
     return fitted, out
 
 
-def _name(step: _Addition | _Reduction | _Refit) -> str:
+def _name(step: _Addition | Reduction | _Refit) -> str:
     """Of what a step fits, and from where."""
     parts = (step.before.p, getattr(step, "start", None))
     key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.diagnosis.attribution import NAMED_PROBABILITY
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue

@@ -8,10 +8,11 @@ import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
+from rock2d.diagnosis.cause_sets import TWINS
 from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.evidence import inclusion
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.inclusion import inclusion, outside
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.effects import catalogue
@@ -63,8 +64,8 @@ def base_values(fit: Fit) -> dict[str, float]:
 
 
 def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
-    """The content of diagnosis.json (schema 2)."""
-    head: dict[str, Any] = {"schema": 2, "experiment": result.experiment.name}
+    """The content of diagnosis.json (schema 3)."""
+    head: dict[str, Any] = {"schema": 3, "experiment": result.experiment.name}
     sanity = {
         "faults": [fault.message for fault in result.sanity.faults],
         "fault_codes": [fault.code for fault in result.sanity.faults],
@@ -105,6 +106,7 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
             "parameters": film.parameters()[name],
             "origin": known[name].origin,
             "group": [other for other in film.suspects if other != name],
+            "named": False,
         }
         | nothing
         for name in film.suspects
@@ -121,7 +123,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "base": base_values(found.base),
         "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
         "verdict": found.verdict,
-        "group": found.group if found.verdict in names else [],
+        "group": [found.verdict, *found.group(found.verdict)] if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
         "effects": {
             name: {
@@ -178,7 +180,7 @@ def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
     """The causes, most probable first: effects of the model with the share that each closes, and others that are
     possible, with the parameters that they have alone."""
     known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
-    chances = inclusion(found.statistics["causes"])
+    chances = inclusion(found.evidence)
     out = []
     for name in sorted(chances, key=lambda n: -chances[n]):
         if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:
@@ -195,11 +197,25 @@ def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
                 "p": chances[name],
                 "parameters": own,
                 "origin": known[name].origin,
-                "group": found.rivals.get(name, []),
+                "group": found.group(name),
+                "named": name in found.named,
+                "common": _common(name, own) if TWINS.get(name) in found.group(name) else None,
             }
             | share
         )
     return out
+
+
+def _common(name: str, parameters: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """What a wrong scale and a wrong frame rate have in common: gravity in flights over gravity as stated."""
+    key, power = ("scale", 1) if name == "scale_error" else ("time_scale", 2)
+    low, high = parameters[key]["ci95"]
+    return {
+        "name": "gravity in flights over gravity as stated",
+        "value": parameters[key]["value"] ** power,
+        "ci95": [low**power, high**power],
+        "unit": "1",
+    }
 
 
 def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
@@ -207,7 +223,7 @@ def _outside_json(found: Attribution, budget: Budget) -> dict[str, Any]:
     changes = found.learnt.changes
     names = [change.basis.name for change in changes] + [d.basis.name for d in found.unexplained]
     return {
-        "p": outside(found.statistics["outside"]),
+        "p": found.outside,
         "share": budget.outside.closes,
         "share_ci95": list(budget.outside.ci95),
         "depends_on": list(dict.fromkeys(names)),

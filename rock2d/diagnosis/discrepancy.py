@@ -9,13 +9,14 @@ lever and group the gain on held-out releases. The model's own parameters stay f
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, OUTCOME, SLOPE, STATE, Levers
+from rock2d.diagnosis.levers import FLIGHT, FRAME, LAW, LEVERS, OUTCOME, SLOPE, STATE, Levers
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.quantities import CONSTANT, Basis
 from rock2d.diagnosis.significance import OverReleases
@@ -56,11 +57,13 @@ class Discrepancy(OverReleases):
         return f"{self.lever} of {self.basis.name}"
 
 
-def discrepancies(fit: Fit, data: Data) -> list[Discrepancy]:
-    """Every dependence that was tried, the one that gains most first."""
+def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[Discrepancy]:
+    """Every dependence of these levers that was tried, the one that gains most first."""
     levers, linear = Levers(fit, data), LinearModel(fit, data)
     found = []
     for lever, bases in levers.bases.items():
+        if lever not in only:
+            continue
         chances = Counter(basis.name for basis in bases)
         for basis in bases:
             if basis.name == CONSTANT and lever in (LAW, OUTCOME):

@@ -6,18 +6,18 @@ They are fitted together with all parameters of the model, and kept only if held
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
+from rock2d.diagnosis.cross_validation import HeldOut, Validated, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Enough, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import Answer, Answering, Levers, by_coefficients
+from rock2d.diagnosis.levers import LEVERS, Answer, Answering, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
@@ -135,11 +135,11 @@ class Learnt:
         ]
 
 
-def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy] | None = None) -> Learnt:
-    """Learn what a model leaves unexplained. `found`: the dependences in its residuals, if they are known."""
-    state = Learnt(start, held_out, [])
-    for _ in range(MOST_LEARNT if start.free else 0):
-        found = discrepancies(state.fit, data) if found is None else found
+def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learnt:
+    """Learn what a model leaves unexplained, beside what it has learnt already, as changes of some levers."""
+    state = start if isinstance(start, Learnt) else Learnt(start.fit, start.held_out, [])
+    for _ in range(MOST_LEARNT if start.fit.free else 0):
+        found = discrepancies(state.fit, data, only)
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
             answer = levers.answer(dependence.lever, dependence.basis)
@@ -157,17 +157,14 @@ def learn(start: Fit, held_out: HeldOut, data: Data, found: Sequence[Discrepancy
         new = Change(
             dependence.lever, dependence.basis, np.empty(0), best.gain, levers.units[dependence.lever]
         )
-        state, found = Learnt(own.fit, own.held_out, [*state.changes, new], state), None
+        state = Learnt(own.fit, own.held_out, [*state.changes, new], state)
         state.changes = state.changes_at(own.fit.p)
     return state
 
 
-def best_predicting(data: Data, learnt: Learnt, others: Sequence[Learnt]) -> Learnt:
-    """What was learnt, or of `others` with changes the one that predicts held-out releases best, if it does so
-    significantly better."""
-    changed = [other for other in others if other.changes]
-    best = max(changed, key=lambda other: other.held_out.score.sum(), default=learnt)
-    return best if held_out_gain(data, best, learnt).significant else learnt
+def best_predicting(data: Data, learnt: Learnt, other: Learnt) -> Learnt:
+    """What was learnt, or another with changes if that predicts held-out releases significantly better."""
+    return other if other.changes and held_out_gain(data, other, learnt).significant else learnt
 
 
 def residuals_on(data: Data, learnt: Learnt) -> Residuals:

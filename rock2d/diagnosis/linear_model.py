@@ -26,6 +26,8 @@ from rock2d.diagnosis.model import discrete
 
 Array = np.ndarray
 
+CHANCE_DRAWS, CHANCE_SEED = 100, 0
+
 
 @dataclass
 class Step:
@@ -75,6 +77,33 @@ class LinearModel:
             gain = self._held_out(impacts, flights, parts, width) - self._before
             found.append(Step(gain, self._newton(curve, grad, width)[1], i))
         return max(found, key=lambda step: float(step.gain.sum()))
+
+    def by_chance(self, columns: Residuals) -> Array:
+        """(CHANCE_DRAWS,) what the columns would gain by chance: the residuals of each release have a random sign. That
+        keeps their sizes, and what is alike within a release, and breaks what is alike in many releases."""
+        own = self._total_by_chance(self._own, self._fit.slope.flights)
+        impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
+        flights = np.concatenate([self._fit.slope.flights, columns.flights], axis=-1)
+        return self._total_by_chance(impacts, flights) - own
+
+    def _total_by_chance(self, impacts: Array, flights: Array) -> Array:
+        """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""
+        data, n, size = self._data, len(self._data.order), impacts.shape[-1]
+        pulls = np.zeros((n, size))
+        np.add.at(pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z))
+        steady = self._flight_weight * self._flights
+        np.add.at(pulls, data.flight_release, np.einsum("mcdk,mcd->mk", flights, steady))
+        pulls[:, discrete(self._fit.model)] = 0.0
+        signs = np.random.default_rng(CHANCE_SEED).choice([-1.0, 1.0], (CHANCE_DRAWS, n))
+        parts = [self._moments(impacts, flights, k)[0] for k in range(FOLDS)]
+        tight = prior(self._fit.model)[1]
+        precision = np.diag(np.concatenate([tight, np.ones(size - len(tight))]))
+        fold, total = folds(data), np.zeros(CHANCE_DRAWS)
+        for k, curve in enumerate(parts):
+            own, others = (signs[:, part] @ pulls[part] for part in (fold == k, fold != k))
+            step = np.linalg.solve(np.sum(parts, axis=0) - curve + precision, others.T).T
+            total += (step * own).sum(axis=1) - 0.5 * np.einsum("rp,pq,rq->r", step, curve, step)
+        return total
 
     @cached_property
     def _before(self) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import DIFFERENCE_STEP
 from rock2d.diagnosis.fitting import Fit, extended
-from rock2d.diagnosis.linear_model import LinearModel
+from rock2d.diagnosis.linear_model import CHANCE_DRAWS, LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, Model, to_scale
 from rock2d.diagnosis.significance import OverReleases
 from rock2d.effects.effect import Effect, Parameter
@@ -35,10 +35,12 @@ class Expected(OverReleases):
     ----------
     gain : (releases,) log likelihood on held-out releases
     p : parameters of the model with the effect from which its fit may start
+    by_chance : (draws,) what it would gain by chance, see `LinearModel.by_chance`
     """
 
     gain: Array
     p: Array
+    by_chance: Array
 
 
 class Screening:
@@ -54,7 +56,7 @@ class Screening:
         start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
         must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]
-        tries, steps = [], np.eye(model.size)
+        tries, steps, chance = list[tuple[Array, Array]](), np.eye(model.size), []
         for at in _places(start, first, parameters):
             if not free or must_choose:
                 break
@@ -62,7 +64,8 @@ class Screening:
             columns = _stacked([_scaled(c, 1.0 / DIFFERENCE_STEP) for c in changes])
             found = self._linear.expected(columns, [np.ones(len(free))])
             step = np.clip(found.step, -LARGEST_STEP, LARGEST_STEP)
-            tries.append(Expected(found.gain, at - step @ steps[free]))
+            tries.append((found.gain, at - step @ steps[free]))
+            chance.append(self._linear.by_chance(columns))
         base = len(BASE_WIDTH)
         at, whole = start.copy(), np.zeros(model.size)
         whole[first:] = alone[base:] - start[first:]
@@ -72,14 +75,16 @@ class Screening:
             if q.implied:
                 at[k], whole[k] = start[k] + whole[k], 0.0
         if np.abs(whole).max(initial=0.0) > DIFFERENCE_STEP:
-            found = self._linear.expected(_stacked([self._change(model, at, whole)]), [np.ones(1)])
+            columns = _stacked([self._change(model, at, whole)])
+            found = self._linear.expected(columns, [np.ones(1)])
             share = 1.0 if must_choose else float(np.clip(-found.step[0], 0.0, LARGEST_MULTIPLE))
-            tries.append(Expected(found.gain, at + share * whole))
+            tries.append((found.gain, at + share * whole))
+            chance.append(self._linear.by_chance(columns))
         if not tries:
-            return Expected(np.zeros(len(self._data.order)), start)
-        best = max(tries, key=lambda e: e.total)
+            return Expected(np.zeros(len(self._data.order)), start, np.zeros(CHANCE_DRAWS))
+        gain, p = max(tries, key=lambda one: float(one[0].sum()))
         low, high = model.bounds()
-        return Expected(best.gain, np.clip(best.p, low, high))
+        return Expected(gain, np.clip(p, low, high), np.max(chance, axis=0))
 
     def all(self, effects: Mapping[str, Effect], alone: Mapping[str, Array]) -> dict[str, Expected]:
         """Of every effect that shifts means and is not in the model."""

@@ -12,7 +12,7 @@ from time import perf_counter
 from rock2d.progress import Bar, Bars
 
 READING, BASE, EXPLORING, ALONE = "reading the film", "base law", "exploring effects", "effects alone"
-SETS, LEARNT, GAP, REPORT = "sets of effects", "learnt changes", "gap", "report"
+SETS, EVIDENCE, GAP, REPORT = "sets of effects", "evidence", "gap", "report"
 STARTING = "processes"  # start within the exploring
 
 START = 300.0  # of the processes
@@ -43,7 +43,7 @@ class DiagnosisBars(Bars):
         super().__init__(shown, {
             READING: 250.0, BASE: BASE_ON_ALL + USUAL_SHARE * BASE_ON_SOME, STARTING: START if workers > 1 else 0.0,
             EXPLORING: USUAL_SHARE * self._exploring, ALONE: FITTED * effects / faster,
-            SETS: USUAL_SETS * self._each_set, LEARNT: REGRESSED + USUAL_LEARNT * LEARNT_BESIDE_ONE, GAP: 100.0,
+            SETS: USUAL_SETS * self._each_set, EVIDENCE: REGRESSED + USUAL_LEARNT * LEARNT_BESIDE_ONE, GAP: 100.0,
             REPORT: 600.0,
         }, clock)  # fmt: skip
 
@@ -60,14 +60,14 @@ class DiagnosisBars(Bars):
         if gain > LEAST_GAIN:
             sets, learnt = LIKELY_SETS, LIKELY_LEARNT
         self.expect(SETS, sets * self._each_set)
-        self.expect(LEARNT, REGRESSED + learnt * LEARNT_BESIDE_ONE)
+        self.expect(EVIDENCE, REGRESSED + learnt * LEARNT_BESIDE_ONE)
 
     def found(self, causes: int, most: int, further_gain: float) -> None:
         """The best set has so many `causes` of at most so many, and this is what further effects are expected to
         gain."""
         much = further_gain > UNEXPLAINED_GAIN
         learnt = (max(causes, USUAL_CAUSES) + 1) * LEARNT_BESIDE_ONE if much else 0.0
-        self.expect(LEARNT, REGRESSED + learnt)
+        self.expect(EVIDENCE, REGRESSED + learnt)
         sets = FEWEST_SETS + (SETS_OF_A_CAUSE * (most - causes) if much else 0)
         self.expect(SETS, sets * self._each_set, sets)
 

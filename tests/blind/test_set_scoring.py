@@ -34,10 +34,13 @@ def _result(causes, outside, claimed=None, true=None):
     p = {"none": 0.1, "unknown": 0.1} | dict.fromkeys(catalogue(), 0.8 / EFFECTS)
     diagnosis = {
         "probabilities": p, "where": [], "gap": {"closure": claimed},
-        "causes": [{"effect": effect, "p": own, "parameters": {}} for effect, own in causes.items()],
+        "causes": [
+            {"effect": effect, "p": own, "parameters": {}, "group": [], "named": own >= 0.5}
+            for effect, own in causes.items()
+        ],
         "outside": {"p": outside, "share": 0.0, "depends_on": [], "learnt": None},
     }  # fmt: skip
-    return {"diagnosis": diagnosis, "statistics": None, "seconds": 1.0, "true_closure": true}
+    return {"diagnosis": diagnosis, "seconds": 1.0, "true_closure": true}
 
 
 TRIAL = {
@@ -111,7 +114,7 @@ def test_a_film_that_was_refused_names_nothing():
     refused = _result({}, 0.0)
     refused["diagnosis"] |= {"outside": None}
     found = set_case("0", trial_label(spin_kick=20.0), refused)
-    assert found.named == [] and found.p_outside == refused["diagnosis"]["probabilities"]["unknown"]
+    assert found.names == [] and found.p_outside == refused["diagnosis"]["probabilities"]["unknown"]
 
 
 def test_named_effects_firsts_nulls_and_releases(cases):
@@ -213,6 +216,7 @@ def _cause(effect, parameter, value, low, high, p=0.9):
     return {
         "effect": effect,
         "p": p,
+        "named": p >= 0.5,
         "parameters": {parameter: {"value": value, "ci95": [low, high], "unit": "1"}},
     }
 
@@ -236,7 +240,7 @@ def test_sizes_are_compared_where_both_mean_the_same():
         _cause("scale_error", "scale", 1.01, 1.0, 1.02),
         _cause("geometry_error", "facing_rad", 0.05, 0.04, 0.06, p=0.4),
     ]
-    errors = size_errors(label, causes, 0.5)
+    errors = size_errors(label, causes)
     assert [e.effect for e in errors] == ["camera_tilt", "frame_rate_error"]
     assert [e.relative for e in errors] == pytest.approx([0.1, -0.5])
     assert [e.covered for e in errors] == [True, False]

@@ -16,10 +16,6 @@ from rock2d.blind.case_files import make_trial, read_index, read_labels, redraw
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
 from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_table, summary
 from rock2d.blind.signal_to_noise import likeness, signal_to_noise
-from rock2d.blind.training import FEATURES, Examples, regression, unseen
-from rock2d.diagnosis.classification import ANY, KNOWN, UNSEEN, WHICH, chance, probabilities
-from rock2d.diagnosis.inclusion import INCLUDED, OUTSIDE, inclusion
-from rock2d.diagnosis.inclusion import outside as outside_chance
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
@@ -173,41 +169,6 @@ def test_calibration_error_of_known_cases():
     assert auroc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0, 0, 1, 1])) == 0.75
 
 
-def test_a_regression_learns_what_separates_and_probabilities_sum_to_one():
-    rng = np.random.default_rng(0)
-    known = {}
-    for question in (ANY, KNOWN, WHICH):
-        values = [
-            dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: x} for x in rng.normal(size=200)
-        ]
-        answers = [v[FEATURES[question][0]] > 0 for v in values]
-        known[question] = regression(FEATURES[question], Examples(values, answers, [1.0] * len(values)))
-        assert (
-            chance(known[question], dict.fromkeys(FEATURES[question], 0.0) | {FEATURES[question][0]: 3.0})
-            > 0.95
-        )
-    known[UNSEEN] = 0.25
-    case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.5)
-    effects = {n: dict.fromkeys(FEATURES[WHICH], float(i)) for i, n in enumerate(("air_drag", "adhesion"))}
-    p = probabilities({"case": case, "effects": effects}, known)
-    assert sum(p.values()) == pytest.approx(1.0)
-    assert set(p) == {"none", "unknown", "air_drag", "adhesion"}
-    surely = known | {UNSEEN: 0.0}
-    sure = probabilities({"case": case, "effects": effects}, surely)
-    assert p["none"] < sure["none"] and sum(sure.values()) == pytest.approx(1.0)
-
-
-def test_what_hides_in_films_that_show_nothing_is_counted():
-    """A third of the films in which nothing shows hide something."""
-    some = {"features": ["x"], "mean": [0.0], "scale": [1.0], "coefficients": [4.0], "intercept": 0.0}
-    cases = [
-        ({"label": label}, {"statistics": {"case": {"x": x}}})
-        for label, x, count in (("none", -2.0, 200), ("adhesion", -2.0, 100), ("adhesion", 2.0, 200))
-        for _ in range(count)
-    ]
-    assert unseen(cases, some) == pytest.approx(1 / 3, abs=0.02)
-
-
 def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same_bytes(
     tmp_path, small, monkeypatch
 ):
@@ -246,47 +207,6 @@ def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):
         path.write_bytes(b"half")
     assert case_files.write_case(case, tmp_path / "000") == label
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == whole
-
-
-def test_weights_are_learned_from_a_trial(tmp_path):
-    """Results in which the effect with the largest gain is the right one, and what is left tells the unknown; all that
-    is hidden can be seen."""
-    from rock2d.blind.training import labelled_results, train
-
-    rng = np.random.default_rng(1)
-    causes = [(), ("air_drag",), ("adhesion",), ("late_angle",)] * 3
-    trial = {}
-    for i, own in enumerate(causes):
-        outside = own == ("late_angle",)
-        case = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.0)
-        case |= {"gain_seen": 2.5 if own else 0.5 * rng.random(), "left_share": 0.9 if outside else 0.0}
-        effects = {
-            name: dict.fromkeys(FEATURES[WHICH], 0.0) | {"behind_z": 0.0 if name in own else 6.0}
-            for name in ("air_drag", "adhesion", "magnus_lift")
-        }
-        included = {
-            name: dict.fromkeys(FEATURES[INCLUDED], 0.0) | {"z": 6.0 if name in own else 0.0}
-            for name in effects
-        }
-        left = dict.fromkeys(FEATURES[OUTSIDE], 0.0) | {"learnt_z": 8.0 if outside else 0.0}
-        found = {"case": case, "effects": effects, "causes": included, "outside": left}
-        label = trial_label(**dict.fromkeys(own, 20.0))
-        trial[f"{i:03d}"] = label, {"statistics": found, "without_best": None}
-    write_trial(tmp_path, trial)
-    labels = read_labels(tmp_path)
-    clear = labelled_results([tmp_path])
-    learned = train(clear)
-    assert set(learned) == {ANY, KNOWN, WHICH, UNSEEN, INCLUDED, OUTSIDE}
-    for (label, result), truth in zip(clear, causes, strict=True):
-        chances = inclusion(result["statistics"]["causes"], learned)
-        assert {name for name, p in chances.items() if p >= 0.5} == set(truth) & set(chances)
-        assert (outside_chance(result["statistics"]["outside"], learned) >= 0.5) == (
-            "unknown" in label["label"]
-        )
-    p = probabilities({"case": case, "effects": effects}, learned)
-    assert labels["011"]["label"] == "unknown" and max(p, key=p.__getitem__) == "unknown"
-    named = probabilities(trial["001"][1]["statistics"], learned)
-    assert max(named, key=named.__getitem__) == "air_drag"
 
 
 @pytest.mark.parametrize("damage", ["[" * 100_000, "[]", '{"diagnosis": {"probabilities": 3}}'])

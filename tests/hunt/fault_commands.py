@@ -31,10 +31,6 @@ def _copied_results(inputs: Path, out: Path) -> None:
     shutil.copytree(inputs / "diagnosed_trial", out / "trial")
 
 
-def _nearly_trained(inputs: Path, out: Path) -> None:
-    shutil.copytree(inputs / "training", out / "training")
-
-
 @dataclass(frozen=True)
 class Command:
     """A command line. `{here}` in it is the folder of the inputs, `{out}` the folder it writes into.
@@ -94,8 +90,6 @@ COMMANDS = (
     Command("compare", "compare {here}/diagnosis {here}/diagnosis/diagnosis.json --out {out}/comparison"),
     Command("blind make", "blind make --quiet --cases 2 --seed 1 --workers 2 --out {out}/trial"),
     Command("blind run", "blind run {out}/trial --quiet --workers 2", _copied_trial),
-    Command("blind train", "blind train --seed 1 --quiet --workers 2 --work {out}/training --out {out}/weights.json",
-            _nearly_trained),
     Command("blind score", "blind score {out}/trial", _copied_results),
     Command("film", "film {here}/run --quiet --releases 2 --size 640 400 --out {out}/film.avi"),
     Command("track", "track {here}/film.avi --config {here}/film.yaml --quiet --out {out}/tracked"),
@@ -156,25 +150,3 @@ def make_inputs(here: Path) -> None:
         shutil.copytree(here / "trial", here / "copied_trial", dirs_exist_ok=True)
         rock2d("blind", "run", str(here / "copied_trial"), "--quiet")
         (here / "copied_trial").rename(here / "diagnosed_trial")
-    if not (here / "training").is_dir():
-        _write_training(here / "trial" / "cases", here / "training")
-
-
-def _write_training(cases: Path, training: Path) -> None:
-    """A trial of which only the first cases, copies of `cases`, are not diagnosed yet; other results are made up."""
-    labels, results = {}, {}
-    for i, label in enumerate(("none", "air_drag", "adhesion", "unknown") * 3):
-        labels[f"{i:03d}"] = {"label": label, "signal_to_noise": 0.0 if label == "none" else 20.0}
-        stated = dict.fromkeys({*FEATURES[ANY], *FEATURES[KNOWN]}, 0.1 * i)
-        effects = {name: dict.fromkeys(FEATURES[WHICH], 0.1 * i) for name in ("air_drag", "adhesion")}
-        results[f"{i:03d}"] = {"statistics": {"case": stated, "effects": effects}, "without_best": None}
-    text = json.dumps(labels)
-    index = {"count": len(labels), "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
-    partial = training.with_name("training_partial")
-    shutil.copytree(cases, partial / "cases")
-    (partial / "results").mkdir()
-    for name in results.keys() - {case.name for case in cases.iterdir()}:
-        (partial / "results" / f"{name}.json").write_text(json.dumps(results[name]), encoding="utf-8")
-    (partial / "labels.json").write_text(text, encoding="utf-8")
-    (partial / "cases.json").write_text(json.dumps(index), encoding="utf-8")
-    partial.rename(training)

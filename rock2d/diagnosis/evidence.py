@@ -1,0 +1,181 @@
+"""Evidence: how probable it is that an effect is one of the causes. The film itself is the judge.
+
+Each member of the best set must stand three questions, beside the others and beside what is learnt without a name.
+
+- Chance: what would the best of all effects gain if nothing acted? The residuals of each release get a random sign. That keeps their sizes, and what is alike within a release, and breaks all that is systematic.
+- Imitation: what do smooth changes gain that are learnt in its place? An effect that stands for something without a
+  name explains a part of what they explain; a true cause is hardly beaten.
+- Rivals: which effects do as well in its place? They share its probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from rock2d.diagnosis.budget import Draws, Sizes
+from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
+from rock2d.diagnosis.cross_validation import cross_validate, held_out_gain
+from rock2d.diagnosis.learnt import Learnt, learn
+from rock2d.diagnosis.levers import FLIGHT, LEVERS
+from rock2d.diagnosis.significance import Gain
+from rock2d.progress import Bar
+
+Array = np.ndarray
+
+PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films makes an effect as probable as not
+LEAST_CHANCE = 1e-6
+EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
+RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
+RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
+MOST_RIVALS = 2  # effects that may stand for one that is named
+NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
+FORM_SHARE = 0.1  # of what the causes gain: what the forms of their laws may leave to be learnt
+FORM_STEEPNESS = 2.0
+TRIED_DEPENDENCES = 60  # of which the best is learnt
+UNSEEN = 0.03  # probability that something acts that is not seen
+PRIOR = {"none": 0.25, "unknown": 0.15}  # the effects share the rest
+PRIOR_SHARE = 0.02  # of the probability follows the prior
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Of a member of a set of causes.
+
+    Attributes
+    ----------
+    alone : what it gains beside all others
+    instead : what is gained by what is learnt in its place
+    chance : probability that chance gives as large a gain, or that it closes no part of the gap
+    ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
+    """
+
+    alone: Gain
+    instead: Gain
+    chance: float
+    ahead: Mapping[str, float]
+
+    @property
+    def p(self) -> float:
+        """Probability that it or one of its rivals is a cause."""
+        ratio = max(self.alone.total, 1e-9) / max(self.instead.total, 1e-9)
+        return against_chance(self.chance) * _logistic(ratio / EVEN_RATIO, RATIO_STEEPNESS)
+
+    @property
+    def group(self) -> list[str]:
+        """The closest rivals, with which it may share a name."""
+        return list(self.ahead)[:MOST_RIVALS]
+
+    def shares(self, name: str) -> dict[str, float]:
+        """The probability of the member and of each rival; odds fall as exp(-z)."""
+        odds = {name: 1.0} | {rival: float(np.exp(-max(z, 0.0))) for rival, z in self.ahead.items()}
+        return {own: self.p * odd / sum(odds.values()) for own, odd in odds.items()}
+
+    def named(self, name: str) -> bool:
+        """Whether the member and its closest rivals are probable enough to be named."""
+        shares = self.shares(name)
+        return sum(shares[own] for own in (name, *self.group)) >= NAMED_PROBABILITY
+
+
+def _logistic(ratio: float, steepness: float) -> float:
+    odds = min(ratio, 1e3) ** steepness
+    return odds / (1.0 + odds)
+
+
+def against_chance(p: float) -> float:
+    """Probability of a cause from the p value of its gain: the bound of Sellke, Bayarri and Berger (2001, The American
+    Statistician 55(1), 62-71) on the odds that a p value can give."""
+    p = min(max(p, LEAST_CHANCE), np.exp(-1.0))
+    odds = PRIOR_ODDS / (-np.e * p * np.log(p))
+    return float(odds / (1.0 + odds))
+
+
+def exceeded(gain: float, draws: Array) -> float:
+    """Share of gains by chance (draws,) that reach a gain; beyond the draws their upper half falls exponentially."""
+    middle = float(np.median(draws))
+    tail = float(np.mean(draws[draws > middle] - middle)) if (draws > middle).any() else 1.0
+    share = float(np.mean(draws >= gain))
+    return share if share > 0.05 else min(0.5 * float(np.exp(-(gain - middle) / max(tail, 1e-9))), 0.05)
+
+
+def weigh(search: Search, learnt: Learnt, bar: Bar) -> dict[str, Evidence]:
+    """Evidence of each member of the best set; `learnt`: beside that set."""
+    found = dict[str, Evidence]()
+    for name in sorted(search.best.names):
+        found[name] = _evidence(search, learnt, name)
+        bar.step(name)
+    return found
+
+
+def _evidence(search: Search, learnt: Learnt, name: str) -> Evidence:
+    best, data, effect = search.best, search.data, search.effects[name]
+    less: Learnt | CauseSet = search.without(best)[name]
+    if learnt.changes:
+        fitted = Reduction(learnt.fit, name).fitted(data)
+        less = Learnt(fitted, cross_validate(fitted, data), learnt.changes)
+    alone = held_out_gain(data, learnt, less)
+    chance = float(norm.sf(alone.significance))
+    if not effect.scatter:  # which closes nothing, and to which signs do not matter
+        draws = np.max([own.by_chance for own in search.beside(best).values()], axis=0)
+        chance = max(chance, exceeded(alone.total, draws), closes_nothing(search, name))
+    ahead = search.rivals(best, name, RIVAL_Z)
+    if learnt.changes and (twin := TWINS.get(name)) is not None:
+        # contacts alone could tell them apart, and something in these is not understood
+        ahead = {twin: 0.0} | ahead
+    found = Evidence(alone, Gain(np.zeros_like(alone.gain)), chance, ahead)
+    if not found.named(name):
+        return found
+    levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
+    return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
+
+
+def closes_nothing(search: Search, name: str) -> float:
+    """Probability that an effect closes no part of the gap, neither alone nor beside the others of the best set."""
+    sizes = Sizes(search.data, search.best.fit.covariance())
+    draws = Draws(sizes, seed=0)
+
+    def gap(own: CauseSet) -> Array:
+        return draws.gap(sizes.of(own.held_out.residuals))
+
+    pairs = [(search.alone[name], search.base), (search.best, search.without(search.best)[name])]
+    return min(float(np.mean(gap(less) <= gap(own))) for own, less in pairs)
+
+
+def outside(learnt: Gain, named: Gain) -> float:
+    """Probability that something outside the catalogue acts, from what is learnt beside the causes, and what these
+    gain: the form of a law that is not quite that of the ground leaves a share of it, too."""
+    if learnt.total <= 0.0:
+        return UNSEEN
+    beyond_form = learnt.total / (FORM_SHARE * max(named.total, 1e-9))
+    p = against_chance(TRIED_DEPENDENCES * float(norm.sf(learnt.significance)))
+    p *= _logistic(beyond_form, FORM_STEEPNESS)
+    return max(p, UNSEEN)
+
+
+def inclusion(evidence: Mapping[str, Evidence]) -> dict[str, float]:
+    """Effect -> probability that it is one of the causes; of others there is no evidence."""
+    found = dict[str, float]()
+    for name, own in evidence.items():
+        for other, p in own.shares(name).items():
+            found[other] = max(found.get(other, 0.0), p)
+    return found
+
+
+def single_answers(
+    evidence: Mapping[str, Evidence], p_outside: float, effects: Collection[str]
+) -> dict[str, float]:
+    """Probability of each effect as the cause that explains most, of "none", and of "unknown", which is also a cause
+    that cannot be named. In the order of their gains, each is the first if it acts and none before it does."""
+    found, rest = {"none": 0.0, "unknown": 0.0, **dict.fromkeys(effects, 0.0)}, 1.0
+    for name in sorted(evidence, key=lambda name: -evidence[name].alone.total):
+        own = evidence[name]
+        for other, p in own.shares(name).items() if own.named(name) else [("unknown", own.p)]:
+            found[other] += rest * p
+        rest *= 1.0 - own.p
+    found["unknown"] += rest * p_outside
+    found["none"] += rest * (1.0 - p_outside)
+    expected = PRIOR | dict.fromkeys(effects, (1.0 - sum(PRIOR.values())) / len(effects))
+    return {name: (1.0 - PRIOR_SHARE) * p + PRIOR_SHARE * expected[name] for name, p in found.items()}

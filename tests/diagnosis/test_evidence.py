@@ -1,0 +1,71 @@
+"""Evidence: what chance gives, what imitates, and what shares a name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis.evidence import Evidence, against_chance, exceeded, inclusion, outside, single_answers
+from rock2d.diagnosis.significance import Gain
+
+RELEASES = 40
+EFFECTS = ("adhesion", "air_drag", "frame_rate_error", "scale_error")
+
+
+def gain(total, spread=0.0):
+    """A gain over RELEASES releases with a total, and a spread between them."""
+    signs = np.resize([1.0, -1.0], RELEASES)
+    return Gain(np.full(RELEASES, total / RELEASES) + spread * signs)
+
+
+def found(alone=50.0, instead=0.0, chance=1e-6, **ahead):
+    return Evidence(gain(alone), gain(instead), chance, ahead)
+
+
+def test_a_gain_that_chance_exceeds_in_one_film_of_a_hundred_is_as_probable_as_not():
+    assert against_chance(0.01) == pytest.approx(0.5, abs=0.01)
+    assert against_chance(0.3) < 0.12 and against_chance(1e-5) > 0.99
+
+
+def test_the_tail_of_chance_is_exponential_beyond_its_draws():
+    """Exponential gains: the share that exceeds x is exp(-x), also where no draw reaches."""
+    draws = -np.log1p(-(np.arange(100) + 0.5) / 100)
+    for x in (0.5, 1.0, 2.0):
+        assert exceeded(x, draws) == pytest.approx(np.exp(-x), abs=0.02)
+    assert exceeded(9.0, draws) == pytest.approx(np.exp(-9.0), rel=0.3)
+
+
+@pytest.mark.parametrize(("ratio", "named"), [(2.0, True), (0.8, True), (0.35, False), (0.1, False)])
+def test_what_is_learnt_in_its_place_must_not_explain_much_more(ratio, named):
+    assert found(alone=100.0 * ratio, instead=100.0).named("adhesion") == named
+
+
+def test_twins_that_cannot_be_told_apart_share_one_name():
+    own = found(scale_error=0.0)
+    shares = own.shares("frame_rate_error")
+    assert shares["frame_rate_error"] == pytest.approx(shares["scale_error"]) == pytest.approx(own.p / 2)
+    assert own.named("frame_rate_error") and own.group == ["scale_error"]
+
+
+def test_one_of_many_is_no_name():
+    own = Evidence(gain(50.0), gain(0.0), 1e-6, {f"effect {i}": 0.1 * i for i in range(9)})
+    assert not own.named("adhesion") and len(own.group) == 2
+    answers = single_answers({"adhesion": own}, 0.03, EFFECTS)
+    assert max(answers, key=lambda name: answers[name]) == "unknown"
+
+
+def test_the_largest_cause_is_the_first_answer_and_all_sum_to_one():
+    evidence = {"adhesion": found(alone=20.0), "air_drag": found(alone=200.0, chance=1e-4)}
+    answers = single_answers(evidence, 0.03, EFFECTS)
+    assert sum(answers.values()) == pytest.approx(1.0)
+    assert answers["air_drag"] > 0.9 and answers["adhesion"] < 0.1
+    assert inclusion(evidence)["adhesion"] > 0.9
+    nothing = single_answers({}, 0.03, EFFECTS)
+    assert nothing["none"] > 0.9 and sum(nothing.values()) == pytest.approx(1.0)
+
+
+def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_a_law_leaves():
+    clear, scattered = gain(100.0, spread=1.0), gain(100.0, spread=30.0)
+    assert outside(clear, gain(0.0)) > 0.95 and outside(clear, gain(200.0)) > 0.9
+    assert outside(clear, gain(10_000.0)) < 0.1
+    assert outside(scattered, gain(0.0)) < 0.5 and outside(gain(0.0), gain(0.0)) < 0.05

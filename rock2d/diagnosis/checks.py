@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -76,17 +77,23 @@ class Check:
 
     Attributes
     ----------
-    name, words : what is compared, in short and as a sentence that names the largest pattern
+    name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
     value : of the film, in standard deviations of the replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
     p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
     """
 
     name: str
-    words: str
+    compared: str
+    largest: str
     value: float
     replicates: tuple[float, float, float]
     p: float
     p_of_all: float
+
+    @property
+    def words(self) -> str:
+        """What is compared, as one line."""
+        return f"{self.compared}, in standard deviations of the replicates; the largest: {self.largest}"
 
     @property
     def fails(self) -> bool:
@@ -105,6 +112,13 @@ class Checks:
     def all(self) -> list[Check]:
         """First the means."""
         return [*self.means, *self.spreads]
+
+    def content(self) -> list[dict[str, Any]]:
+        """The key `checks` of diagnosis.json."""
+        return [
+            {"name": c.name, "words": c.words, "value": c.value, "replicates": list(c.replicates), "p": c.p}
+            for c in self.all
+        ]
 
     @property
     def p(self) -> float:
@@ -131,7 +145,7 @@ class _Drawn:
     """The k patterns of a check: their names, and (1 + replicates, k) values, first of the film."""
 
     name: str
-    words: str
+    compared: str
     parts: Sequence[str]
     values: Array
 
@@ -141,13 +155,13 @@ class _Patterns:
     """The k patterns of a check: their names, and what each release adds to them, (releases, k)."""
 
     name: str
-    words: str
+    compared: str
     parts: Sequence[str]
     sums: Array
 
     def drawn(self, signs: Array) -> _Drawn:
         """With signs (1 + replicates, releases)."""
-        return _Drawn(self.name, self.words, self.parts, signs @ self.sums)
+        return _Drawn(self.name, self.compared, self.parts, signs @ self.sums)
 
 
 def _placed(found: Sequence[_Drawn]) -> list[Check]:
@@ -162,7 +176,7 @@ def _placed(found: Sequence[_Drawn]) -> list[Check]:
     least = p.min(axis=0)
     return [
         Check(
-            own.name, f"{own.words}; the largest: {own.parts[int(sizes[0].argmax())]}", float(row[0]),
+            own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
             tuple(map(float, np.quantile(row[1:], [0.05, 0.5, 0.95]))), float(rank[0]),
             float((least <= rank[0]).mean()),
         )
@@ -212,14 +226,14 @@ class _Left:
         return pull / size @ np.linalg.pinv(curve / size / size[:, None], 1e-9, hermitian=True) / size
 
     def _patterns(
-        self, name: str, words: str, parts: Sequence[str], release: Array, sums: Array, absorbed: Array
+        self, name: str, compared: str, parts: Sequence[str], release: Array, sums: Array, absorbed: Array
     ) -> list[_Patterns]:
         """A check from `sums` (n, k) of each segment less what the parameters absorb, `absorbed` (releases, k); none
         where they absorb all."""
         own = self._summed(release, sums)
         left = own - absorbed
         kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (own**2).sum(axis=0))
-        return [_Patterns(name, words, [parts[k] for k in kept], left[:, kept])] if len(kept) else []
+        return [_Patterns(name, compared, [parts[k] for k in kept], left[:, kept])] if len(kept) else []
 
     # --- impacts ----------------------------------------------------------------------------------------
 
@@ -259,15 +273,19 @@ class _Left:
                 f = np.concatenate([features for features, _ in own], axis=1)
                 parts = [c + part for _, parts in own for part in parts for c in IMPACT_CHANNELS]
                 columns = np.einsum("nk,ncd->ndkc", f, self._rates).reshape(*self._z.shape, -1)
-                found += self._impact_patterns(name, "mean of what is left of velocities after impacts", parts, columns)
+                found += self._impact_patterns(
+                    name, "mean of what is left of velocities after impacts", parts, columns
+                )
         return found + (self._energy() if known else [])
 
-    def _impact_patterns(self, name: str, words: str, parts: Sequence[str], columns: Array) -> list[_Patterns]:
+    def _impact_patterns(
+        self, name: str, compared: str, parts: Sequence[str], columns: Array
+    ) -> list[_Patterns]:
         """Weighted sums of whitened residuals times `columns` (n, d, k)."""
         pulled = self._weight[:, None, None] * columns
         moved = np.einsum("ndk,ndp->pk", pulled, self._slope, optimize=True)
         sums = np.einsum("ndk,nd->nk", pulled, self._z)
-        return self._patterns(name, words, parts, self._data.impact_release, sums, self._absorbing @ moved)
+        return self._patterns(name, compared, parts, self._data.impact_release, sums, self._absorbing @ moved)
 
     def _energy(self) -> list[_Patterns]:
         """Energy that impacts leave to the blocks, in its standard deviations."""
@@ -298,10 +316,14 @@ class _Left:
 
     def spreads(self) -> list[_Patterns]:
         """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""
+        from scipy.special import ndtri
+        from scipy.stats import rankdata
+
         known, found, release = self._of_impacts, [], self._data.impact_release
         valid = (self._weight > 0.0)[:, None]
         z = np.einsum("ncd,nd->nc", self._rates, self._z)
-        size = np.log1p(z**2 / IMPACT_STUDENT_DF)
+        # normal scores of the sizes: symmetric, as random signs need it
+        size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
         # slopes of the log likelihood by the scatter of the soil
         pulled = np.einsum("nd,ndk->nk", self._z, self._soil) ** 2
         soil = self._weight[:, None] * pulled - valid * (self._soil**2).sum(axis=1)
@@ -314,7 +336,9 @@ class _Left:
                 parts = [c + part for _, parts in own for part in parts for c in IMPACT_CHANNELS]
                 by_soil = np.linalg.lstsq(soil, sums, rcond=1e-9)[0]
                 words = "size of what is left of velocities after impacts"
-                found += self._patterns(name, words, parts, release, sums, self._summed(release, soil @ by_soil))
+                found += self._patterns(
+                    name, words, parts, release, sums, self._summed(release, soil @ by_soil)
+                )
         return found
 
     # --- flights ----------------------------------------------------------------------------------------

@@ -87,6 +87,7 @@ def _refuse_foreign(out: Path) -> None:
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
+    from rock2d.diagnosis.report.checks_section import checks_sentence
     from rock2d.diagnosis.report.text import predicted_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
@@ -118,6 +119,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""
         closes = f"; learnt changes{beside} close {_shares(learnt)}" if learnt else ""
         lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{closes}")
+    if result.checks is not None:
+        lines.append(f"checks: {checks_sentence(result.checks)}")
     for cell in content["where"][:3]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"

@@ -151,6 +151,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "model": _model_json(found),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
+        "checks": result.checks.content() if result.checks is not None else [],
         "series": _series(result),
         "blocks": {
             name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}

@@ -18,6 +18,7 @@ from rock2d.diagnosis.report import downloads, parameters, tables, text
 from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
+from rock2d.diagnosis.report.checks_section import checks_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
 from rock2d.diagnosis.report.practical_indicators import (
@@ -82,7 +83,7 @@ def report_page(
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
     chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
-    context |= _verdict(result, content, chain) | budget_section(content)
+    context |= _verdict(result, content, chain) | budget_section(content) | checks_section(result.checks)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)

@@ -48,26 +48,27 @@ REPLICATES = 5000
 LEAST_LEFT = 0.05  # share of its variance that the fitted parameters must leave of a pattern
 IMPACT_CHANNELS = ("along the ground", "across the ground", "spin")
 FLIGHT_CHANNELS = ("x", "y", "angle")
+SAID = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
 # name of a check -> the dependences that it looks at
 IMPACT_MEANS = {
-    "impacts": (CONSTANT,),
+    "mean of impacts": (CONSTANT,),
     "impacts by zone and place": ("zone", "place"),
     "impacts by block": ("block",),
     "impacts with speed": ("normal speed", "sliding speed"),
     "impacts with spin": ("spin",),
     "impacts with orientation": ("orientation to the ground",),
-    "impacts from release to release": ("series",),
-    "impacts in their order": ("history",),
+    "impacts over releases": ("series",),
+    "impacts of a release": ("history",),
 }
 FLIGHT_MEANS = {
-    "flights": (CONSTANT, "block"),
+    "bend of flights": (CONSTANT, "block"),
     "flights with velocity and spin": ("velocity", "spin"),
     "flights with height and place": ("height", "place"),
 }
 SPREADS = {
-    "spread of impacts": (CONSTANT,),
-    "spread of impacts by zone and block": ("zone", "block"),
-    "spread of impacts from release to release": ("series",),
+    "spread by channel": (CONSTANT,),
+    "spread by zone and block": ("zone", "block"),
+    "spread over releases": ("series",),
 }
 
 
@@ -86,7 +87,7 @@ class Check:
     compared: str
     largest: str
     value: float
-    replicates: tuple[float, float, float]
+    replicates: list[float]
     p: float
     p_of_all: float
 
@@ -116,7 +117,7 @@ class Checks:
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
         return [
-            {"name": c.name, "words": c.words, "value": c.value, "replicates": list(c.replicates), "p": c.p}
+            {"name": c.name, "words": c.words, "value": c.value, "replicates": c.replicates, "p": c.p}
             for c in self.all
         ]
 
@@ -177,7 +178,7 @@ def _placed(found: Sequence[_Drawn]) -> list[Check]:
     return [
         Check(
             own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
-            tuple(map(float, np.quantile(row[1:], [0.05, 0.5, 0.95]))), float(rank[0]),
+            [float(v) for v in np.quantile(row[1:], [0.05, 0.5, 0.95])], float(rank[0]),
             float((least <= rank[0]).mean()),
         )
         for own, sizes, row, rank in zip(found, z, largest, p, strict=True)
@@ -232,7 +233,7 @@ class _Left:
         where they absorb all."""
         own = self._summed(release, sums)
         left = own - absorbed
-        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (own**2).sum(axis=0))
+        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (own**2).sum(axis=0)).tolist()
         return [_Patterns(name, compared, [parts[k] for k in kept], left[:, kept])] if len(kept) else []
 
     # --- impacts ----------------------------------------------------------------------------------------
@@ -252,7 +253,8 @@ class _Left:
         world, found = self._world, {}
         names = {BLOCK: list(world.blocks), ZONE: world.cross_section.zone_names}
         for name, basis in bases(entries, quantities).items():
-            features, parts = basis.features(quantities), [f" with {name}"] * 99
+            features = basis.features(quantities)
+            parts = [f" with {SAID.get(name, name)}"] * features.shape[1]
             if not basis.curves:
                 parts = [""]
             elif basis.curves[0].kind == KINDS:
@@ -261,7 +263,7 @@ class _Left:
                 parts = [f" in {own[i]}" if own else f" in impact {i + 1}" for i in members]
             if basis.curves:
                 features = features - weight @ features / max(weight.sum(), 1e-300)
-            found[name] = features, parts[: features.shape[1]]
+            found[name] = features, parts
         return found
 
     def impact_means(self) -> list[_Patterns]:
@@ -298,7 +300,7 @@ class _Left:
         columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._rates)
         columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
         words = "energy that impacts leave"
-        return self._impact_patterns("energy lost in impacts", words, ["mean"], columns[:, :, None])
+        return self._impact_patterns("energy lost in impacts", words, ["all impacts"], columns[:, :, None])
 
     def near_replicates(self, signs: Array) -> list[_Drawn]:
         """Whether impacts of different releases from nearly the same state miss in the same direction."""
@@ -312,7 +314,7 @@ class _Left:
         first, second = (free[own].reshape(-1, free.shape[-1]) for own in pairs[-1])
         agreed = ((signs @ (first.T @ second)) * signs).sum(axis=1)
         words = "agreement of what is left of impacts from nearly the same state"
-        return [_Drawn("near-replicates", words, ["mean"], (agreed - agreed[1:].mean())[:, None])]
+        return [_Drawn("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
 
     def spreads(self) -> list[_Patterns]:
         """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""

@@ -24,12 +24,10 @@ def checks_section(checks: Checks | None) -> dict[str, Any]:
     axis = axis_over([v for c in checks.all for v in (c.value, c.replicates[2])])
     rows = []
     for c in checks.all:
-        low, middle, high = c.replicates
-        span = Mark(
-            "plain", middle, low, high, f"replicates: {low:.1f} to {high:.1f}, median {middle:.1f}", "span"
-        )
-        film = Mark("base" if c.fails else "measured", c.value, c.value, c.value, f"film: {c.value:.1f}")
-        rows.append((c.name, c.largest, chart(axis, [span, film]), _chance(c.p), c.fails))
+        low, _, high = c.replicates
+        said = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
+        mark = Mark("base" if c.fails else "measured", c.value, low, high, said, "span")
+        rows.append((c.name, c.largest, chart(axis, [mark]), _chance(c.p), c.fails))
     columns = ("check", "compared", "film", "replicates_05", "replicates_50", "replicates_95", "p")
     table = [(c.name, c.words, c.value, *c.replicates, c.p) for c in checks.all]
     return {

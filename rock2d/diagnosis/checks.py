@@ -13,10 +13,10 @@ and Young 1993, Resampling-Based Multiple Testing), so that many checks fail no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,16 +32,17 @@ from rock2d.diagnosis.quantities import (
     IMPACT_DEPENDENCES,
     KINDS,
     OMEGA_RAD_S,
-    SERIES,
     VX_M_S,
     VY_M_S,
     ZONE,
+    Entries,
     bases,
 )
 from rock2d.diagnosis.replicates import near_pairs
 from rock2d.kinematics.impacts import ground_axes
 
 Array = np.ndarray
+_Functions = dict[str, tuple[Array, list[str]]]  # dependence -> functions (n, k) of it, and their names
 
 FALSE_ALARMS = 0.03  # of the checks of means together, and of those of spreads, if the model is right
 REPLICATES = 5000
@@ -114,6 +115,11 @@ class Checks:
         """First the means."""
         return [*self.means, *self.spreads]
 
+    @property
+    def p(self) -> float:
+        """Probability that a true model would look this bad: of a mean as improbable as the most improbable one."""
+        return min((check.p_of_all for check in self.means), default=1.0)
+
     def content(self) -> list[dict[str, Any]]:
         """The key `checks` of diagnosis.json."""
         return [
@@ -121,29 +127,18 @@ class Checks:
             for c in self.all
         ]
 
-    @property
-    def p(self) -> float:
-        """Probability that a true model would look this bad: of a mean as improbable as the most improbable one."""
-        return min((check.p_of_all for check in self.means), default=1.0)
-
 
 def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
     """The checks of a fitted model on the data that it was fitted to; `seed` of the replicates."""
-    left = _Left(data, fit)
-    signs = np.random.default_rng(np.random.SeedSequence(seed)).choice(
-        [-1.0, 1.0], (1 + REPLICATES, len(data.order))
-    )
-    signs[0] = 1.0  # the film itself
-    means = [*left.impact_means(), *left.flight_means()]
-    return Checks(
-        _placed([*(p.drawn(signs) for p in means), *left.near_replicates(signs)]),
-        _placed([p.drawn(signs) for p in left.spreads()]),
-    )
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
+    signs[0] = 1.0  # the data themselves
+    left = _Left(data, fit, signs)
+    return Checks(_placed(left.means()), _placed(left.spreads()))
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """The k patterns of a check: their names, and (1 + replicates, k) values, first of the film."""
+class _Patterns(NamedTuple):
+    """The k patterns of a check: their names, and (1 + replicates, k) values, first of the data."""
 
     name: str
     compared: str
@@ -151,21 +146,7 @@ class _Drawn:
     values: Array
 
 
-@dataclass(frozen=True)
-class _Patterns:
-    """The k patterns of a check: their names, and what each release adds to them, (releases, k)."""
-
-    name: str
-    compared: str
-    parts: Sequence[str]
-    sums: Array
-
-    def drawn(self, signs: Array) -> _Drawn:
-        """With signs (1 + replicates, releases)."""
-        return _Drawn(self.name, self.compared, self.parts, signs @ self.sums)
-
-
-def _placed(found: Sequence[_Drawn]) -> list[Check]:
+def _placed(found: Sequence[_Patterns]) -> list[Check]:
     """Each check with its place among the replicates."""
     if not found:
         return []
@@ -185,29 +166,64 @@ def _placed(found: Sequence[_Drawn]) -> list[Check]:
     ]  # fmt: skip
 
 
-class _Left:
-    """What a fit leaves of impacts and flights, and what its parameters could still absorb."""
+class _Side(NamedTuple):
+    """What is left of n impacts, or of n flights.
 
-    def __init__(self, data: Data, fit: Fit) -> None:
-        self._data, self._fit = data, fit
+    Attributes
+    ----------
+    release : (n,)
+    z, weight, slope : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their slopes
+    channels : (n, 3, d) what the channels of the checks are of them, in standard deviations
+    """
+
+    release: Array
+    z: Array
+    weight: Array
+    slope: Array
+    channels: Array
+
+
+class _Left:
+    """What a fit leaves of impacts and flights, what its parameters could still absorb, and the signs of replicates."""
+
+    def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
+        self._data, self._signs = data, signs
         self._world = fit.model.world(fit.p, data.impact_order)
-        r, covariance = fit.residuals.impacts, fit.covariance()
-        root = np.linalg.cholesky(covariance)
-        whiten = np.linalg.inv(root)
-        known = np.isfinite(r).all(axis=1)
-        heavy = IMPACT_STUDENT_DF + r.shape[1]
-        # weights of the robust likelihood; the last three columns of residuals are the rates
-        self._weight = known * heavy / (IMPACT_STUDENT_DF + chi_square(r, covariance))
-        self._z = np.einsum("nij,nj->ni", whiten, np.nan_to_num(r))
-        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, -3:]
-        self._rates = root[:, -3:] / self._sd[:, :, None]  # of whitened residuals, in standard deviations
-        self._soil = whiten @ fit.slope.scatter
         low, high = fit.model.bounds()
         free = np.flatnonzero((fit.p > low) & (fit.p < high) & fit.free)
-        self._slope = whiten @ fit.slope.impacts[..., free]
-        self._flights = fit.residuals.flights
-        self._flight_weight = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + self._flights**2)
-        self._flight_slope = fit.slope.flights[..., free]
+        r, covariance = fit.residuals.impacts, fit.covariance()
+        root = np.linalg.cholesky(covariance)
+        whiten, known = np.linalg.inv(root), np.isfinite(r).all(axis=1)
+        heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
+        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[
+            :, -3:
+        ]  # of the rates, the last columns
+        self._soil = whiten @ fit.slope.scatter
+        self._impacts = _Side(
+            data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
+            np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.slope.impacts[..., free],
+            root[:, -3:] / self._sd[:, :, None],
+        )  # fmt: skip
+        bends = fit.residuals.flights
+        m, _, degrees = bends.shape
+        z = bends.reshape(m, -1)
+        self._flights = _Side(
+            data.flight_release, z, (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + z**2),
+            fit.slope.flights[..., free].reshape(*z.shape, len(free)),
+            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)),
+        )  # fmt: skip
+
+    @cached_property
+    def _absorbing(self) -> Array:
+        """(releases, P) by which the signs of the releases move the parameters."""
+        count = self._impacts.slope.shape[-1]
+        pull, curve = np.zeros((len(self._data.order), count)), np.zeros((count, count))
+        for own in (self._impacts, self._flights):
+            pulled = own.weight[..., None] * own.slope
+            pull += self._summed(own.release, np.einsum("ndp,nd->np", pulled, own.z))
+            curve += np.einsum("ndp,ndq->pq", pulled, own.slope, optimize=True)
+        size = np.sqrt(np.maximum(np.diag(curve), 1e-300))
+        return pull / size @ np.linalg.pinv(curve / size / size[:, None], 1e-9, hermitian=True) / size
 
     def _summed(self, release: Array, values: Array) -> Array:
         """(releases, k) sums of values (n, k)."""
@@ -215,155 +231,138 @@ class _Left:
         np.add.at(out, release, values)
         return out
 
-    @cached_property
-    def _absorbing(self) -> Array:
-        """(releases, P) by which the signs of the releases move the parameters."""
-        j, jf, w, wf = self._slope, self._flight_slope, self._weight, self._flight_weight
-        pull = self._summed(self._data.impact_release, np.einsum("n,nd,ndp->np", w, self._z, j))
-        pull += self._summed(self._data.flight_release, np.einsum("mcd,mcdp->mp", wf * self._flights, jf))
-        curve = np.einsum("n,ndp,ndq->pq", w, j, j, optimize=True)
-        curve += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
-        size = np.sqrt(np.maximum(np.diag(curve), 1e-300))
-        return pull / size @ np.linalg.pinv(curve / size / size[:, None], 1e-9, hermitian=True) / size
-
-    def _patterns(
-        self, name: str, compared: str, parts: Sequence[str], release: Array, sums: Array, absorbed: Array
+    def _drawn(
+        self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
-        """A check from `sums` (n, k) of each segment less what the parameters absorb, `absorbed` (releases, k); none
-        where they absorb all."""
-        own = self._summed(release, sums)
-        left = own - absorbed
-        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (own**2).sum(axis=0)).tolist()
-        return [_Patterns(name, compared, [parts[k] for k in kept], left[:, kept])] if len(kept) else []
+        """A check from what each release adds, `sums` (releases, k), and what of it the parameters absorb; none where
+        they absorb all."""
+        left = sums - absorbed
+        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (sums**2).sum(axis=0)).tolist()
+        return (
+            [_Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])] if kept else []
+        )
 
-    # --- impacts ----------------------------------------------------------------------------------------
+    def _mean(
+        self, name: str, compared: str, parts: Sequence[str], own: _Side, columns: Array
+    ) -> list[_Patterns]:
+        """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
+        pulled = own.weight[..., None] * columns
+        sums = self._summed(own.release, np.einsum("ndk,nd->nk", pulled, own.z))
+        moved = np.einsum("ndk,ndp->pk", pulled, own.slope, optimize=True)
+        return self._drawn(name, compared, parts, sums, self._absorbing @ moved)
 
-    @cached_property
-    def _of_impacts(self) -> dict[str, tuple[Array, list[str]]]:
-        """Dependence -> functions (n, k) of it and their names."""
-        quantities = self._data.impact_quantities(self._world)
-        wanted = {name for names in (*IMPACT_MEANS.values(), *SPREADS.values()) for name in names}
-        entries = {name: parts for name, parts in IMPACT_DEPENDENCES.items() if name in wanted}
-        return self._functions(entries, quantities, self._weight) if len(self._z) else {}
-
-    def _functions(
-        self, entries: dict[str, tuple[tuple[str, str], ...]], quantities: dict[str, Array], weight: Array
-    ) -> dict[str, tuple[Array, list[str]]]:
+    def _functions(self, entries: Entries, quantities: Mapping[str, Array], weight: Array) -> _Functions:
         """Functions (n, k) of each dependence, of mean 0 unless it is a constant, and their names."""
         world, found = self._world, {}
-        names = {BLOCK: list(world.blocks), ZONE: world.cross_section.zone_names}
+        members = {BLOCK: list(world.blocks), ZONE: world.cross_section.zone_names}
         for name, basis in bases(entries, quantities).items():
             features = basis.features(quantities)
             parts = [f" with {SAID.get(name, name)}"] * features.shape[1]
             if not basis.curves:
                 parts = [""]
             elif basis.curves[0].kind == KINDS:
-                members = map(int, basis.curves[0].numbers)
-                own = names.get(basis.curves[0].quantity)
-                parts = [f" in {own[i]}" if own else f" in impact {i + 1}" for i in members]
+                own = members.get(basis.curves[0].quantity)
+                parts = [
+                    f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in basis.curves[0].numbers
+                ]
             if basis.curves:
                 features = features - weight @ features / max(weight.sum(), 1e-300)
             found[name] = features, parts
         return found
 
-    def impact_means(self) -> list[_Patterns]:
-        """What is left of velocities after impacts, and of their energy."""
-        found, known = [], self._of_impacts
-        for name, dependences in IMPACT_MEANS.items():
-            own = [known[d] for d in dependences if d in known]
-            if own:
-                f = np.concatenate([features for features, _ in own], axis=1)
-                parts = [c + part for _, parts in own for part in parts for c in IMPACT_CHANNELS]
-                columns = np.einsum("nk,ncd->ndkc", f, self._rates).reshape(*self._z.shape, -1)
-                found += self._impact_patterns(
-                    name, "mean of what is left of velocities after impacts", parts, columns
-                )
-        return found + (self._energy() if known else [])
+    @cached_property
+    def _of_impacts(self) -> _Functions:
+        if not len(self._impacts.z):
+            return {}
+        quantities = self._data.impact_quantities(self._world)
+        return self._functions(
+            _entries(IMPACT_DEPENDENCES, IMPACT_MEANS), quantities, self._impacts.weight[:, 0]
+        )
 
-    def _impact_patterns(
-        self, name: str, compared: str, parts: Sequence[str], columns: Array
-    ) -> list[_Patterns]:
-        """Weighted sums of whitened residuals times `columns` (n, d, k)."""
-        pulled = self._weight[:, None, None] * columns
-        moved = np.einsum("ndk,ndp->pk", pulled, self._slope, optimize=True)
-        sums = np.einsum("ndk,nd->nk", pulled, self._z)
-        return self._patterns(name, compared, parts, self._data.impact_release, sums, self._absorbing @ moved)
+    def means(self) -> list[_Patterns]:
+        """What is left of impacts and flights on the mean."""
+        own, found = self._impacts, list[_Patterns]()
+        for name, f, parts in _chosen(IMPACT_MEANS, self._of_impacts, IMPACT_CHANNELS):
+            columns = np.einsum("nk,ncd->ndkc", f, own.channels).reshape(*own.z.shape, -1)
+            found += self._mean(name, "mean of what is left of velocities after impacts", parts, own, columns)
+        if len(own.z):
+            words = "energy that impacts leave"
+            found += self._mean(
+                "energy lost in impacts", words, ["all impacts"], own, self._energy()[..., None]
+            )
+        return [*found, *self._near_replicates(), *self._bends()]
 
-    def _energy(self) -> list[_Patterns]:
-        """Energy that impacts leave to the blocks, in its standard deviations."""
+    def _energy(self) -> Array:
+        """(n, d) what the energy after an impact is of the whitened residuals, in its standard deviations."""
         after = self._data.outcome_quantities(self._world)
-        velocity = np.column_stack([after[VX_M_S], after[VY_M_S]])
         blocks = np.array([(b.mass_kg, b.inertia_kg_m2) for b in self._world.blocks.values()])
         mass, inertia = blocks[self._data.impact_block].T
-        along, across = ground_axes(self._data.tangent, velocity)
+        along, across = ground_axes(self._data.tangent, np.column_stack([after[VX_M_S], after[VY_M_S]]))
         momentum = np.column_stack([mass * along, mass * across, inertia * after[OMEGA_RAD_S]])
-        columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._rates)
-        columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
-        words = "energy that impacts leave"
-        return self._impact_patterns("energy lost in impacts", words, ["all impacts"], columns[:, :, None])
+        columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._impacts.channels)
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300))
 
-    def near_replicates(self, signs: Array) -> list[_Drawn]:
+    def _near_replicates(self) -> list[_Patterns]:
         """Whether impacts of different releases from nearly the same state miss in the same direction."""
-        pairs = near_pairs(self._data, self._world)
+        own, pairs = self._impacts, near_pairs(self._data, self._world)
         if not pairs:
             return []
-        root = np.sqrt(self._weight)[:, None]
+        root = np.sqrt(own.weight)
         # (n, d, releases) residuals as a function of the signs
-        free = -np.einsum("ndp,rp->ndr", root[:, :, None] * self._slope, self._absorbing)
-        free[np.arange(len(free)), :, self._data.impact_release] += root * self._z
-        first, second = (free[own].reshape(-1, free.shape[-1]) for own in pairs[-1])
-        agreed = ((signs @ (first.T @ second)) * signs).sum(axis=1)
+        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.slope, self._absorbing)
+        free[np.arange(len(free)), :, own.release] += root * own.z
+        first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
+        agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
         words = "agreement of what is left of impacts from nearly the same state"
-        return [_Drawn("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
+        return [_Patterns("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
+
+    def _bends(self) -> list[_Patterns]:
+        """How flights bend more than the model says: the answer to an acceleration. Of a film."""
+        data, own, found = self._data, self._flights, list[_Patterns]()
+        if not isinstance(data, FilmData) or not len(own.z):
+            return []
+        quantities = path_quantities(self._world, data.states(self._world).middle)
+        quantities[BLOCK] = data.segmentation.flights.block.astype(float)
+        lever = data.lever()
+        known = self._functions(_entries(FLIGHT_DEPENDENCES, FLIGHT_MEANS), quantities, lever**2)
+        for name, f, parts in _chosen(FLIGHT_MEANS, known, FLIGHT_CHANNELS):
+            columns = np.einsum("m,mk,mcd->mdkc", lever, f, own.channels).reshape(*own.z.shape, -1)
+            found += self._mean(name, "mean of the bend of flights that is left", parts, own, columns)
+        return found
 
     def spreads(self) -> list[_Patterns]:
         """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""
         from scipy.special import ndtri
         from scipy.stats import rankdata
 
-        known, found, release = self._of_impacts, [], self._data.impact_release
-        valid = (self._weight > 0.0)[:, None]
-        z = np.einsum("ncd,nd->nc", self._rates, self._z)
+        own, found = self._impacts, list[_Patterns]()
+        known = own.weight[:, :1] > 0.0
+        z = np.einsum("ncd,nd->nc", own.channels, own.z)
         # normal scores of the sizes: symmetric, as random signs need it
         size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
         # slopes of the log likelihood by the scatter of the soil
-        pulled = np.einsum("nd,ndk->nk", self._z, self._soil) ** 2
-        soil = self._weight[:, None] * pulled - valid * (self._soil**2).sum(axis=1)
-        for name, dependences in SPREADS.items():
-            own = [known[d] for d in dependences if d in known]
-            if own:
-                middle = size.mean(axis=1, keepdims=True) if CONSTANT in dependences else size.mean(axis=0)
-                f = np.concatenate([features for features, _ in own], axis=1)
-                sums = np.einsum("nk,nc->nkc", f, valid * (size - middle)).reshape(len(z), -1)
-                parts = [c + part for _, parts in own for part in parts for c in IMPACT_CHANNELS]
-                by_soil = np.linalg.lstsq(soil, sums, rcond=1e-9)[0]
-                words = "size of what is left of velocities after impacts"
-                found += self._patterns(
-                    name, words, parts, release, sums, self._summed(release, soil @ by_soil)
-                )
+        pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
+        soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
+        for name, f, parts in _chosen(SPREADS, self._of_impacts, IMPACT_CHANNELS):
+            middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
+            each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
+            absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
+            sums = (self._summed(own.release, values) for values in (each, absorbed))
+            found += self._drawn(name, "size of what is left of velocities after impacts", parts, *sums)
         return found
 
-    # --- flights ----------------------------------------------------------------------------------------
 
-    def flight_means(self) -> list[_Patterns]:
-        """How flights bend: the answer to an acceleration, of a film."""
-        data, found = self._data, []
-        if not isinstance(data, FilmData) or not len(self._flights):
-            return []
-        quantities = path_quantities(self._world, data.states(self._world).middle)
-        quantities[BLOCK] = data.segmentation.flights.block.astype(float)
-        quantities[SERIES] = data.order[data.flight_release].astype(float)
-        wanted = {name: FLIGHT_DEPENDENCES[name] for names in FLIGHT_MEANS.values() for name in names}
-        lever, weight = data.lever(), self._flight_weight[:, :, 0]
-        known = self._functions(wanted, quantities, lever**2)
-        for name, dependences in FLIGHT_MEANS.items():
-            own = [known[d] for d in dependences if d in known]
-            if own:
-                f = lever[:, None] * np.concatenate([features for features, _ in own], axis=1)
-                parts = [c + part for _, parts in own for part in parts for c in FLIGHT_CHANNELS]
-                sums = np.einsum("mk,mc->mkc", f, weight * self._flights[:, :, 0]).reshape(len(f), -1)
-                moved = np.einsum("mk,mc,mcp->pkc", f, weight, self._flight_slope[:, :, 0], optimize=True)
-                absorbed = self._absorbing @ moved.reshape(len(moved), -1)
-                words = "mean of the bend of flights that is left"
-                found += self._patterns(name, words, parts, data.flight_release, sums, absorbed)
-        return found
+def _entries(dependences: Entries, table: Mapping[str, Sequence[str]]) -> Entries:
+    """The dependences that a table of checks looks at."""
+    return {name: dependences[name] for names in table.values() for name in names}
+
+
+def _chosen(
+    table: Mapping[str, Sequence[str]], known: _Functions, channels: Sequence[str]
+) -> Iterator[tuple[str, Array, list[str]]]:
+    """Of each check of a table its name, functions (n, k), and the names of function and channel."""
+    for name, dependences in table.items():
+        own = [known[d] for d in dependences if d in known]
+        if own:
+            parts = [c + part for _, parts in own for part in parts for c in channels]
+            yield name, np.concatenate([features for features, _ in own], axis=1), parts

@@ -42,35 +42,27 @@ from rock2d.diagnosis.replicates import near_pairs
 from rock2d.kinematics.impacts import ground_axes
 
 Array = np.ndarray
-_Functions = dict[str, tuple[Array, list[str]]]  # dependence -> functions (n, k) of it, and their names
 
 FALSE_ALARMS = 0.03  # of the checks of means together, and of those of spreads, if the model is right
 REPLICATES = 5000
 LEAST_LEFT = 0.05  # share of its variance that the fitted parameters must leave of a pattern
-IMPACT_CHANNELS = ("along the ground", "across the ground", "spin")
-FLIGHT_CHANNELS = ("x", "y", "angle")
 SAID = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
 # name of a check -> the dependences that it looks at
 IMPACT_MEANS = {
-    "mean of impacts": (CONSTANT,),
-    "impacts by zone and place": ("zone", "place"),
-    "impacts by block": ("block",),
-    "impacts with speed": ("normal speed", "sliding speed"),
-    "impacts with spin": ("spin",),
-    "impacts with orientation": ("orientation to the ground",),
-    "impacts over releases": ("series",),
+    "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
+    "impacts with speed": ("normal speed", "sliding speed"), "impacts with spin": ("spin",),
+    "impacts with orientation": ("orientation to the ground",), "impacts over releases": ("series",),
     "impacts of a release": ("history",),
-}
+}  # fmt: skip
 FLIGHT_MEANS = {
-    "bend of flights": (CONSTANT, "block"),
-    "flights with velocity and spin": ("velocity", "spin"),
+    "bend of flights": (CONSTANT, "block"), "flights with velocity and spin": ("velocity", "spin"),
     "flights with height and place": ("height", "place"),
-}
+}  # fmt: skip
 SPREADS = {
-    "spread by channel": (CONSTANT,),
-    "spread by zone and block": ("zone", "block"),
+    "spread by channel": (CONSTANT,), "spread by zone and block": ("zone", "block"),
     "spread over releases": ("series",),
-}
+}  # fmt: skip
+VELOCITIES = "what is left of velocities after impacts"
 
 
 @dataclass(frozen=True)
@@ -173,14 +165,19 @@ class _Side(NamedTuple):
     ----------
     release : (n,)
     z, weight, slope : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their slopes
-    channels : (n, 3, d) what the channels of the checks are of them, in standard deviations
+    names, channels : of the checks, and (n, 3, d) what each is of z, in standard deviations
+    quantities : name -> (n,)
+    lever : (n,) by which a pattern acts
     """
 
     release: Array
     z: Array
     weight: Array
     slope: Array
+    names: tuple[str, str, str]
     channels: Array
+    quantities: Mapping[str, Array]
+    lever: Array
 
 
 class _Left:
@@ -188,7 +185,7 @@ class _Left:
 
     def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
         self._data, self._signs = data, signs
-        self._world = fit.model.world(fit.p, data.impact_order)
+        self._world = world = fit.model.world(fit.p, data.impact_order)
         low, high = fit.model.bounds()
         free = np.flatnonzero((fit.p > low) & (fit.p < high) & fit.free)
         r, covariance = fit.residuals.impacts, fit.covariance()
@@ -202,15 +199,19 @@ class _Left:
         self._impacts = _Side(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
             np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.slope.impacts[..., free],
-            root[:, -3:] / self._sd[:, :, None],
+            ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
+            data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
         )  # fmt: skip
-        bends = fit.residuals.flights
-        m, _, degrees = bends.shape
-        z = bends.reshape(m, -1)
+        m, _, degrees = fit.residuals.flights.shape
+        z, quantities, lever = fit.residuals.flights.reshape(m, -1), dict[str, Array](), np.empty(0)
+        if isinstance(data, FilmData) and m:
+            quantities = path_quantities(world, data.states(world).middle)
+            quantities[BLOCK] = data.segmentation.flights.block.astype(float)
+            lever = data.lever()
         self._flights = _Side(
             data.flight_release, z, (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + z**2),
-            fit.slope.flights[..., free].reshape(*z.shape, len(free)),
-            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)),
+            fit.slope.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
+            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
         )  # fmt: skip
 
     @cached_property
@@ -231,6 +232,26 @@ class _Left:
         np.add.at(out, release, values)
         return out
 
+    def _chosen(
+        self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Side
+    ) -> Iterator[tuple[str, Array, list[str]]]:
+        """Of each check of a table its name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
+        members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
+        entries = {name: dependences[name] for names in table.values() for name in names}
+        known = bases(entries, side.quantities) if side.quantities else {}
+        for check, names in table.items():
+            functions, parts = [], list[str]()
+            for name in filter(known.__contains__, names):
+                curves, f = known[name].curves, known[name].features(side.quantities)
+                said = [f" with {SAID.get(name, name)}"] * f.shape[1] if curves else [""]
+                if curves and curves[0].kind == KINDS:
+                    own = members.get(curves[0].quantity)
+                    said = [f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]
+                functions.append(f - f.mean(axis=0) if curves else f)
+                parts += [channel + part for part in said for channel in side.names]
+            if functions:
+                yield check, np.concatenate(functions, axis=1), parts
+
     def _drawn(
         self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
     ) -> list[_Patterns]:
@@ -238,69 +259,43 @@ class _Left:
         they absorb all."""
         left = sums - absorbed
         kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (sums**2).sum(axis=0)).tolist()
-        return (
-            [_Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])] if kept else []
-        )
+        own = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
+        return [own] if kept else []
 
     def _mean(
-        self, name: str, compared: str, parts: Sequence[str], own: _Side, columns: Array
+        self, name: str, compared: str, parts: Sequence[str], side: _Side, columns: Array
     ) -> list[_Patterns]:
         """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
-        pulled = own.weight[..., None] * columns
-        sums = self._summed(own.release, np.einsum("ndk,nd->nk", pulled, own.z))
-        moved = np.einsum("ndk,ndp->pk", pulled, own.slope, optimize=True)
+        pulled = side.weight[..., None] * columns
+        sums = self._summed(side.release, np.einsum("ndk,nd->nk", pulled, side.z))
+        moved = np.einsum("ndk,ndp->pk", pulled, side.slope, optimize=True)
         return self._drawn(name, compared, parts, sums, self._absorbing @ moved)
-
-    def _functions(self, entries: Entries, quantities: Mapping[str, Array], weight: Array) -> _Functions:
-        """Functions (n, k) of each dependence, of mean 0 unless it is a constant, and their names."""
-        world, found = self._world, {}
-        members = {BLOCK: list(world.blocks), ZONE: world.cross_section.zone_names}
-        for name, basis in bases(entries, quantities).items():
-            features = basis.features(quantities)
-            parts = [f" with {SAID.get(name, name)}"] * features.shape[1]
-            if not basis.curves:
-                parts = [""]
-            elif basis.curves[0].kind == KINDS:
-                own = members.get(basis.curves[0].quantity)
-                parts = [
-                    f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in basis.curves[0].numbers
-                ]
-            if basis.curves:
-                features = features - weight @ features / max(weight.sum(), 1e-300)
-            found[name] = features, parts
-        return found
-
-    @cached_property
-    def _of_impacts(self) -> _Functions:
-        if not len(self._impacts.z):
-            return {}
-        quantities = self._data.impact_quantities(self._world)
-        return self._functions(
-            _entries(IMPACT_DEPENDENCES, IMPACT_MEANS), quantities, self._impacts.weight[:, 0]
-        )
 
     def means(self) -> list[_Patterns]:
         """What is left of impacts and flights on the mean."""
-        own, found = self._impacts, list[_Patterns]()
-        for name, f, parts in _chosen(IMPACT_MEANS, self._of_impacts, IMPACT_CHANNELS):
-            columns = np.einsum("nk,ncd->ndkc", f, own.channels).reshape(*own.z.shape, -1)
-            found += self._mean(name, "mean of what is left of velocities after impacts", parts, own, columns)
-        if len(own.z):
-            words = "energy that impacts leave"
-            found += self._mean(
-                "energy lost in impacts", words, ["all impacts"], own, self._energy()[..., None]
-            )
-        return [*found, *self._near_replicates(), *self._bends()]
+        found = list[_Patterns]()
+        for compared, table, dependences, side in (
+            (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
+            ("mean of the bend of flights that is left", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
+        ):
+            for name, f, parts in self._chosen(table, dependences, side):
+                columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
+                found += self._mean(name, compared, parts, side, columns)
+        return found + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
 
-    def _energy(self) -> Array:
-        """(n, d) what the energy after an impact is of the whitened residuals, in its standard deviations."""
+    def _energy(self) -> list[_Patterns]:
+        """The energy after impacts, in its standard deviations."""
         after = self._data.outcome_quantities(self._world)
         blocks = np.array([(b.mass_kg, b.inertia_kg_m2) for b in self._world.blocks.values()])
         mass, inertia = blocks[self._data.impact_block].T
         along, across = ground_axes(self._data.tangent, np.column_stack([after[VX_M_S], after[VY_M_S]]))
         momentum = np.column_stack([mass * along, mass * across, inertia * after[OMEGA_RAD_S]])
         columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._impacts.channels)
-        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300))
+        columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
+        parts = ["all impacts"]
+        return self._mean(
+            "energy lost in impacts", "energy after impacts", parts, self._impacts, columns[..., None]
+        )
 
     def _near_replicates(self) -> list[_Patterns]:
         """Whether impacts of different releases from nearly the same state miss in the same direction."""
@@ -316,20 +311,6 @@ class _Left:
         words = "agreement of what is left of impacts from nearly the same state"
         return [_Patterns("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
 
-    def _bends(self) -> list[_Patterns]:
-        """How flights bend more than the model says: the answer to an acceleration. Of a film."""
-        data, own, found = self._data, self._flights, list[_Patterns]()
-        if not isinstance(data, FilmData) or not len(own.z):
-            return []
-        quantities = path_quantities(self._world, data.states(self._world).middle)
-        quantities[BLOCK] = data.segmentation.flights.block.astype(float)
-        lever = data.lever()
-        known = self._functions(_entries(FLIGHT_DEPENDENCES, FLIGHT_MEANS), quantities, lever**2)
-        for name, f, parts in _chosen(FLIGHT_MEANS, known, FLIGHT_CHANNELS):
-            columns = np.einsum("m,mk,mcd->mdkc", lever, f, own.channels).reshape(*own.z.shape, -1)
-            found += self._mean(name, "mean of the bend of flights that is left", parts, own, columns)
-        return found
-
     def spreads(self) -> list[_Patterns]:
         """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""
         from scipy.special import ndtri
@@ -343,26 +324,10 @@ class _Left:
         # slopes of the log likelihood by the scatter of the soil
         pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
         soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
-        for name, f, parts in _chosen(SPREADS, self._of_impacts, IMPACT_CHANNELS):
+        for name, f, parts in self._chosen(SPREADS, IMPACT_DEPENDENCES, own):
             middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
             each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
             absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
             sums = (self._summed(own.release, values) for values in (each, absorbed))
-            found += self._drawn(name, "size of what is left of velocities after impacts", parts, *sums)
+            found += self._drawn(name, f"size of {VELOCITIES}", parts, *sums)
         return found
-
-
-def _entries(dependences: Entries, table: Mapping[str, Sequence[str]]) -> Entries:
-    """The dependences that a table of checks looks at."""
-    return {name: dependences[name] for names in table.values() for name in names}
-
-
-def _chosen(
-    table: Mapping[str, Sequence[str]], known: _Functions, channels: Sequence[str]
-) -> Iterator[tuple[str, Array, list[str]]]:
-    """Of each check of a table its name, functions (n, k), and the names of function and channel."""
-    for name, dependences in table.items():
-        own = [known[d] for d in dependences if d in known]
-        if own:
-            parts = [c + part for _, parts in own for part in parts for c in channels]
-            yield name, np.concatenate([features for features, _ in own], axis=1), parts

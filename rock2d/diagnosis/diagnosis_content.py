@@ -286,8 +286,7 @@ def _chain_json(found: Attribution) -> list[dict[str, Any]]:
 
 
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
-    """Median misses of held-out releases: of the velocity after an impact, of place and angle at the end of a
-    segment."""
+    """Median misses of held-out releases: velocity after an impact, place and angle at the end of a segment."""
     assert result.found is not None
     after = (result.found.base_held_out, result.found.learnt.held_out)
     speeds = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]

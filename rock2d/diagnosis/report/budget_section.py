@@ -71,12 +71,10 @@ def _parts(
 
 
 def _size(cause: Mapping[str, Any]) -> str:
-    """The first parameter, if it has a unit or is a factor."""
-    known = catalogue().get(cause["effect"])
-    first = known.parameters[0] if known is not None and known.parameters else None
-    if first is None or not (is_factor(first) or first.choices or first.unit != "1"):
-        return ""
-    return f" {text.size(first, cause['parameters'][first.name])}"
+    """Its first parameter, unless that is a pure number."""
+    first = next(p for p in catalogue()[cause["effect"]].parameters)
+    pure = first.unit == "1" and not is_factor(first)
+    return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
 
 
 def _ends(part: Mapping[str, Any]) -> tuple[float, float]:

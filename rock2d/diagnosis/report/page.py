@@ -314,10 +314,8 @@ def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> 
     if not rows:
         return []
     row = max(rows, key=lambda r: abs(r.models["base"][0].value - r.models["measured"][0].value))
-    shares = {model: f"{own[0].value:.0f} %" for model, own in row.models.items()}
-    others = ", ".join(f"{share} {labels[model]}" for model, share in shares.items() if model != "measured")
-    note = f"{text.spoken(row.block)} at {text.spoken(row.place)}, measured; {others}"
-    return [text.Tile(PASSING, shares["measured"], note)]
+    said = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
+    return [text.Tile(PASSING, ", ".join(said), f"{text.spoken(row.block)} at {text.spoken(row.place)}")]
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:

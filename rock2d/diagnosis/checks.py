@@ -203,7 +203,7 @@ class _Left:
             data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
         )  # fmt: skip
         m, _, degrees = fit.residuals.flights.shape
-        z, quantities, lever = fit.residuals.flights.reshape(m, -1), dict[str, Array](), np.empty(0)
+        z, quantities, lever = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
         if isinstance(data, FilmData) and m:
             quantities = path_quantities(world, data.states(world).middle)
             quantities[BLOCK] = data.segmentation.flights.block.astype(float)

@@ -87,7 +87,8 @@ def _refuse_foreign(out: Path) -> None:
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
-    from rock2d.diagnosis.report.text import predicted_words
+    from rock2d.diagnosis.report.checks_section import checks_sentence
+    from rock2d.diagnosis.report.text import physical_misses, predicted_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -104,6 +105,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     )
     if (own := content["predicted"]) is not None and verdict != "none":
         lines.append(f"predictions close {100 * own['typical']['closure']:.0f} %, {predicted_words(own)}")
+    if verdict != "none" and (misses := physical_misses(content)):
+        lines.append("misses, without → with it: " + ", ".join(map(" ".join, misses)))
     for cause in content["causes"]:
         if cause["closes"] is not None:
             rivals = f"; not separated from {', '.join(cause['group'])}" if cause["group"] else ""
@@ -118,6 +121,8 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         beside = f" with {', '.join(learnt['effects'])} (not certain)" if learnt and learnt["effects"] else ""
         closes = f"; learnt changes{beside} close {_shares(learnt)}" if learnt else ""
         lines.append(f"outside the catalogue (p = {outside['p']:.2f}): {share}{dependence}{closes}")
+    if result.checks is not None:
+        lines.append(f"checks: {checks_sentence(result.checks)}")
     for cell in content["where"][:3]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
 from rock2d.diagnosis.budget import Budget
+from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import some_releases
 from rock2d.diagnosis.gap import (
@@ -60,7 +61,8 @@ class Diagnosis:
 
     `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
     effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `predicted`
-    what predictions of whole segments miss; `seed` that of the bootstrap, None if nothing was drawn.
+    what predictions of whole segments miss; `checks` whether the best model would have made these data; `seed` that of
+    the bootstrap, None if nothing was drawn.
     """
 
     experiment: Experiment
@@ -73,6 +75,7 @@ class Diagnosis:
     budget: Budget | None = None
     regression_closes: float = 0.0
     predicted: PredictedGap | None = None
+    checks: Checks | None = None
     cells: list[Cell] | None = None
     seed: int | None = None
 
@@ -129,13 +132,15 @@ def diagnose(
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)
         found = attribute(base, data, tried, workers=workers, folder=folder, bars=bars)
     result.data, result.found, result.seed = data, found, seed
-    with bars.stage(GAP, 3, "steps") as bar:
+    with bars.stage(GAP, 4, "steps") as bar:
         gaps = Gaps(data, found, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
         result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
         bar.step("budget")
         result.cells = locate(experiment, data, found, setup)
         bar.step("places")
+        result.checks = predictive_checks(data, found.learnt.fit, seed)
+        bar.step("checks")
         if isinstance(data, FilmData):
             result.predicted = predicted_gap(data, found.base, found.learnt, seed)
         bar.step("predictions")

@@ -153,6 +153,8 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "model": _model_json(found),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
+        "physical": _physical_json(result),
+        "checks": result.checks.content() if result.checks is not None else [],
         "series": _series(result),
         "blocks": {
             name: {"mass_kg": float(block.mass_kg), "size_m": block.size_m}
@@ -297,6 +299,21 @@ def _chain_json(found: Attribution) -> list[dict[str, Any]]:
         }
         for c in found.chain[1:]
     ]
+
+
+def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
+    """Median misses of held-out releases: velocity after an impact, place and angle at the end of a segment."""
+    assert result.found is not None
+    after = (result.found.base_held_out, result.found.learnt.held_out)
+    speeds = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]
+    found = {"m_s": [float(np.nanmedian(own)) for own in speeds]} if len(speeds[0]) else {}
+    if result.predicted is not None:
+        found |= dict(zip(("mm", "deg"), map(list, zip(*result.predicted.ends, strict=True)), strict=True))
+    return {
+        unit: {"base": base, "augmented": augmented}
+        for unit, (base, augmented) in found.items()
+        if np.isfinite(base + augmented)
+    }
 
 
 def _series(result: Diagnosis) -> dict[str, int]:

@@ -147,7 +147,7 @@ class FilmData(FilmSegments):
     def flight_features(self, world: World) -> Array:
         """(m, features) of flights: accelerations that forces would cause, times the effect of one acceleration."""
         flights = self.segmentation.flights
-        lever = self._lever()
+        lever = self.lever()
         x, y, theta, vx, vy, w = self.states(world).middle.T
         speed, size = np.hypot(vx, vy), self._sizes(world)
         terms = [vx, vy, speed * vx, speed * vy, w * size * vx, w * size * vy, x, y, x * vx, y * vy,
@@ -158,7 +158,7 @@ class FilmData(FilmSegments):
             [lever, *[t * lever for t in terms], *terms, *kinds, *[k * lever for k in kinds]]
         )
 
-    def _lever(self) -> Array:
+    def lever(self) -> Array:
         """(m,) bend of each flight under one acceleration, of unit mean square."""
         duration = 1.0 / (self.basis.slope * self.basis.level)
         lever = duration**2 / self.basis.level

@@ -43,6 +43,8 @@ class PredictedGap:
     floor : (REPLICATES, n) of the diagnosed model, if it were exact: from the noise of the measured state before the
         segment, the scatter of the soil, and the noise of the frames
     noise : (3,) of a frame, in m, m, rad
+    ends : of both models the median distance in mm and turn in degrees from the film at the ends of the segments; NaN
+        where no angle was measured
     """
 
     release: Array
@@ -50,6 +52,7 @@ class PredictedGap:
     augmented: Array
     floor: Array
     noise: Array
+    ends: tuple[tuple[float, float], ...]
 
     def content(self, seed: int) -> dict[str, Any]:
         """The key `predicted` of diagnosis.json; `seed` of the bootstrap over releases."""
@@ -87,11 +90,23 @@ def predicted_gap(data: FilmData, base: Fit, learnt: Learnt, seed: int) -> Predi
     segments = Segments.of(data)
     if not len(segments):
         return None
+    film = measured(data, segments)
+    first = held_out_poses(data, segments, base, lambda p: ())
+    last = held_out_poses(data, segments, learnt.fit, learnt.changes_at)
     return PredictedGap(
-        segments.release, held_out_misses(data, segments, base, lambda p: ()),
-        held_out_misses(data, segments, learnt.fit, learnt.changes_at), _replicate_misses(data, segments, learnt, seed),
-        data.film.noise,
+        segments.release, misses(data, first, film), misses(data, last, film),
+        _replicate_misses(data, segments, learnt, seed), data.film.noise,
+        (_end(segments, first - film), _end(segments, last - film)),
     )  # fmt: skip
+
+
+def _end(segments: Segments, apart: Array) -> tuple[float, float]:
+    """Median distance in mm and turn in degrees at the last frames, of differences of poses (n, k, 3)."""
+    last = apart[np.arange(len(apart)), [len(rows) - 1 for rows in segments.frames]]
+    turn = np.abs(last[:, THETA])
+    turn = turn[np.isfinite(turn)]
+    distance = np.hypot(*last[:, :THETA].T)
+    return 1e3 * float(np.median(distance)), float(np.rad2deg(np.median(turn))) if len(turn) else np.nan
 
 
 def harmless(data: FilmData, learnt: Learnt) -> Learnt:
@@ -99,9 +114,9 @@ def harmless(data: FilmData, learnt: Learnt) -> Learnt:
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt
-    own = held_out_misses(data, segments, learnt.fit, learnt.changes_at)
+    own = _held_out_misses(data, segments, learnt)
     while learnt.before is not None:
-        other = held_out_misses(data, segments, learnt.before.fit, learnt.before.changes_at)
+        other = _held_out_misses(data, segments, learnt.before)
         if _tail(own) <= HARMFUL_TAIL * _tail(other) and np.median(own) <= np.median(other):
             break
         learnt, own = learnt.before, other
@@ -112,17 +127,23 @@ def _tail(misses: Array) -> float:
     return float(np.percentile(misses, TAIL_PERCENTILE))
 
 
-def held_out_misses(
+def _held_out_misses(data: FilmData, segments: Segments, learnt: Learnt) -> Array:
+    poses = held_out_poses(data, segments, learnt.fit, learnt.changes_at)
+    return misses(data, poses, measured(data, segments))
+
+
+def held_out_poses(
     data: FilmData, segments: Segments, fit: Fit, changes: Callable[[Array], Sequence[KnownChange]]
 ) -> Array:
-    """(n,) misses of the segments, each predicted by the fit without its fold; `changes` at parameters of the fit."""
-    found, fold, model = np.empty(len(segments)), folds(data)[segments.release], fit.model
+    """(n, k, 3) poses of the segments, each predicted by the fit without its fold; `changes` at parameters of the
+    fit."""
+    found = np.full((*segments.instants_s.shape, 3), np.nan)
+    fold, model = folds(data)[segments.release], fit.model
     for k, (p, _) in enumerate(fold_fits(fit, data)):
         held = segments.only(fold == k)
         if len(held):
             world = model.world(p, data.order[held.release])
-            poses = predicted_poses(data, held, world, changes(p))
-            found[fold == k] = misses(data, held, poses, measured(data, held))
+            found[fold == k] = predicted_poses(data, held, world, changes(p))
     return found
 
 
@@ -135,7 +156,7 @@ def measured(data: FilmData, segments: Segments) -> Array:
     return found
 
 
-def misses(data: FilmData, segments: Segments, poses: Array, other: Array) -> Array:
+def misses(data: FilmData, poses: Array, other: Array) -> Array:
     """(n,) root mean square differences of two sets of poses (n, k, 3) in units of noise, where `other` is known."""
     return np.sqrt(np.nanmean(((poses - other) / data.film.noise) ** 2, axis=(1, 2)))
 
@@ -158,7 +179,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
         drawn = varied(fit, world, len(segments), rng)
         poses = predicted_poses(data, segments, drawn, changes, shift)
         poses += rng.normal(size=poses.shape) * data.film.noise
-        found.append(misses(data, segments, poses, seen))
+        found.append(misses(data, poses, seen))
     return np.array(found)
 
 

@@ -64,27 +64,30 @@ def replicate_ratio(data: Data, world: World, z: Array) -> Ratio:
 
     Several ideas of "nearly the same state" are tried. The one that surely says least counts.
     """
-    if len(z) < FEWEST_IN_CELL:
-        return NO_PAIRS
+    found = [_ratio(pairs, z, data.impact_release) for pairs in near_pairs(data, world)]
+    return min([NO_PAIRS, *found], key=lambda ratio: ratio.sure)
+
+
+def near_pairs(data: Data, world: World) -> list[tuple[Array, Array]]:
+    """Pairs of impacts (first, second) that are near-replicates, by each idea of nearness that has enough of them."""
+    if len(data.impact_release) < FEWEST_IN_CELL:
+        return []
     q = data.impact_quantities(world)
     lean = HARMONIC * q[LEAN_RAD]
     speeds, turn = [q[NORMAL_SPEED_M_S], q[TANGENTIAL_SPEED_M_S], q[SPIN_M_S]], [np.sin(lean), np.cos(lean)]
     cell = data.impact_block * (data.impact_zone.max() + 1) + data.impact_zone
-    found = [NO_PAIRS]
+    found = []
     for features in (speeds, [q[PLACE_M]], [*speeds, *turn], [*speeds, *turn, q[PLACE_M]]):
-        found.append(_ratio(np.column_stack(features), z, cell, data.impact_release))
-    return min(found, key=lambda ratio: ratio.sure)
+        first, second, distance = _pairs(np.column_stack(features), cell, data.impact_release)
+        near = distance <= np.quantile(distance, NEAR_SHARE) if len(distance) else np.empty(0, bool)
+        if near.sum() >= FEWEST_NEAR_PAIRS:
+            found.append((first[near], second[near]))
+    return found
 
 
-def _ratio(features: Array, z: Array, cell: Array, release: Array) -> Ratio:
+def _ratio(pairs: tuple[Array, Array], z: Array, release: Array) -> Ratio:
     """The ratio of one idea of nearness."""
-    first, second, distance = _pairs(features, cell, release)
-    if not len(distance):
-        return NO_PAIRS
-    near = distance <= np.quantile(distance, NEAR_SHARE)
-    if near.sum() < FEWEST_NEAR_PAIRS:
-        return NO_PAIRS
-    first, second = first[near], second[near]
+    first, second = pairs
     half = 0.5 * ((z[first] - z[second]) ** 2).mean(axis=1)
     size = (z**2).mean(axis=1)
     group = release % JACKKNIFE_GROUPS

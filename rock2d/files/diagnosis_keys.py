@@ -269,14 +269,14 @@ class Limit(Part):
     unit: str = Field(description="Unit of the sizes")
 
 
-class Tail(Part):
-    """The worst segments."""
+class BothModels(Part):
+    """A miss of both models."""
 
     base: Number = Field(description="Miss of the base law")
     augmented: Number = Field(description="Miss of the diagnosed model")
 
 
-class Typical(Tail):
+class Typical(BothModels):
     """The typical segment."""
 
     floor: Number = Field(description="What even a perfect model would miss")
@@ -288,7 +288,7 @@ class Predicted(Part):
     """What `rock2d predict` reaches on held-out releases, whole segments."""
 
     typical: Typical
-    tail: Tail
+    tail: BothModels
     units: dict[str, Number] = Field(description="Unit to the size of one unit of the miss, for example mm")
 
 
@@ -364,6 +364,11 @@ class DiagnosisFile(Part):
         description="What the film says of itself; null of a table of impacts and of a film that cannot be read",
     )
     sanity: SanityFindings = SanityFindings()
+    physical: dict[Literal["m_s", "mm", "deg"], BothModels] = Field(
+        default={},
+        description="Unit to the median miss of held-out releases: m_s of the velocity after an impact, mm and deg at "
+        "the end of a segment (schema 3)",
+    )
     checks: list[Check] = Field(default=[], description="Predictive checks (schema 3)")
     limits: dict[str, Limit] | None = Field(
         default=None, description="Effect to the sizes that these data can see (schema 3)"

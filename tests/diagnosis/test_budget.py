@@ -129,11 +129,14 @@ def test_near_replicates_of_pure_noise_leave_all_of_it():
 
 def test_the_page_says_which_effects_of_the_learnt_part_are_not_certain():
     closed = {"closes": 0.5, "closes_ci95": [0.4, 0.6]}
+    parameters = {"drag_per_mass_1_m": {"value": 0.173, "ci95": [0.153, 0.193], "unit": "1/m"}}
     content = {
         "verdict": "unknown",
         "gap": {"base": 1.0, "noise_floor": 0.5},
         "floor": {"regression": 0.5, "replicates": 0.6, "used": 0.5},
-        "causes": [closed | {"effect": "air_drag", "origin": "flight", "group": []}],
+        "causes": [
+            closed | {"effect": "air_drag", "origin": "flight", "group": [], "parameters": parameters}
+        ],
         "outside": {
             "share": 0.3,
             "learnt": {
@@ -145,7 +148,7 @@ def test_the_page_says_which_effects_of_the_learnt_part_are_not_certain():
         },
     }
     assert [(name, said) for name, _, _, said in budget_section(content)["budget_rows"]] == [
-        ("air drag", "50 % (40 to 60 %)"),
+        ("air drag 0.173 1/m", "50 % (40 to 60 %)"),
         ("learnt: law of spin, with angle offset (not certain)", "30 % (20 to 40 %)"),
         ("not explained", "20 %"),
     ]

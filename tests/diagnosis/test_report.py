@@ -23,7 +23,7 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.report import page, side_by_side
 from rock2d.diagnosis.report.bar_charts import NARROW_LABEL, Axis, scale
 from rock2d.diagnosis.report.downloads import download
-from rock2d.diagnosis.report.text import share_closed
+from rock2d.diagnosis.report.text import share_closed, size
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
@@ -316,3 +316,16 @@ def test_a_shape_without_a_marker_of_its_own_is_drawn():
     blocks = {name: replace(block, shape="hexagon") for name, block in base.blocks.items()}
     misses = Misses(np.array([[0.0, 0.1], [0.1, 0.1]]), np.array([0, 1]), np.array([1.0, 3.0]))
     assert section_figure(base.cross_section, blocks, [], misses, {}).axes
+
+
+def test_sizes_have_units_that_a_person_can_use():
+    scale, tilt = catalogue()["scale_error"].parameters[0], catalogue()["camera_tilt"].parameters[0]
+    assert size(scale, {"value": 1.041, "ci95": [1.038, 1.044]}) == "+4.10 %"
+    assert size(scale, {"value": 0.96, "ci95": [0.95, 0.97]}) == "−4.0 %"
+    assert size(tilt, {"value": 0.0349, "ci95": [0.03, 0.04]}).endswith("°")
+
+
+def test_first_screen_tells_misses_in_mm_and_the_checks(report):
+    page, text, _ = report
+    assert re.search(r"Misses[\d. ]+→ [\d.]+ mm", re.sub(r"\s+", " ", page.text))
+    assert "Would this model have made these data?" in page.text and "checks.csv" in text

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
+from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.bar_charts import Axis, Mark, chart, scale
+from rock2d.effects import catalogue
 from rock2d.graphics.downloads import download
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ def _parts(
     found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
         (
             text.spoken(cause["effect"])
+            + _size(cause)
             + (f" (or {text.listed(cause['group'], 'or')})" if cause["group"] else ""),
             cause["origin"],
             cause["closes"],
@@ -65,6 +68,13 @@ def _parts(
     if rest >= LEAST_SHOWN:
         found.append(("not explained", "", rest, None, "base"))
     return found
+
+
+def _size(cause: Mapping[str, Any]) -> str:
+    """Its first parameter, unless that is a pure number."""
+    first = next(p for p in catalogue()[cause["effect"]].parameters)
+    pure = first.unit == "1" and not is_factor(first)
+    return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
 
 
 def _ends(part: Mapping[str, Any]) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,11 @@ from rock2d.diagnosis.report import downloads, parameters, tables, text
 from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
+from rock2d.diagnosis.report.checks_section import checks_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
 from rock2d.diagnosis.report.practical_indicators import (
+    PASSING,
     Quantity,
     film_quantities,
     measure_lines,
@@ -82,10 +84,11 @@ def report_page(
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
     chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
-    context |= _verdict(result, content, chain) | budget_section(content)
+    context |= _verdict(result, content, chain) | budget_section(content) | checks_section(result.checks)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
             context |= _sections(result, content, models, chain, folder, on_progress)
+        context["key_figures"] += context["passing_tile"]
     return rendered("rock2d.diagnosis.report", "page.html.j2", context, text.FILTERS)
 
 
@@ -154,7 +157,7 @@ def _sections(
         "assumptions": text.assumptions(result, content, chain),
         "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
     }  # fmt: skip
-    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": ""}
+    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": []}
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
@@ -286,6 +289,7 @@ def _film(
     apart = {name: float(np.median(tables.distances(film, poses))) for name, poses in plain.items()}
     context = {
         "practice": [_practice_chart(q, labels) for q in quantities],
+        "passing_tile": _passing_tile(quantities, labels) if improves else [],
         "line_note": line_note,
         "repetitions": repetitions,
         "segments": [
@@ -302,6 +306,16 @@ def _film(
     }
     on_progress("impacts")
     return context | video_section(result, film, plain, labels, improves, folder)
+
+
+def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> list[text.Tile]:
+    """The passing frequency that the base law misses most: of the film and of the models, in %."""
+    rows = [row for q in quantities if q.title == PASSING for row in q.rows]
+    if not rows:
+        return []
+    row = max(rows, key=lambda r: abs(r.models["base"][0].value - r.models["measured"][0].value))
+    said = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
+    return [text.Tile(PASSING, ", ".join(said), f"{text.spoken(row.block)} at {text.spoken(row.place)}")]
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from rock2d.statistics import wilson_interval
 
 Array = np.ndarray
 
+PASSING = "Passing frequency"
 COMPARED_PERCENTILES = (50.0, 75.0, 95.0)
 FEWEST_VALUES = 8  # for a percentile
 INDICATOR_BOOTSTRAPS = 400
@@ -111,7 +112,7 @@ def film_quantities(
     quantities = []
     if lines:
         passing = by_block([rows(f"energy {name}", name, reach=True) for name in lines])
-        quantities.append(Quantity("Passing frequency", "%", passing, ()))
+        quantities.append(Quantity(PASSING, "%", passing, ()))
         energy = by_block([rows(f"energy {name}", name) for name in lines])
         quantities.append(Quantity("Kinetic energy at the lines", *_energy_unit(energy)))
     else:

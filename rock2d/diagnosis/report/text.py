@@ -10,6 +10,7 @@ import numpy as np
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.model import is_factor
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
 
@@ -229,12 +230,33 @@ def key_figures(
 
 
 def _predicted_tile(content: Mapping[str, Any]) -> list[Tile]:
-    """What predictions reach; of a film."""
-    own = content.get("predicted")
-    if own is None:
-        return []
-    closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
-    return [Tile("Closed by predictions", closed, predicted_words(own))]
+    """What predictions reach, of a film; and what that is in units of the bench."""
+    tiles = []
+    if (own := content.get("predicted")) is not None:
+        closed = share_closed(own["typical"]["closure"], own["typical"]["closure_ci95"])
+        tiles.append(Tile("Closed by predictions", closed, predicted_words(own)))
+    if misses := physical_misses(content):
+        (value, where), *others = misses
+        further = "".join(f"; {other} {place}" for other, place in others)
+        tiles.append(
+            Tile("Misses", value, f"{where}, median of held-out releases without → with it{further}")
+        )
+    return tiles
+
+
+def physical_misses(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the base law and the best model miss in units of the bench, and where."""
+    places = {
+        "mm": (" mm", "at the end of a segment"),
+        "deg": ("°", "there"),
+        "m_s": (" m/s", "after an impact"),
+    }
+    misses = content.get("physical", {})
+    return [
+        (f"{misses[key]['base']:.2g} → {misses[key]['augmented']:.2g}{unit}", place)
+        for key, (unit, place) in places.items()
+        if key in misses
+    ]
 
 
 def predicted_words(own: Mapping[str, Any]) -> str:
@@ -265,12 +287,20 @@ def _size_tile(content: Mapping[str, Any], effect: Effect) -> list[Tile]:
     parameter = effect.parameters[0]
     fitted = content["beside"][-1] if content.get("beside") else content["effects"]
     own = fitted["parameters"][effect.name] if content.get("beside") else fitted[effect.name]["parameters"]
-    value, unit = in_degrees(parameter, own[parameter.name]["value"])
+    what = "Choice" if parameter.choices else "Size"
+    return [Tile(what, size(parameter, own[parameter.name]), parameter.meaning)]
+
+
+def size(parameter: Parameter, own: Mapping[str, Any]) -> str:
+    """A fitted parameter with its unit: a factor as the change that it makes, in %."""
     if parameter.choices:
-        return [Tile("Choice", parameter.called(value) or f"{value:g}", parameter.meaning)]
-    low, high = (in_degrees(parameter, v)[0] for v in own[parameter.name]["ci95"])
-    text = number(value, 0.5 * (high - low)) + (unit if unit == "°" else f" {unit}" if unit else "")
-    return [Tile("Size", text, parameter.meaning)]
+        return parameter.called(own["value"]) or f"{own['value']:g}"
+    value, unit = in_degrees(parameter, own["value"])
+    low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
+    if is_factor(parameter):
+        value, low, high, unit = 100.0 * (value - 1.0), 100.0 * low, 100.0 * high, "%"
+    sign = "+" if is_factor(parameter) and value > 0.0 else ""
+    return sign + number(value, 0.5 * (high - low)) + (unit if unit == "°" else f" {unit}" if unit else "")
 
 
 def _place_tile(content: Mapping[str, Any]) -> list[Tile]:

@@ -1,0 +1,333 @@
+"""Predictive checks: would the diagnosed model have made this film?
+
+Each check looks for a pattern in what the model leaves, in the film and in replicates of it (Gelman, Meng and Stern
+1996, Statistica Sinica 6, 733-807). A replicate gives all that is left of a release the same random sign. That keeps
+sizes, tails and how the impacts of a release depend on each other, and breaks what is systematic. What the fitted
+parameters can absorb is first taken out of each pattern (Hemerik, Goeman and Finos 2020, J. R. Stat. Soc. B 82(3),
+841-864). So nothing is simulated, and no distribution is assumed.
+
+A check holds several patterns, for example one for each zone and channel. Its value is the largest of them, in standard
+deviations of the replicates. The smallest p value of all checks has its own place among the same replicates (Westfall
+and Young 1993, Resampling-Based Multiple Testing), so that many checks fail no more often than one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.flight_fields import path_quantities
+from rock2d.diagnosis.likelihood import FLIGHT_STUDENT_DF, IMPACT_STUDENT_DF, chi_square
+from rock2d.diagnosis.quantities import (
+    BLOCK,
+    CONSTANT,
+    FLIGHT_DEPENDENCES,
+    IMPACT_DEPENDENCES,
+    KINDS,
+    OMEGA_RAD_S,
+    VX_M_S,
+    VY_M_S,
+    ZONE,
+    Entries,
+    bases,
+)
+from rock2d.diagnosis.replicates import near_pairs
+from rock2d.kinematics.impacts import ground_axes
+
+Array = np.ndarray
+
+FALSE_ALARMS = 0.03  # of the checks of means together, and of those of spreads, if the model is right
+REPLICATES = 5000
+LEAST_LEFT = 0.05  # share of its variance that the fitted parameters must leave of a pattern
+SAID = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
+# name of a check -> the dependences that it looks at
+IMPACT_MEANS = {
+    "mean of impacts": (CONSTANT,), "impacts by zone and place": ("zone", "place"), "impacts by block": ("block",),
+    "impacts with speed": ("normal speed", "sliding speed"), "impacts with spin": ("spin",),
+    "impacts with orientation": ("orientation to the ground",), "impacts over releases": ("series",),
+    "impacts of a release": ("history",),
+}  # fmt: skip
+FLIGHT_MEANS = {
+    "bend of flights": (CONSTANT, "block"), "flights with velocity and spin": ("velocity", "spin"),
+    "flights with height and place": ("height", "place"),
+}  # fmt: skip
+SPREADS = {
+    "spread by channel": (CONSTANT,), "spread by zone and block": ("zone", "block"),
+    "spread over releases": ("series",),
+}  # fmt: skip
+VELOCITIES = "what is left of velocities after impacts"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check of the film among replicates of the diagnosed model.
+
+    Attributes
+    ----------
+    name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
+    value : of the film, in standard deviations of the replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
+    p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
+    """
+
+    name: str
+    compared: str
+    largest: str
+    value: float
+    replicates: list[float]
+    p: float
+    p_of_all: float
+
+    @property
+    def words(self) -> str:
+        """What is compared, as one line."""
+        return f"{self.compared}, in standard deviations of the replicates; the largest: {self.largest}"
+
+    @property
+    def fails(self) -> bool:
+        """Whether the model would hardly have made this."""
+        return self.p_of_all < FALSE_ALARMS
+
+
+@dataclass(frozen=True)
+class Checks:
+    """The checks of a model: of what it leaves on the mean, and of how that spreads."""
+
+    means: list[Check]
+    spreads: list[Check]
+
+    @property
+    def all(self) -> list[Check]:
+        """First the means."""
+        return [*self.means, *self.spreads]
+
+    @property
+    def p(self) -> float:
+        """Probability that a true model would look this bad: of a mean as improbable as the most improbable one."""
+        return min((check.p_of_all for check in self.means), default=1.0)
+
+    def content(self) -> list[dict[str, Any]]:
+        """The key `checks` of diagnosis.json."""
+        return [
+            {"name": c.name, "words": c.words, "value": c.value, "replicates": c.replicates, "p": c.p}
+            for c in self.all
+        ]
+
+
+def predictive_checks(data: Data, fit: Fit, seed: int) -> Checks:
+    """The checks of a fitted model on the data that it was fitted to; `seed` of the replicates."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    signs = rng.choice([-1.0, 1.0], (1 + REPLICATES, len(data.order)))
+    signs[0] = 1.0  # the data themselves
+    left = _Left(data, fit, signs)
+    return Checks(_placed(left.means()), _placed(left.spreads()))
+
+
+class _Patterns(NamedTuple):
+    """The k patterns of a check: their names, and (1 + replicates, k) values, first of the data."""
+
+    name: str
+    compared: str
+    parts: Sequence[str]
+    values: Array
+
+
+def _placed(found: Sequence[_Patterns]) -> list[Check]:
+    """Each check with its place among the replicates."""
+    if not found:
+        return []
+    z = [np.abs(own.values) / np.maximum(own.values[1:].std(axis=0), 1e-300) for own in found]
+    largest = np.array([own.max(axis=1) for own in z])
+    count = largest.shape[1]
+    # share of all rows, its own included, that are as far out
+    p = np.array([(count - np.searchsorted(np.sort(row), row)) / count for row in largest])
+    least = p.min(axis=0)
+    return [
+        Check(
+            own.name, own.compared, own.parts[int(sizes[0].argmax())], float(row[0]),
+            [float(v) for v in np.quantile(row[1:], [0.05, 0.5, 0.95])], float(rank[0]),
+            float((least <= rank[0]).mean()),
+        )
+        for own, sizes, row, rank in zip(found, z, largest, p, strict=True)
+    ]  # fmt: skip
+
+
+class _Side(NamedTuple):
+    """What is left of n impacts, or of n flights.
+
+    Attributes
+    ----------
+    release : (n,)
+    z, weight, slope : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their slopes
+    names, channels : of the checks, and (n, 3, d) what each is of z, in standard deviations
+    quantities : name -> (n,)
+    lever : (n,) by which a pattern acts
+    """
+
+    release: Array
+    z: Array
+    weight: Array
+    slope: Array
+    names: tuple[str, str, str]
+    channels: Array
+    quantities: Mapping[str, Array]
+    lever: Array
+
+
+class _Left:
+    """What a fit leaves of impacts and flights, what its parameters could still absorb, and the signs of replicates."""
+
+    def __init__(self, data: Data, fit: Fit, signs: Array) -> None:
+        self._data, self._signs = data, signs
+        self._world = world = fit.model.world(fit.p, data.impact_order)
+        low, high = fit.model.bounds()
+        free = np.flatnonzero((fit.p > low) & (fit.p < high) & fit.free)
+        r, covariance = fit.residuals.impacts, fit.covariance()
+        root = np.linalg.cholesky(covariance)
+        whiten, known = np.linalg.inv(root), np.isfinite(r).all(axis=1)
+        heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
+        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[
+            :, -3:
+        ]  # of the rates, the last columns
+        self._soil = whiten @ fit.slope.scatter
+        self._impacts = _Side(
+            data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
+            np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.slope.impacts[..., free],
+            ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
+            data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
+        )  # fmt: skip
+        m, _, degrees = fit.residuals.flights.shape
+        z, quantities, lever = fit.residuals.flights.reshape(m, 3 * degrees), dict[str, Array](), np.empty(0)
+        if isinstance(data, FilmData) and m:
+            quantities = path_quantities(world, data.states(world).middle)
+            quantities[BLOCK] = data.segmentation.flights.block.astype(float)
+            lever = data.lever()
+        self._flights = _Side(
+            data.flight_release, z, (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + z**2),
+            fit.slope.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
+            np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
+        )  # fmt: skip
+
+    @cached_property
+    def _absorbing(self) -> Array:
+        """(releases, P) by which the signs of the releases move the parameters."""
+        count = self._impacts.slope.shape[-1]
+        pull, curve = np.zeros((len(self._data.order), count)), np.zeros((count, count))
+        for own in (self._impacts, self._flights):
+            pulled = own.weight[..., None] * own.slope
+            pull += self._summed(own.release, np.einsum("ndp,nd->np", pulled, own.z))
+            curve += np.einsum("ndp,ndq->pq", pulled, own.slope, optimize=True)
+        size = np.sqrt(np.maximum(np.diag(curve), 1e-300))
+        return pull / size @ np.linalg.pinv(curve / size / size[:, None], 1e-9, hermitian=True) / size
+
+    def _summed(self, release: Array, values: Array) -> Array:
+        """(releases, k) sums of values (n, k)."""
+        out = np.zeros((len(self._data.order), values.shape[1]))
+        np.add.at(out, release, values)
+        return out
+
+    def _chosen(
+        self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Side
+    ) -> Iterator[tuple[str, Array, list[str]]]:
+        """Of each check of a table its name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
+        members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
+        entries = {name: dependences[name] for names in table.values() for name in names}
+        known = bases(entries, side.quantities) if side.quantities else {}
+        for check, names in table.items():
+            functions, parts = [], list[str]()
+            for name in filter(known.__contains__, names):
+                curves, f = known[name].curves, known[name].features(side.quantities)
+                said = [f" with {SAID.get(name, name)}"] * f.shape[1] if curves else [""]
+                if curves and curves[0].kind == KINDS:
+                    own = members.get(curves[0].quantity)
+                    said = [f" in {own[int(i)] if own else f'impact {i + 1:.0f}'}" for i in curves[0].numbers]
+                functions.append(f - f.mean(axis=0) if curves else f)
+                parts += [channel + part for part in said for channel in side.names]
+            if functions:
+                yield check, np.concatenate(functions, axis=1), parts
+
+    def _drawn(
+        self, name: str, compared: str, parts: Sequence[str], sums: Array, absorbed: Array
+    ) -> list[_Patterns]:
+        """A check from what each release adds, `sums` (releases, k), and what of it the parameters absorb; none where
+        they absorb all."""
+        left = sums - absorbed
+        kept = np.flatnonzero((left**2).sum(axis=0) > LEAST_LEFT * (sums**2).sum(axis=0)).tolist()
+        own = _Patterns(name, compared, [parts[k] for k in kept], self._signs @ left[:, kept])
+        return [own] if kept else []
+
+    def _mean(
+        self, name: str, compared: str, parts: Sequence[str], side: _Side, columns: Array
+    ) -> list[_Patterns]:
+        """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
+        pulled = side.weight[..., None] * columns
+        sums = self._summed(side.release, np.einsum("ndk,nd->nk", pulled, side.z))
+        moved = np.einsum("ndk,ndp->pk", pulled, side.slope, optimize=True)
+        return self._drawn(name, compared, parts, sums, self._absorbing @ moved)
+
+    def means(self) -> list[_Patterns]:
+        """What is left of impacts and flights on the mean."""
+        found = list[_Patterns]()
+        for compared, table, dependences, side in (
+            (f"mean of {VELOCITIES}", IMPACT_MEANS, IMPACT_DEPENDENCES, self._impacts),
+            ("mean of the bend of flights that is left", FLIGHT_MEANS, FLIGHT_DEPENDENCES, self._flights),
+        ):
+            for name, f, parts in self._chosen(table, dependences, side):
+                columns = np.einsum("n,nk,ncd->ndkc", side.lever, f, side.channels).reshape(*side.z.shape, -1)
+                found += self._mean(name, compared, parts, side, columns)
+        return found + (self._energy() + self._near_replicates() if len(self._impacts.z) else [])
+
+    def _energy(self) -> list[_Patterns]:
+        """The energy after impacts, in its standard deviations."""
+        after = self._data.outcome_quantities(self._world)
+        blocks = np.array([(b.mass_kg, b.inertia_kg_m2) for b in self._world.blocks.values()])
+        mass, inertia = blocks[self._data.impact_block].T
+        along, across = ground_axes(self._data.tangent, np.column_stack([after[VX_M_S], after[VY_M_S]]))
+        momentum = np.column_stack([mass * along, mass * across, inertia * after[OMEGA_RAD_S]])
+        columns = np.einsum("nc,ncd->nd", momentum * self._sd, self._impacts.channels)
+        columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
+        parts = ["all impacts"]
+        return self._mean(
+            "energy lost in impacts", "energy after impacts", parts, self._impacts, columns[..., None]
+        )
+
+    def _near_replicates(self) -> list[_Patterns]:
+        """Whether impacts of different releases from nearly the same state miss in the same direction."""
+        own, pairs = self._impacts, near_pairs(self._data, self._world)
+        if not pairs:
+            return []
+        root = np.sqrt(own.weight)
+        # (n, d, releases) residuals as a function of the signs
+        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.slope, self._absorbing)
+        free[np.arange(len(free)), :, own.release] += root * own.z
+        first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
+        agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
+        words = "agreement of what is left of impacts from nearly the same state"
+        return [_Patterns("near-replicates", words, ["all pairs"], (agreed - agreed[1:].mean())[:, None])]
+
+    def spreads(self) -> list[_Patterns]:
+        """Sizes of what is left of impacts: channels against each other, and each by zone, block and release."""
+        from scipy.special import ndtri
+        from scipy.stats import rankdata
+
+        own, found = self._impacts, list[_Patterns]()
+        known = own.weight[:, :1] > 0.0
+        z = np.einsum("ncd,nd->nc", own.channels, own.z)
+        # normal scores of the sizes: symmetric, as random signs need it
+        size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
+        # slopes of the log likelihood by the scatter of the soil
+        pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
+        soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
+        for name, f, parts in self._chosen(SPREADS, IMPACT_DEPENDENCES, own):
+            middle = size.mean(axis=1, keepdims=True) if CONSTANT in SPREADS[name] else size.mean(axis=0)
+            each = np.einsum("nk,nc->nkc", f, known * (size - middle)).reshape(len(z), -1)
+            absorbed = soil @ np.linalg.lstsq(soil, each, rcond=1e-9)[0]
+            sums = (self._summed(own.release, values) for values in (each, absorbed))
+            found += self._drawn(name, f"size of {VELOCITIES}", parts, *sums)
+        return found

@@ -1,0 +1,103 @@
+"""Predictive checks: a true model passes as often as stated, and what is wrong is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis import checks
+from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
+from rock2d.diagnosis.data import Residuals
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.likelihood import normal_equations
+from rock2d.diagnosis.model import Model
+from rock2d.diagnosis.report.checks_section import checks_sentence
+from rock2d.diagnosis.soil_scatter import fit_scatter
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import base_start, setup_world
+from tests.kinematics.synthetic_films import film, series_order, world
+
+RELEASES = 20  # of each block
+FILMS = 60  # draws of residuals; would miss false alarms at twice the stated rate
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[FilmData, Fit]:
+    """A film of the base law, and the base law fitted to it."""
+    experiment = film(world(series_order(RELEASES)), RELEASES, seed=3, fps=500.0)
+    setup = setup_world(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    return data, fit(Model(setup, base_start(experiment)), data)
+
+
+def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
+    """The fit as a true model would have it: residuals drawn from it, plus shifts in standard deviations, after what
+    its parameters absorb."""
+    _, found = own
+    rng = np.random.default_rng(seed)
+    covariance = found.covariance()
+    (n, d), shape = found.residuals.impacts.shape, found.residuals.flights.shape
+    heavy = np.sqrt(rng.chisquare(4.0, (n, 1)) / 4.0)
+    impacts = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.normal(size=(n, d)) / heavy)
+    if "spin" in shifts:
+        impacts[:, 5] += shifts["spin"] * np.sqrt(covariance[:, 5, 5])
+    impacts *= shifts.get("factor", np.ones(n))[:, None]
+    flights = rng.normal(size=shape)
+    if "bend" in shifts:
+        flights[:, 1, 0] += shifts["bend"]
+    every, scatter = (np.ones(n, bool), np.ones(shape[0], bool)), found.scatter
+    for _ in range(4):
+        residuals = Residuals(impacts, flights)
+        scatter = fit_scatter(impacts, found.slope, np.maximum(scatter, 3e-3))
+        left = replace(found, residuals=residuals, scatter=scatter)
+        curve, grad = normal_equations(residuals, found.slope, left.covariance(), every)
+        step = np.linalg.solve(curve + 1e-9 * np.diag(np.diag(curve)), grad)
+        impacts, flights = impacts - found.slope.impacts @ step, flights - found.slope.flights @ step
+    return replace(found, residuals=Residuals(impacts, flights), scatter=scatter)
+
+
+def failed(own: tuple[FilmData, Fit], left: Fit) -> dict[str, str]:
+    """Name of each check that fails -> the largest pattern."""
+    return {c.name: c.largest for c in predictive_checks(own[0], left, 0).all if c.fails}
+
+
+def test_true_model_fails_as_often_as_stated(fitted, monkeypatch):
+    monkeypatch.setattr(checks, "REPLICATES", 500)
+    found = [predictive_checks(fitted[0], drawn(fitted, seed), seed) for seed in range(FILMS)]
+    for p in (
+        np.array([own.p for own in found]),
+        np.array([min(c.p_of_all for c in own.spreads) for own in found]),
+    ):
+        assert (p < FALSE_ALARMS).mean() < 0.12
+        assert 0.3 < np.median(p) < 0.7
+
+
+def test_shift_in_one_zone_is_named(fitted):
+    zones = fitted[0].impact_zone
+    out = failed(fitted, drawn(fitted, 1, spin=np.where(zones == np.bincount(zones).argmax(), 1.0, -1.0)))
+    assert out["impacts by zone and place"].startswith("spin")
+
+
+def test_flights_that_bend_are_named(fitted):
+    data, _ = fitted
+    out = failed(fitted, drawn(fitted, 2, bend=0.8 * data.lever()))
+    assert out["bend of flights"].startswith("y")
+    assert not [name for name in out if name.startswith("spread")]
+
+
+def test_block_that_scatters_more_is_named(fitted):
+    out = failed(fitted, drawn(fitted, 3, factor=np.where(fitted[0].impact_block == 1, 3.0, 1.0)))
+    assert set(out) == {"spread by zone and block"}
+
+
+def test_same_seed_gives_the_same_checks_and_the_sentence_names_what_fails(fitted):
+    left = drawn(fitted, 2, bend=0.8 * fitted[0].lever())
+    first, second = (predictive_checks(fitted[0], left, 5) for _ in range(2))
+    assert first.content() == second.content()
+    assert all(len(c["replicates"]) == 3 and 0.0 < c["p"] <= 1.0 for c in first.content())
+    assert "bend of flights (y" in checks_sentence(first)
+    passing = checks_sentence(predictive_checks(fitted[0], drawn(fitted, 4), 5))
+    assert passing.endswith("as the model would make them")

@@ -10,9 +10,9 @@ import numpy as np
 from rock2d.blind.scoring import CALIBRATION_BINS, CLEAR_SIGNAL_TO_NOISE, share_text
 from rock2d.blind.set_scoring import (
     ABSENT_SIGNAL_TO_NOISE,
+    CLAIMED_PROBABILITY,
     CLOSURE_MARGIN,
     LABEL_KINDS,
-    CLAIMED_PROBABILITY,
     PRESENT_SIGNAL_TO_NOISE,
     SURE_PROBABILITY,
     SetCase,
@@ -50,8 +50,8 @@ def set_section(cases: Sequence[SetCase], found: dict[str, Any]) -> str:
     outside = found["outside"]
     return "".join([
         f"<h1>Named sets of {found['cases']} cases</h1>"
-        "<p>The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or an "
-        "effect that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.</p>",
+        "<p>The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
+        "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.</p>",
         "<h2>Inclusion probabilities</h2>"
         f"<p>Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its "
         f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "

@@ -187,7 +187,9 @@ def _by_outside(cases: Iterable[SetCase]) -> dict[str, list[SetCase]]:
 
 def _found(cases: Iterable[SetCase]) -> list[tuple[float, bool]]:
     """(own signal-to-noise, whether named) of every hidden effect."""
-    return [(z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()]
+    return [
+        (z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()
+    ]
 
 
 def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:

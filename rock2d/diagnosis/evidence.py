@@ -2,7 +2,8 @@
 
 Each member of the best set must stand three questions, beside the others and beside what is learnt without a name.
 
-- Chance: what would the best of all effects gain if nothing acted? The residuals of each release get a random sign. That keeps their sizes, and what is alike within a release, and breaks all that is systematic.
+- Chance: what would the best of all effects gain if nothing acted? The residuals of each release get a random
+  sign. That keeps their sizes, and what is alike within a release, and breaks all that is systematic.
 - Imitation: what do smooth changes gain that are learnt in its place? An effect that stands for something without a
   name explains a part of what they explain; a true cause is hardly beaten.
 - Rivals: which effects do as well in its place? They share its probability.

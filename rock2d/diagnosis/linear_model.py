@@ -90,7 +90,9 @@ class LinearModel:
         """(CHANCE_DRAWS,) gain of one step in all columns on held-out releases."""
         data, n, size = self._data, len(self._data.order), impacts.shape[-1]
         pulls = np.zeros((n, size))
-        np.add.at(pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z))
+        np.add.at(
+            pulls, data.impact_release, np.einsum("ndk,nd->nk", impacts, self._weight[:, None] * self._z)
+        )
         steady = self._flight_weight * self._flights
         np.add.at(pulls, data.flight_release, np.einsum("mcdk,mcd->mk", flights, steady))
         pulls[:, discrete(self._fit.model)] = 0.0

@@ -19,7 +19,6 @@ from rock2d.blind.signal_to_noise import likeness, signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
-from tests.blind.test_set_scoring import trial_label, write_trial
 
 
 @pytest.fixture

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shutil
 import subprocess
 import sys
@@ -11,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from rock2d.blind.training import FEATURES
-from rock2d.diagnosis.classification import ANY, KNOWN, WHICH
 from tests.design.small_site import small_site
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -88,7 +88,7 @@ def _refuse_foreign(out: Path) -> None:
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
     from rock2d.diagnosis.report.checks_section import checks_sentence
-    from rock2d.diagnosis.report.text import physical_misses, predicted_words
+    from rock2d.diagnosis.report.text import common_words, physical_misses, predicted_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -110,6 +110,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     for cause in content["causes"]:
         if cause["closes"] is not None:
             rivals = f"; not separated from {', '.join(cause['group'])}" if cause["group"] else ""
+            rivals += common_words(content, cause["effect"])
             lines.append(
                 f"cause: {cause['effect']} ({cause['origin']}, p = {cause['p']:.2f}{rivals}) closes {_shares(cause)}"
             )

@@ -14,6 +14,7 @@ from rock2d.diagnosis.model import is_factor
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
 
+MOST_POSSIBLE = 5  # causes that are listed, if none can be named
 LEAST_PART = 0.1  # of the gap, that effects beside an unknown cause must close to be named
 # effects that are hard to separate with such data
 LOOKALIKES = (
@@ -128,6 +129,12 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
             "The base law (the paper's law with its own parameters refitted) explains these data. Its residuals are no "
             "larger than the noise of the measurement and the scatter of the soil from impact to impact."
         )
+    possible = [c["effect"] for c in content.get("causes", []) if not c.get("named")]
+    if verdict == "unknown" and not _outside(content) and possible:
+        return "Unknown cause", (
+            "Something acts that the base law has not, but these data cannot tell what. It may be "
+            f"{listed(possible[:MOST_POSSIBLE], 'or')}.{_parts(content)}"
+        )
     if verdict == "unknown":
         return "Unknown cause", (
             "There is a gap between film and simulation, but no effect of the catalogue explains all of it. A cause "
@@ -141,12 +148,22 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     ]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
-    doubt = f" These data cannot separate it from {listed(rivals, 'or')}." if rivals else ""
+    others = f"{listed(rivals, 'or')}{common_words(content, verdict)}"
+    doubt = f" These data cannot separate it from {others}." if rivals else ""
     return (
         spoken(verdict).capitalize(),
         f"This explains {'most of ' if _outside(content) else ''}the gap between film and simulation: {cause}."
         f"{origin}{together}{doubt}{_outside(content)}",
     )
+
+
+def common_words(content: Mapping[str, Any], effect: str) -> str:
+    """What an effect and those that it shares its name with have in common; "" without that."""
+    own = next((c.get("common") for c in content.get("causes", []) if c["effect"] == effect), None)
+    if own is None:
+        return ""
+    low, high = own["ci95"]
+    return f"; both mean {own['name']} = {own['value']:.3f} ({low:.3f} to {high:.3f})"
 
 
 def _outside(content: Mapping[str, Any]) -> str:

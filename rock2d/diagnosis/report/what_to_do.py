@@ -44,7 +44,7 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
             f"Check the set-up for {part}. Correct nothing that you cannot confirm there: the rest of the gap has a "
             "cause outside the catalogue, and these effects may explain a part that belongs to it."
             if part
-            else "Do not correct anything: no effect of the catalogue explains the gap, and the best one would be a "
+            else "Do not correct anything: no effect of the catalogue can be named, and the likeliest one may be a "
             "wrong correction.",
             *_learnt(content),
             "Look at the places with the largest share of the gap and at the impacts with the largest residuals in the "

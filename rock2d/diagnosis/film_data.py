@@ -73,8 +73,8 @@ class FilmData(FilmSegments):
         difference[:, RATES] *= world.view.time_scale
         blind = self.unknown_spin[self.impacts.after] > 0.0
         difference[np.ix_(blind, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
-        inflation = (self.film.long_noise / self.film.noise)[:, None]
-        return Residuals(difference, states.residuals / inflation)
+        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
+        return Residuals(difference, states.residuals * seen)
 
     def incident(self, world: World) -> Array:
         """(n, 6) states at the starts of the simulations."""

@@ -125,6 +125,9 @@ def fit_base(
     a base are no measure of their size.
     """
     bars = bars or Bars(False)
+    if not len(data.impact_release):  # nothing shows the law: it stays as it is stated
+        flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
+        return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
         return _fitted_base(setup, base, data, registered, bar)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.inclusion import inclusion, outside
-from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
+from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
-from rock2d.effects import catalogue
+from rock2d.effects import air_drag, catalogue
+from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
 
 Array = np.ndarray
@@ -32,7 +34,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     k = len(BASE_WIDTH)
     model = fit.model
     for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
-        entry = {}
+        entries = []
         for parameter, value in zip(own, values, strict=True):
             half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):
@@ -44,16 +46,35 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 low = high = value
             if effect.scatter:  # a standard deviation
                 low = max(low, 0.0)
-            entry[parameter.name] = {
-                "value": float(value),
-                "ci95": [float(low), float(high)],
-                "unit": parameter.unit,
-            }
+            entries.append(
+                {"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit}
+            )
             if (name := parameter.called(float(value))) is not None:
-                entry[parameter.name]["choice"] = name
+                entries[-1]["choice"] = name
             k += 1
-        out[effect.name] = entry
+        size = len(effect.parameters)
+        out[effect.name] = {
+            parameter.name: _of_blocks(model, effect, entries[j::size]) if model.of_each(effect) else entries[j]
+            for j, parameter in enumerate(effect.parameters)
+        }
     return out
+
+
+def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """A parameter that each block has of its own: the mean, and that of each block that flew."""
+    each = {
+        name: {key: own[key] for key in ("value", "ci95")}
+        for name, own in zip(model.flown, entries, strict=True)
+    }
+    value = float(np.mean([own["value"] for own in each.values()]))
+    half = float(np.linalg.norm([0.5 * np.ptp(own["ci95"]) for own in each.values()])) / len(each)
+    for name, own in each.items() if effect.name == air_drag.EFFECT.name else ():
+        factor = air_drag.coefficient(model.setup.blocks[name], 1.0)
+        own["drag_coefficient"] = {
+            "value": factor * own["value"],
+            "ci95": [factor * end for end in own["ci95"]],
+        }
+    return {"value": value, "ci95": [value - half, value + half], "unit": entries[0]["unit"], "by_block": each}
 
 
 def base_values(fit: Fit) -> dict[str, float]:
@@ -119,7 +140,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     zones = result.experiment.cross_section.zone_names
     return {
         "base": base_values(found.base),
-        "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
+        "law": {
+            "rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any()),
+            "fitted": bool(len(data.impact_release)),
+        },
         "verdict": found.verdict,
         "group": found.group if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
@@ -157,6 +181,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             for name, block in result.experiment.blocks.items()
         },
         "gravity_m_s2": float(result.experiment.gravity_m_s2),
+        "unseen": result.unseen,
         "assumptions": [reading_sentence(found.base)],
     }
 
@@ -230,6 +255,11 @@ def reported_effect(found: Attribution) -> str:
 
 def reading_sentence(base: Fit) -> str:
     """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
+    if not len(base.residuals.impacts):
+        return (
+            "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the blocks; "
+            "nothing of it was fitted."
+        )
     if base.model.setup.contact[..., INDENTATION].any():
         return (
             "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.effects.air_drag import coefficient
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
@@ -29,7 +30,6 @@ Array = np.ndarray
 
 FILM_FILE = "film.json"
 SCALE_OR_RATE = ("scale_error", "frame_rate_error")
-AIR_DENSITY_KG_M3 = 1.2
 DRAG_COEFFICIENT = {"circle": 0.5}  # of a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # of a body with edges
 LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
@@ -143,11 +143,12 @@ class FilmStatement:
         said = [self._gravity_sentence()]
         said += [line for line in (self._tilt_sentence(),) if line]
         said += [_rest_sentence(own) for own in self.rests]
-        said += [
-            f"the angle of block {name} was not measured: its spin is unknown, so that effects on the spin, and on the "
-            "speed along the ground after an impact, can hardly be judged"
-            for name in self.without_angle
-        ]
+        if names := self.without_angle:
+            whose = f"block {names[0]}" if len(names) == 1 else f"the blocks {', '.join(names)}"
+            said.append(
+                f"the angle of {whose} was not measured: the spin is unknown, so that effects on the spin, and on the "
+                "speed along the ground after an impact, can hardly be judged"
+            )
         return said
 
     def _gravity_sentence(self) -> str:
@@ -214,9 +215,8 @@ def write_statement(folder: Path, statement: FilmStatement) -> None:
 
 
 def _drag_per_mass(block: Block) -> float:
-    """ρ C_d A / 2 m in 1/m, of a body as deep as its profile is high."""
-    coefficient = DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT)
-    return 0.5 * AIR_DENSITY_KG_M3 * coefficient * np.pi / 4.0 * block.size_m**2 / block.mass_kg
+    """c / m in 1/m that is expected of a block."""
+    return DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
 
 
 def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:

@@ -154,7 +154,9 @@ def _sections(
         "assumptions": text.assumptions(result, content, chain),
         "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
     }  # fmt: skip
-    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": ""}
+    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": "", "practice": []}
+    if not len(result.data.impact_release):
+        return context
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:

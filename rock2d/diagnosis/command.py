@@ -87,7 +87,7 @@ def _refuse_foreign(out: Path) -> None:
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
-    from rock2d.diagnosis.report.text import predicted_words
+    from rock2d.diagnosis.report.text import predicted_words, unseen_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -122,6 +122,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
         )
+    lines += [f"cannot be seen: {', '.join(names)} ({why})" for why, names in unseen_words(content)]
     lines.append(f"next release: {content['next_release']}")
     advice = what_to_do(content, result.experiment)
     return lines + [f"what to do: {line}".replace("\n", " ") for line in advice]

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
 from rock2d.diagnosis.budget import GAP_UNIT, Budget, Share
+from rock2d.diagnosis.classification import PRIOR_CATALOGUE, PRIOR_SHARE
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.inclusion import inclusion, outside
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
+from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects import air_drag, catalogue
 from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
@@ -44,20 +46,29 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 low, high = value - half, value + half
             if parameter.choices:
                 low = high = value
-            if effect.scatter:  # a standard deviation
-                low = max(low, 0.0)
-            entries.append(
-                {"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit}
-            )
+            if parameter.low == parameter.neutral:  # of one sign, as a standard deviation is
+                low = max(low, min(parameter.low, value))
+            entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
             if (name := parameter.called(float(value))) is not None:
                 entries[-1]["choice"] = name
             k += 1
         size = len(effect.parameters)
         out[effect.name] = {
-            parameter.name: _of_blocks(model, effect, entries[j::size]) if model.of_each(effect) else entries[j]
+            parameter.name: _of_blocks(model, effect, entries[j::size])
+            if model.of_each(effect)
+            else entries[j]
             for j, parameter in enumerate(effect.parameters)
         }
     return out
+
+
+def _probabilities(found: Attribution, unseen: Collection[str]) -> dict[str, float]:
+    """Of all answers; effects that the data cannot show have the share of the prior that always remains."""
+    names = list(catalogue())
+    kept = PRIOR_SHARE * PRIOR_CATALOGUE / len(names)
+    rest = 1.0 - kept * len(unseen)
+    own = {name: rest * float(p) for name, p in found.probabilities.items()}
+    return dict.fromkeys(names, 0.0) | dict.fromkeys(unseen, kept) | own
 
 
 def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -74,7 +85,12 @@ def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) 
             "value": factor * own["value"],
             "ci95": [factor * end for end in own["ci95"]],
         }
-    return {"value": value, "ci95": [value - half, value + half], "unit": entries[0]["unit"], "by_block": each}
+    return {
+        "value": value,
+        "ci95": [value - half, value + half],
+        "unit": entries[0]["unit"],
+        "by_block": each,
+    }
 
 
 def base_values(fit: Fit) -> dict[str, float]:
@@ -146,7 +162,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "verdict": found.verdict,
         "group": found.group if found.verdict in names else [],
-        "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
+        "probabilities": _probabilities(found, result.unseen or {}),
         "effects": {
             name: {
                 "parameters": effect_values(c.fit)[name],
@@ -160,7 +176,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "where": [vars(cell) for cell in result.cells],
         "gap": _gap_json(result.budget),
-        "causes": _causes_json(found, result.budget),
+        "causes": _causes_json(found, result.budget, result.unseen or {}),
         "outside": _outside_json(found, result.budget),
         "floor": {
             "regression": result.budget.regression,
@@ -199,7 +215,7 @@ def _share_json(share: Share) -> dict[str, Any]:
     return {"closes": share.closes, "closes_ci95": list(share.ci95), "closes_range": list(share.range)}
 
 
-def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
+def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) -> list[dict[str, Any]]:
     """The causes, most probable first: effects of the model with the share that each closes, and others that are
     possible, with the parameters that they have alone."""
     known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
@@ -220,7 +236,8 @@ def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
                 "p": chances[name],
                 "parameters": own,
                 "origin": known[name].origin,
-                "group": found.rivals.get(name, []),
+                "group": found.rivals.get(name, [])
+                + [other for other, twin in SPIN_TWINS.items() if twin == name and other in unseen],
             }
             | share
         )
@@ -257,8 +274,8 @@ def reading_sentence(base: Fit) -> str:
     """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
     if not len(base.residuals.impacts):
         return (
-            "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the blocks; "
-            "nothing of it was fitted."
+            "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the "
+            "blocks; nothing of it was fitted."
         )
     if base.model.setup.contact[..., INDENTATION].any():
         return (

@@ -7,6 +7,7 @@ Such effects are not tried: of them nothing is known but that they are possible.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from rock2d.effects.effect import FLIGHT, Effect
 
 Array = np.ndarray
 
+# effects that differ from another one only in the spin
+SPIN_TWINS = {"flight_damping": "air_drag"}
 TRACE = 0.05  # of a standard deviation, by which no residual changes
 
 
@@ -28,11 +31,17 @@ def unseen(base: Fit, data: Data, effects: Mapping[str, Effect]) -> dict[str, st
     own = data.only(some).coarse()
     at = base.model.residuals(base.p, own)
     sd = np.sqrt(np.diagonal(part.covariance(), axis1=1, axis2=2))
-    why = _why(data)
-    return {
+    why, found = _why(data), dict[str, str]()
+    if isinstance(data, FilmData) and not data.film.angle_known.any():
+        found = {
+            name: f"without the spin it cannot be told from {twin}"
+            for name, twin in SPIN_TWINS.items()
+            if {name, twin} <= effects.keys()
+        }
+    return found | {
         name: why[effect.origin == FLIGHT or effect.phase != "impact"]
         for name, effect in effects.items()
-        if not _shows(Model(base.model.setup, base.model.base, [effect]), base.p, own, at, sd)
+        if name not in found and not _shows(replace(base.model, effects=[effect]), base.p, own, at, sd)
     }
 
 
@@ -47,7 +56,7 @@ def _why(data: Data) -> dict[bool, str]:
 
 def _shows(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:
     """Whether some residual changes between no effect and one at the ends of its plausible range."""
-    (parameters,), (effect,) = model.parameters, model.effects
+    parameters = model.parameters[0]
     start = np.concatenate([p, model.start()[len(BASE_WIDTH) :]])
     for k, q in enumerate(parameters):
         for value in q.choices or (q.low, q.high):

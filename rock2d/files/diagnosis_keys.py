@@ -165,7 +165,8 @@ class Reading(Part):
         "presses",
     )
     fitted: bool = Field(
-        default=True, description="Whether impacts determined the law; false: it is the paper's, scaled to the blocks"
+        default=True,
+        description="Whether impacts determined the law; false: it is the paper's, scaled to the blocks",
     )
 
 

@@ -57,8 +57,8 @@ class OfBlock(FittedNumber):
 
     drag_coefficient: FittedNumber | None = Field(
         default=None,
-        description="Of drag with the square of the velocity: C_d in air of 1.2 kg/m³, for a body as deep as its profile "
-        "is high",
+        description="Of drag with the square of the velocity: C_d in air of 1.2 kg/m³, for a body as deep as its "
+        "profile is high",
     )
 
 

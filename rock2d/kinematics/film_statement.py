@@ -46,7 +46,7 @@ class FilmStatement:
     gravity : as the flights show it; None if no flight does
     flights, releases : how many show it; `left_out`: flights that do not
     air : share of gravity by which the air would change it, and angle in rad by which it would turn it, for bodies of
-        the stated mass and size
+        the stated mass and size; `spin`: the share by which the lift of a spin that was not measured may change it
     rests : heights at rest
     without_angle : blocks whose angle was not measured
     """
@@ -58,6 +58,7 @@ class FilmStatement:
     releases: int
     left_out: int
     air: tuple[float, float]
+    spin: float
     rests: list[RestHeight]
     without_angle: list[str]
 
@@ -76,10 +77,11 @@ class FilmStatement:
         return (ratio := self.ratio) is not None and ratio.off(1.0) and not self._explained(ratio)
 
     def _explained(self, ratio: Measured) -> bool:
-        """If the air, twice as strong as expected, or another place on the earth would explain the difference."""
+        """If the air, twice as strong as expected, an unmeasured spin or another place on the earth would explain the
+        difference."""
         beyond = ratio.value - 1.0
         rest = min((abs(beyond - share) for share in np.linspace(0.0, 2.0 * self.air[0], 21)), default=beyond)
-        return max(rest - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
+        return max(rest - self.spin - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
 
     @property
     def suspects(self) -> list[str]:
@@ -170,9 +172,13 @@ class FilmStatement:
                 f"not {self.fps:g} frames/s, or both are off. Flights alone cannot tell which{carried}"
             )
         if ratio.off(1.0):
+            spin = (
+                f", the lift of an unmeasured spin (up to {_rounded(100 * self.spin)} %)" if self.spin else ""
+            )
             return (
                 f"{found} differs from the stated {self.stated_m_s2:g} by {_with_error(size, ' %')}, no more than air "
-                f"(about {100 * abs(self.air[0]):.1g} %) and the place on the earth ({100 * LOCAL_GRAVITY:g} %) explain"
+                f"(about {_rounded(100 * abs(self.air[0]))} %){spin} and the place on the earth "
+                f"({100 * LOCAL_GRAVITY:g} %) explain"
             )
         return (
             f"{found} agrees with the stated {self.stated_m_s2:g}: scale, or the square of the frame rate, is right to "
@@ -202,9 +208,13 @@ def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatemen
     drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
     air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
     blind = np.unique(film.release_block[~film.angle_known])
+    spin = 0.0
+    if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
+        lift = gravity.weight * drag * ~film.angle_known[flights.release]
+        spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmStatement(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
-        air, rest_heights(film, world), [film.block_names[b] for b in blind],
+        air, spin, rest_heights(film, world), [film.block_names[b] for b in blind],
     )  # fmt: skip
 
 

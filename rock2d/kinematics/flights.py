@@ -193,7 +193,8 @@ def segment_film(world: World, film: Film) -> Segmentation:
     segmentation = Segmentation(film, Flights(*columns), kinds)
     if len(found):
         film.noise, film.long_noise = (
-            np.where(film.measured, own, film.stated_noise) for own in _flight_noise(film, segmentation.flights)
+            np.where(film.measured, own, film.stated_noise)
+            for own in _flight_noise(film, segmentation.flights)
         )
     return segmentation
 
@@ -238,9 +239,9 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
     """Segments (first, last) of frames that are flights.
 
     Two parts of one flight that was divided in mid-air are joined: drag, a lens or perspective bend it away from one
-    parabola, and a film that jumps breaks it where there is nothing to hit. A segment counts as a flight only if it rises above the ground: a hop within the indentation is contact.
-    Where the ground lies higher than stated, blocks do not come down to it. Then a flight must rise above its own lower
-    end.
+    parabola, and a film that jumps breaks it where there is nothing to hit. A segment counts as a flight only if it
+    rises above the ground: a hop within the indentation is contact. Where the ground lies higher than stated, blocks
+    do not come down to it. Then a flight must rise above its own lower end.
     """
     gap, noise, size = recording.gap_m, recording.noise, recording.size_m
     flights = []

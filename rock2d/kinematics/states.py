@@ -189,8 +189,8 @@ def _drift(q, dt, bodies, i):
 
 @njit
 def _follow(track, middle, q, t, bodies, i):
-    """Poses of body i at the instants t, in the rows of `track`, and its state at t = 0 in `middle`: from its state q at
-    the first instant, which becomes that at the last. Backwards, drag would magnify every error."""
+    """Poses of body i at the instants t, in the rows of `track`, and its state at t = 0 in `middle`: from its state q
+    at the first instant, which becomes that at the last. Backwards, drag would magnify every error."""
     now = t[0]
     for f in range(t.size):
         if now < 0.0 <= t[f]:

@@ -227,6 +227,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
         "forest": forest,
         "gain_scale": scale(gain_axis),
         "group": content["group"],
+        "unseen": text.unseen_words(content),
         "next_release": content["next_release"],
     }
 

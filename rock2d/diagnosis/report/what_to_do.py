@@ -34,7 +34,8 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
         return _after_faults(content)
     if verdict == "none":
         return [
-            "Correct nothing. Go on with the law as it was refitted (`base` in diagnosis.json).",
+            "Correct nothing."
+            + " Go on with the law as it was refitted (`base` in diagnosis.json)." * content["law"]["fitted"],
             "A weak effect may still hide in noise and soil. More releases, or the one below, would show it.",
             *_next_release(content),
         ]

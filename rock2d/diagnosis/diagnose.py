@@ -165,8 +165,12 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         sanity = check_table(experiment, data)
     if not sanity.faults:
         impacts, flying = len(data.impact_release), len(np.unique(data.flight_release))
-        stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
-        if not check_impacts(impacts, impacts + stay, flying, sanity) and isinstance(data, FilmData):
+        stay, edged = 0, list[str]()
+        if isinstance(data, FilmData):
+            stay = len(find_rests(data).flight)
+            edged = [name for name in data.film.blind if not setup.blocks[name].smooth]
+        judged = check_impacts(impacts, impacts + stay, flying, edged, sanity)
+        if isinstance(data, FilmData) and not judged:
             data = data.flights_alone()
     return sanity, None if sanity.faults else data
 

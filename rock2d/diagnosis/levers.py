@@ -169,7 +169,8 @@ class Levers:
         spread of the noise for outcomes, gravity for accelerations."""
         size, gravity = self.world.mean_size_m / 2.0, self.world.gravity_m_s2
         pace = np.sqrt(gravity * size)
-        spread = np.sqrt(np.median(np.diagonal(self._fit.covariance(), axis1=1, axis2=2), axis=0))
+        variance = np.diagonal(self._fit.covariance(), axis1=1, axis2=2)
+        spread = np.sqrt(np.median(variance, axis=0)) if len(variance) else np.ones(variance.shape[1])
         return {
             LAW: np.ones(len(BASE_WIDTH)),
             STATE: state_units(self.world),

@@ -207,14 +207,13 @@ def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatemen
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
     drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
     air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
-    blind = np.unique(film.release_block[~film.angle_known])
     spin = 0.0
     if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
         lift = gravity.weight * drag * ~film.angle_known[flights.release]
         spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmStatement(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
-        air, spin, rest_heights(film, world), [film.block_names[b] for b in blind],
+        air, spin, rest_heights(film, world), film.blind,
     )  # fmt: skip
 
 

@@ -130,7 +130,7 @@ def diagnose(
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)
-        hidden = unseen(base, data, tried)
+        hidden = unseen(base, data, tried, result.film)
         shown = {name: effect for name, effect in tried.items() if name not in hidden}
         found = attribute(base, data, shown, workers=workers, folder=folder, bars=bars)
     result.data, result.found, result.unseen, result.seed = data, found, hidden, seed

@@ -64,7 +64,8 @@ class Model:
         if not self.of_each(effect):
             return effect.apply(world, values)
         each = np.reshape(values, (len(self.flown), -1))
-        return effect.on_each(world, dict(zip(self.flown, each, strict=True)))
+        without = effect.apply(world, [p.neutral for p in effect.parameters])
+        return effect.on_each(without, dict(zip(self.flown, each, strict=True)))
 
     @property
     def named_size(self) -> int:

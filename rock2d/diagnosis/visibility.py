@@ -15,7 +15,8 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.model import BASE_WIDTH, Model
-from rock2d.effects.effect import FLIGHT, Effect
+from rock2d.effects.effect import Effect
+from rock2d.kinematics.film_statement import SCALE_OR_RATE, FilmStatement
 
 Array = np.ndarray
 
@@ -24,34 +25,44 @@ SPIN_TWINS = {"flight_damping": "air_drag"}
 TRACE = 0.05  # of a standard deviation, by which no residual changes
 
 
-def unseen(base: Fit, data: Data, effects: Mapping[str, Effect]) -> dict[str, str]:
-    """Effect that these data cannot show -> why."""
+def unseen(
+    base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmStatement | None = None
+) -> dict[str, str]:
+    """Effect that these data cannot show -> why. `film`: what the film says of itself."""
     some = some_releases(data)
     part = base.only(some[data.impact_release], some[data.flight_release])
     own = data.only(some).coarse()
     at = base.model.residuals(base.p, own)
     sd = np.sqrt(np.diagonal(part.covariance(), axis1=1, axis2=2))
-    why, found = _why(data), dict[str, str]()
-    if isinstance(data, FilmData) and not data.film.angle_known.any():
-        found = {
-            name: f"without the spin it cannot be told from {twin}"
-            for name, twin in SPIN_TWINS.items()
-            if {name, twin} <= effects.keys()
-        }
-    return found | {
-        name: why[effect.origin == FLIGHT or effect.phase != "impact"]
-        for name, effect in effects.items()
-        if name not in found and not _shows(replace(base.model, effects=[effect]), base.p, own, at, sd)
-    }
+    found = _hidden_by_spin(data, film)
+    for name, effect in effects.items():
+        if name not in found:
+            model = replace(base.model, effects=[effect])
+            in_flight = len(data.flight_release) or effect.phase != "flight"
+            if not (in_flight and _shows(model, base.p, own, at, sd)):
+                found[name] = _why(data, effect)
+    return {name: why for name, why in found.items() if name in effects}
 
 
-def _why(data: Data) -> dict[bool, str]:
-    """Why what acts in flight (True), and what acts in impacts only (False), is not seen."""
-    nothing = "nothing that was measured changes with it"
-    in_flight = nothing if len(data.flight_release) else "no flight was recorded"
+def _hidden_by_spin(data: Data, film: FilmStatement | None) -> dict[str, str]:
+    """Effects that look like others as long as no spin was measured."""
+    if not isinstance(data, FilmData) or data.film.angle_known.any():
+        return {}
+    found = {name: f"without the spin it cannot be told from {twin}" for name, twin in SPIN_TWINS.items()}
+    if film is not None and film.spin_hides:
+        found |= dict.fromkeys(SCALE_OR_RATE, "without the spin it cannot be told from its lift")
+    return found
+
+
+def _why(data: Data, effect: Effect) -> str:
+    """Why an effect changes nothing."""
+    if not len(data.impact_release) and effect.phase == "impact":
+        return "no impact can be judged"
+    if not len(data.flight_release) and effect.phase == "flight":
+        return "no flight was recorded"
     if isinstance(data, FilmData) and not data.film.angle_known.any():
-        in_flight = "the spin was not measured"
-    return {True: in_flight, False: nothing if len(data.impact_release) else "no impact can be judged"}
+        return "the spin was not measured"
+    return "nothing that was measured changes with it"
 
 
 def _shows(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:

@@ -84,6 +84,11 @@ class FilmStatement:
         return max(rest - self.spin - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
 
     @property
+    def spin_hides(self) -> bool:
+        """Whether the lift of an unmeasured spin may do what a wrong scale or frame rate does, if these are wrong."""
+        return (ratio := self.ratio) is not None and not self.off and self.spin > ratio.error
+
+    @property
     def suspects(self) -> list[str]:
         """Effects of which one must act, or both."""
         return list(SCALE_OR_RATE) if self.off else []

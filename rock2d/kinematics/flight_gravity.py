@@ -29,7 +29,7 @@ from rock2d.kinematics.recorded_gravity import (
     STEEP,
 )
 from rock2d.records.columns import POSITION, X, Y
-from rock2d.statistics import NORMAL_95, student, weighted_median
+from rock2d.statistics import weighted_median
 
 Array = np.ndarray
 
@@ -43,6 +43,7 @@ EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
     3,
     16,
 )  # left out at an end next to a contact; at most one of so many frames
+NORMAL_95 = 1.959964  # standard errors of a 95 % interval
 OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
 
 
@@ -308,21 +309,24 @@ def _combined_over_releases(
     values: Array, errors: Array, release: Array, freedom: float
 ) -> tuple[Measured, Array]:
     """Mean over releases with its error, and the weight of each flight. Of a single release, its flights count."""
+    from scipy.special import stdtrit
+
     names, index = np.unique(release, return_inverse=True)
     if len(names) == 1:
         names = index = np.arange(len(values))
     total = np.bincount(index, errors**-2.0)
     mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
-    freedom = min(freedom, len(names) - 1)  # a few may scatter without a chance to show it
-    return Measured(mean.value, mean.error * student(freedom)), mean.weight[index] * errors**-2.0 / total[
-        index
-    ]
+    if mean.scattered:
+        freedom = len(names) - 1
+    student = float(stdtrit(max(freedom, 1.0), 0.975)) / NORMAL_95
+    return Measured(mean.value, mean.error * student), mean.weight[index] * errors**-2.0 / total[index]
 
 
 class _Mean(NamedTuple):
     value: float
     error: float
     weight: Array
+    scattered: bool
 
 
 def _combined(values: Array, errors: Array) -> _Mean:
@@ -340,7 +344,7 @@ def _combined(values: Array, errors: Array) -> _Mean:
         scatter = float(brentq(disagreement, 0.0, 10.0 * np.ptp(values) ** 2))
     weight = 1.0 / (errors**2 + scatter)
     total = float(weight.sum())
-    return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total)
+    return _Mean(float((weight * values).sum()) / total, total**-0.5, weight / total, scatter > 0.0)
 
 
 def _spread(weight: Array, used: Array) -> Array:

@@ -38,8 +38,6 @@ NOISE_WINDOW_FRAMES = 12  # for the first estimate of the noise
 FLIGHT_RISE_RADII = 0.1  # block radii that a flight must rise above the ground
 IMPACT_VELOCITY_CHANGE = 0.1  # of √(g × size): a smaller change of velocity above the ground is no impact
 IMPACT_SIGMAS = 5.0  # ... nor is one of fewer standard errors
-# ... nor is one where no ground can be: block radii, and share of the largest height of the release
-IMPACT_RADII, IMPACT_HEIGHT = 4.0, 0.25
 SMOOTH_ACCELERATION_SD = 0.5  # 1 sigma, in units of gravity, by which air, lens and perspective bend a flight
 SMOOTH_DEGREE = 4  # of a curve without an impact
 CONTACT_MARGIN_FRAMES = 2  # frames next to a contact that do not count as flight
@@ -140,8 +138,13 @@ def load_film(experiment: Experiment) -> Film:
         stated,
         stated,
     )
-    film.noise = film.long_noise = np.where(film.measured, _first_noise(film), stated)
+    film.noise = film.long_noise = _or_stated(film, _first_noise(film))
     return film
+
+
+def _or_stated(film: Film, noise: Array) -> Array:
+    """The noise found; of what was not measured the noise stated."""
+    return np.where(film.measured, noise, np.maximum(film.stated_noise, SMALLEST_NOISE))
 
 
 def _first_noise(film: Film) -> Array:
@@ -200,8 +203,7 @@ def segment_film(world: World, film: Film) -> Segmentation:
     segmentation = Segmentation(film, Flights(*columns), kinds)
     if len(found):
         film.noise, film.long_noise = (
-            np.where(film.measured, own, film.stated_noise)
-            for own in _flight_noise(film, segmentation.flights)
+            _or_stated(film, own) for own in _flight_noise(film, segmentation.flights)
         )
     return segmentation
 
@@ -246,9 +248,9 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
     """Segments (first, last) of frames that are flights.
 
     Two parts of one flight that was divided in mid-air are joined: drag, a lens or perspective bend it away from one
-    parabola, and a film that jumps breaks it where there is nothing to hit. A segment counts as a flight only if it
-    rises above the ground: a hop within the indentation is contact. Where the ground lies higher than stated, blocks
-    do not come down to it. Then a flight must rise above its own lower end.
+    parabola. A segment counts as a flight only if it rises above the ground: a hop within the indentation is contact.
+    Where the ground lies higher than stated, blocks do not come down to it. Then a flight must rise above its own lower
+    end.
     """
     gap, noise, size = recording.gap_m, recording.noise, recording.size_m
     flights = []
@@ -256,11 +258,9 @@ def _true_flights(recording: _Recording, kind: Array, number: Array) -> list[tup
         frames = np.flatnonzero(number == k)
         flights.append((int(frames[0]), int(frames[-1]) + 1))
     joined: list[tuple[int, int]] = flights[:1]
-    far = max(IMPACT_RADII * size, IMPACT_HEIGHT * gap.max())
     for (h, m), (i, j) in itertools.pairwise(flights):
-        low = gap[max(m - 2, h) : i + 2].min()
-        aloft = low > max(0.15 * size, 5 * noise[X])
-        if i - m <= 2 and aloft and (low > far or not _kinked(recording, (h, m), (i, j))):
+        aloft = gap[max(m - 2, h) : i + 2].min() > max(0.15 * size, 5 * noise[X])
+        if i - m <= 2 and aloft and not _kinked(recording, (h, m), (i, j)):
             joined[-1] = (joined[-1][0], j)
         else:
             joined.append((i, j))

@@ -139,11 +139,11 @@ def air_drag(fitted: Fitted) -> str:
         found = {name: own["drag_coefficient"] for name, own in each.items()}
         drag = {b: f"{text.number(c['value'])} ({text.interval(*c['ci95'])})" for b, c in found.items()}
         low, high = np.array([c["ci95"] for c in found.values()]).T
-        differ = " The blocks surely differ." if low.max() > high.min() else ""
+        differ = " (surely not the same)" if low.max() > high.min() else ""
     listed = ", ".join(f"{text.spoken(name)} {c}" for name, c in drag.items())
     return (
         f"Blocks lose {text.number(100 * value, 100 * half)} % of their speed on a metre of flight. In air this is a "
-        f"drag coefficient of {listed}; 0.5 of a ball and 1 to 2 of a body with edges is usual.{differ} If it is, "
+        f"drag coefficient of {listed}{differ}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
         "the model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
         "fall, and a heavier block of the same shape, which air slows less."
     )

@@ -14,6 +14,8 @@ import numpy as np
 
 Array = np.ndarray
 
+NORMAL_95 = 1.959964  # standard errors of a 95 % interval
+
 
 def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tuple[float, float]:
     """Wilson's score interval of a frequency. Raises ValueError unless 0 <= passed <= releases > 0."""
@@ -27,6 +29,14 @@ def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tup
     low = 0.0 if passed == 0 else (centre - half) / n
     high = 1.0 if passed == releases else (centre + half) / n
     return float(low), float(high)
+
+
+@cache
+def student(freedom: float) -> float:
+    """By how much few degrees of freedom (at least 1) widen a 95 % interval: Student's quantile over the normal one."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(freedom, 1.0), 0.975)) / NORMAL_95
 
 
 def weighted_median(values: Array, weights: Array) -> float:

@@ -115,6 +115,9 @@ def fit_base(
     a base are no measure of their size.
     """
     bars = bars or Bars(False)
+    if not len(data.impact_release):  # nothing shows the law: it stays as it is stated
+        flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
+        return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
         return _fitted_base(setup, base, data, registered, bar)
 
@@ -209,7 +212,7 @@ def _attribution(search: Search) -> Attribution:
     regressed = _regressed(search, chain[-1], learnt)
     return Attribution(
         search.base.fit, search.base.held_out, candidates, chain, regressed.base, regressed.best,
-        single_answers(evidence, p_outside, search.effects), evidence, p_outside,
+        single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
         [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, regressed.left, best.names,
         {names: own.held_out for names, own in search.within(best.names).items()},
     )  # fmt: skip

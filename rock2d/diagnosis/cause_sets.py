@@ -290,7 +290,7 @@ class _Addition:
     @property
     def model(self) -> Model:
         known = self.before.model
-        return Model(known.setup, known.base, [catalogue()[n] for n in self.names], self.before.p)
+        return replace(known, effects=[catalogue()[n] for n in self.names], beside=self.before.p)
 
     def explored(self, data: Data, on_some: float = -np.inf) -> Explored:
         """Where to start; `on_some`: log likelihood of `fit_to_some` of the fit before."""

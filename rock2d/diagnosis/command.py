@@ -88,7 +88,7 @@ def _refuse_foreign(out: Path) -> None:
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
     from rock2d.diagnosis.report.checks_section import checks_sentence
-    from rock2d.diagnosis.report.text import common_words, physical_misses, predicted_words
+    from rock2d.diagnosis.report.text import common_words, physical_misses, predicted_words, unseen_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 
     verdict = content["verdict"]
@@ -128,6 +128,7 @@ def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
         lines.append(
             f"where: {100 * cell['share']:.0f} % {cell['phase']}, {cell['zone']}, {cell['block']}, {cell['channel']}"
         )
+    lines += [f"cannot be seen: {', '.join(names)} ({why})" for why, names in unseen_words(content)]
     lines.append(f"next release: {content['next_release']}")
     advice = what_to_do(content, result.experiment)
     return lines + [f"what to do: {line}".replace("\n", " ") for line in advice]

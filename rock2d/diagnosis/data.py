@@ -38,6 +38,10 @@ class Data(Protocol):
         """(m,) release of each flight."""
 
     @property
+    def flight_block(self) -> Array:
+        """(m,) block of each flight."""
+
+    @property
     def impact_order(self) -> Array:
         """(n,) place of each impact's release in its series."""
 

@@ -76,7 +76,9 @@ def slopes(
             moved = model.residuals(p, data, amounts=amounts)
             columns.append(((moved.impacts - at.impacts) / DIFFERENCE_STEP)[..., None])
     scatter = np.nan_to_num(np.concatenate([*columns, data.extra_scatter()], axis=-1))
-    if covariance is None:
+    if covariance is None and not n:
+        covariance = data.outcome_noise()
+    elif covariance is None:
         covariance = _noise_covariance(model, p, data, at, soil)
     return Slopes(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
 

@@ -29,6 +29,7 @@ from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
 from rock2d.diagnosis.predicted_gap import PredictedGap, predicted_gap
 from rock2d.diagnosis.rest_prediction import find_rests, rest_squares, rest_variance
+from rock2d.diagnosis.visibility import unseen
 from rock2d.diagnosis.workload import GAP, READING, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -61,7 +62,8 @@ class Diagnosis:
 
     `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
     effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `predicted`
-    what predictions of whole segments miss; `checks` whether the best model would have made these data; `seed` that of
+    what predictions of whole segments miss; `checks` whether the best model would have made these data; `unseen` the
+    effects that these data cannot show, and why; `seed` that of
     the bootstrap, None if nothing was drawn.
     """
 
@@ -77,6 +79,7 @@ class Diagnosis:
     predicted: PredictedGap | None = None
     checks: Checks | None = None
     cells: list[Cell] | None = None
+    unseen: dict[str, str] | None = None
     seed: int | None = None
 
     def __repr__(self) -> str:
@@ -130,8 +133,10 @@ def diagnose(
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
         base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)
-        found = attribute(base, data, tried, workers=workers, folder=folder, bars=bars)
-    result.data, result.found, result.seed = data, found, seed
+        hidden = unseen(base, data, tried, result.film)
+        shown = {name: effect for name, effect in tried.items() if name not in hidden}
+        found = attribute(base, data, shown, workers=workers, folder=folder, bars=bars)
+    result.data, result.found, result.unseen, result.seed = data, found, hidden, seed
     with bars.stage(GAP, 4, "steps") as bar:
         gaps = Gaps(data, found, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
@@ -141,7 +146,7 @@ def diagnose(
         bar.step("places")
         result.checks = predictive_checks(data, found.learnt.fit, seed)
         bar.step("checks")
-        if isinstance(data, FilmData):
+        if isinstance(data, FilmData) and len(data.impacts):
             result.predicted = predicted_gap(data, found.base, found.learnt, seed)
         bar.step("predictions")
     return result
@@ -164,9 +169,14 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         data = TableData.of(experiment)
         sanity = check_table(experiment, data)
     if not sanity.faults:
-        impacts = len(data.impact_release)
-        stay = len(find_rests(data).flight) if isinstance(data, FilmData) else 0
-        check_impacts(impacts, impacts + stay, sanity)
+        impacts, flying = len(data.impact_release), len(np.unique(data.flight_release))
+        stay, edged = 0, list[str]()
+        if isinstance(data, FilmData):
+            stay = len(find_rests(data).flight)
+            edged = [name for name in data.film.blind if not setup.blocks[name].smooth]
+        judged = check_impacts(impacts, impacts + stay, flying, edged, sanity)
+        if isinstance(data, FilmData) and not judged:
+            data = data.flights_alone()
     return sanity, None if sanity.faults else data
 
 
@@ -202,7 +212,7 @@ def locate(
         model, p = found.final.fit.model, found.final.fit.p
         law = found.base.model.world(p[: len(BASE_WIDTH)], data.impact_order)
         for effect, values in zip(model.effects, model.values(p), strict=True):
-            law = effect.apply(law, values) if effect.phase == "flight" else law
+            law = model.applied(effect, law, values) if effect.phase == "flight" else law
         bare = data.residuals(law).impacts
     parts = [impact_part(found, data.impact_zone, data.impact_block, data.impact_release, bare)]
     if isinstance(data, FilmData):
@@ -214,7 +224,7 @@ def locate(
         below = _zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
-        if len(rests.flight):
+        if len(rests.flight) and len(data.impacts):
             variance = rest_variance(data, rests, best)
             before, after = (rest_squares(data, rests, fit, variance) for fit in (found.base, best))
             own = _zone_below(cross_section, rests.pose[:, X])

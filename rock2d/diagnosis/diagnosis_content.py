@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import inclusion
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, is_factor
+from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
-from rock2d.effects import catalogue
+from rock2d.diagnosis.visibility import SPIN_TWINS
+from rock2d.effects import air_drag, catalogue
+from rock2d.effects.effect import Effect
 from rock2d.laws.contact import INDENTATION
 
 Array = np.ndarray
@@ -33,7 +36,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     k = len(BASE_WIDTH)
     model = fit.model
     for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
-        entry = {}
+        entries = []
         for parameter, value in zip(own, values, strict=True):
             half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):
@@ -43,18 +46,42 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 low, high = value - half, value + half
             if parameter.choices:
                 low = high = value
-            if effect.scatter:  # a standard deviation
-                low = max(low, 0.0)
-            entry[parameter.name] = {
-                "value": float(value),
-                "ci95": [float(low), float(high)],
-                "unit": parameter.unit,
-            }
+            if parameter.low == parameter.neutral:  # of one sign, as a standard deviation is
+                low = max(low, min(parameter.low, value))
+            entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
             if (name := parameter.called(float(value))) is not None:
-                entry[parameter.name]["choice"] = name
+                entries[-1]["choice"] = name
             k += 1
-        out[effect.name] = entry
+        size = len(effect.parameters)
+        out[effect.name] = {
+            parameter.name: _of_blocks(model, effect, entries[j::size])
+            if model.of_each(effect)
+            else entries[j]
+            for j, parameter in enumerate(effect.parameters)
+        }
     return out
+
+
+def _of_blocks(model: Model, effect: Effect, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """A parameter that each block has of its own: the mean, and that of each block that flew."""
+    each = {
+        name: {key: own[key] for key in ("value", "ci95")}
+        for name, own in zip(model.flown, entries, strict=True)
+    }
+    value = float(np.mean([own["value"] for own in each.values()]))
+    half = float(np.linalg.norm([0.5 * np.ptp(own["ci95"]) for own in each.values()])) / len(each)
+    for name, own in each.items() if effect.name == air_drag.EFFECT.name else ():
+        factor = air_drag.coefficient(model.setup.blocks[name], 1.0)
+        own["drag_coefficient"] = {
+            "value": factor * own["value"],
+            "ci95": [factor * end for end in own["ci95"]],
+        }
+    return {
+        "value": value,
+        "ci95": [value - half, value + half],
+        "unit": entries[0]["unit"],
+        "by_block": each,
+    }
 
 
 def base_values(fit: Fit) -> dict[str, float]:
@@ -121,7 +148,10 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     zones = result.experiment.cross_section.zone_names
     return {
         "base": base_values(found.base),
-        "law": {"rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any())},
+        "law": {
+            "rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any()),
+            "fitted": bool(len(data.impact_release)),
+        },
         "verdict": found.verdict,
         "group": [found.verdict, *found.group(found.verdict)] if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
@@ -138,7 +168,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         },
         "where": [vars(cell) for cell in result.cells],
         "gap": _gap_json(result.budget),
-        "causes": _causes_json(found, result.budget),
+        "causes": _causes_json(found, result.budget, result.unseen or {}),
         "outside": _outside_json(found, result.budget),
         "floor": {
             "regression": result.budget.regression,
@@ -161,6 +191,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             for name, block in result.experiment.blocks.items()
         },
         "gravity_m_s2": float(result.experiment.gravity_m_s2),
+        "unseen": result.unseen,
         "assumptions": [reading_sentence(found.base)],
     }
 
@@ -178,7 +209,7 @@ def _share_json(share: Share) -> dict[str, Any]:
     return {"closes": share.closes, "closes_ci95": list(share.ci95), "closes_range": list(share.range)}
 
 
-def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
+def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) -> list[dict[str, Any]]:
     """The causes, most probable first: effects of the model with the share that each closes, and others that are
     possible, with the parameters that they have alone."""
     known, joint = catalogue(), effect_values(found.final.fit) if found.named else {}
@@ -199,7 +230,8 @@ def _causes_json(found: Attribution, budget: Budget) -> list[dict[str, Any]]:
                 "p": chances[name],
                 "parameters": own,
                 "origin": known[name].origin,
-                "group": found.group(name),
+                "group": found.group(name)
+                + [other for other, twin in SPIN_TWINS.items() if twin == name and other in unseen],
                 "named": name in found.named,
                 "common": _common(name, own) if TWINS.get(name) in found.group(name) else None,
             }
@@ -248,6 +280,11 @@ def reported_effect(found: Attribution) -> str:
 
 def reading_sentence(base: Fit) -> str:
     """Which reading of the paper's rolling resistance fits the data better, as a sentence."""
+    if not len(base.residuals.impacts):
+        return (
+            "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the "
+            "blocks; nothing of it was fitted."
+        )
     if base.model.setup.contact[..., INDENTATION].any():
         return (
             "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -38,6 +38,11 @@ class FilmData(FilmSegments):
         """The same, but impacts are simulated in fewer steps: for a first look."""
         return replace(self, step_fraction=COARSE_STEPS * self.step_fraction)
 
+    def flights_alone(self) -> Self:
+        """The same without impacts."""
+        none = {f.name: getattr(self.impacts, f.name)[:0] for f in fields(self.impacts)}
+        return replace(self, impacts=replace(self.impacts, **none))
+
     @property
     def impact_release(self) -> Array:
         return self.impacts.release
@@ -45,6 +50,10 @@ class FilmData(FilmSegments):
     @property
     def flight_release(self) -> Array:
         return self.segmentation.flights.release
+
+    @property
+    def flight_block(self) -> Array:
+        return self.segmentation.flights.block
 
     @property
     def impact_order(self) -> Array:
@@ -73,8 +82,8 @@ class FilmData(FilmSegments):
         difference[:, RATES] *= world.view.time_scale
         blind = self.unknown_spin[self.impacts.after] > 0.0
         difference[np.ix_(blind, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
-        inflation = (self.film.long_noise / self.film.noise)[:, None]
-        return Residuals(difference, states.residuals / inflation)
+        seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
+        return Residuals(difference, states.residuals * seen)
 
     def incident(self, world: World) -> Array:
         """(n, 6) states at the starts of the simulations."""

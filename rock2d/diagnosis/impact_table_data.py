@@ -47,6 +47,10 @@ class TableData(ImpactTable):
     def flight_release(self) -> Array:
         return np.empty(0, np.int64)
 
+    @property
+    def flight_block(self) -> Array:
+        return np.empty(0, np.int64)
+
     def coarse(self) -> Self:
         """The same: single impacts take little time."""
         return self

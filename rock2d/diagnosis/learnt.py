@@ -175,11 +175,11 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     own = found.model
     assert isinstance(own, LearntModel)
     p = found.p[: len(found.p) - len(own.widths)]
-    named = Model(own.setup, own.base, own.effects, own.beside)
+    named = Model(own.setup, own.base, own.effects, own.beside, flown=own.flown)
     levers = Levers(replace(found, model=named, p=p), data)
     answers = [levers.answer(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
     coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
-    wider = LearntModel(own.setup, own.base, own.effects, own.beside, answers, np.ones(len(coefficients)))
+    wider = replace(own, answers=answers, widths=np.ones(len(coefficients)))
     return wider.residuals(np.concatenate([p, coefficients]), data)
 
 
@@ -195,6 +195,7 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
         model.beside,
         [*known, answer],
         np.concatenate([before, widths]),
+        flown=model.flown,
     )
     slope = Slopes(
         np.concatenate([old.slope.impacts, columns.impacts * widths], axis=-1),

@@ -138,15 +138,15 @@ class Levers:
     @cached_property
     def bases(self) -> dict[str, list[Basis]]:
         """Lever -> bases that it may follow."""
-        quantities = self.impact_quantities
-        found = {
-            lever: list(bases(DEPENDENCES[lever], quantities).values())
-            for lever in (LAW, STATE, OUTCOME, FRAME)
-        }
-        if self._paths is not None:
+        impacts, found = bool(len(self._data.impact_release)), dict[str, list[Basis]]()
+        quantities = self.impact_quantities if impacts else {}
+        for lever in (LAW, STATE, OUTCOME, FRAME) if impacts else ():
+            found[lever] = list(bases(DEPENDENCES[lever], quantities).values())
+        if impacts and self._paths is not None:
             pace_s = float(np.sqrt(self.world.mean_size_m / max(self.world.gravity_m_s2, 1e-3)))
             found[FRAME] += waves(quantities[TIME_S], pace_s)
             found[SLOPE] = list(bases(DEPENDENCES[SLOPE], quantities).values())
+        if self._paths is not None:
             found[FLIGHT] = list(bases(DEPENDENCES[FLIGHT], self._paths.quantities).values())
         return found
 
@@ -169,7 +169,8 @@ class Levers:
         spread of the noise for outcomes, gravity for accelerations."""
         size, gravity = self.world.mean_size_m / 2.0, self.world.gravity_m_s2
         pace = np.sqrt(gravity * size)
-        spread = np.sqrt(np.median(np.diagonal(self._fit.covariance(), axis1=1, axis2=2), axis=0))
+        variance = np.diagonal(self._fit.covariance(), axis1=1, axis2=2)
+        spread = np.sqrt(np.median(variance, axis=0)) if len(variance) else np.ones(variance.shape[1])
         return {
             LAW: np.ones(len(BASE_WIDTH)),
             STATE: state_units(self.world),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.effect import FLIGHT, Effect, Parameter
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from rock2d.scene.world import World
 
@@ -32,18 +32,40 @@ class Model:
 
     p is dimensionless: logarithms relative to `base`, and effect parameters in units of their plausible range.
     `beside`: parameters of the fit to which effects are added, if any; its stiffnesses limit those of the model.
+    `flown`: blocks of which each has its own parameters of what the air does, on the scale of its size; without any,
+    all blocks share them.
     """
 
     setup: World
     base: Array
     effects: Sequence[Effect] = ()
     beside: Array | None = None
+    flown: Sequence[str] = field(default=(), kw_only=True)
 
     @cached_property
     def parameters(self) -> list[list[Parameter]]:
         """Parameters of each effect, with their ranges at the scale of this set-up."""
-        size = self.setup.mean_size_m
-        return [[p.at(size, self.setup.gravity_m_s2) for p in e.parameters] for e in self.effects]
+        mean, own = [self.setup.mean_size_m], [self.setup.blocks[name].size_m for name in self.flown]
+        return [
+            [
+                p.at(size, self.setup.gravity_m_s2)
+                for size in (own if self.of_each(e) else mean)
+                for p in e.parameters
+            ]
+            for e in self.effects
+        ]
+
+    def of_each(self, effect: Effect) -> bool:
+        """Whether each block has its own parameters of an effect."""
+        return bool(self.flown) and effect.origin == FLIGHT
+
+    def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
+        """The world with an effect at its `values`."""
+        if not self.of_each(effect):
+            return effect.apply(world, values)
+        each = np.reshape(values, (len(self.flown), -1))
+        without = effect.apply(world, [p.neutral for p in effect.parameters])
+        return effect.on_each(without, dict(zip(self.flown, each, strict=True)))
 
     @property
     def named_size(self) -> int:
@@ -96,7 +118,7 @@ class Model:
         world = replace(self.setup, contact=rows, order=order)
         for effect, values in zip(self.effects, amounts or self.values(p), strict=True):
             if not effect.scatter or amounts is not None:
-                world = effect.apply(world, values)
+                world = self.applied(effect, world, values)
         return world
 
     def residuals(

@@ -31,6 +31,8 @@ def next_release(
     data: Data, setup: World, found: Attribution, cells: Sequence[Cell], zones: Sequence[str]
 ) -> str:
     """Sentence that says what to film next to separate the best effect from its closest rival."""
+    if not len(data.impact_release):
+        return "A film that goes on after the blocks strike the ground: nothing is known of impacts."
     if found.verdict == "unknown":
         if not cells:
             return "More releases of every block: these data cannot separate the gap from noise."

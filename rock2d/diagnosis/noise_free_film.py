@@ -30,7 +30,7 @@ def with_camera_noise(experiment: Experiment, film: Film) -> tuple[Experiment, l
     """
     assert experiment.trajectories is not None
     size = min(block.size_m for block in experiment.blocks.values())
-    seen = film.noise > FAINTEST_NOISE * np.array([size, size, 1.0])
+    seen = film.measured & (film.noise > FAINTEST_NOISE * np.array([size, size, 1.0]))
     added, parts = np.zeros(3), []
     if not seen[POSITION].any():
         added[POSITION] = CAMERA_NOISE * size

@@ -54,6 +54,9 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
                 for q in known[name].parameters
             ]
             world = known[name].apply(world, values)
+            each = [q.get("by_block", {}) for q in own.values()]
+            named = [block for block in world.blocks if all(block in q for q in each)]
+            world = known[name].on_each(world, {b: [q[b]["value"] for q in each] for b in named})
     return world
 
 

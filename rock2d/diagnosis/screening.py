@@ -9,7 +9,7 @@ change of the residuals from no effect to the size that it has alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class Screening:
     def expected(self, effect: Effect, alone: Array) -> Expected:
         """Of an effect; `alone`: parameters of the fit of the base law with it."""
         own = self._fit
-        model = Model(own.model.setup, own.model.base, [*own.model.effects, effect], own.p)
+        model = replace(own.model, effects=[*own.model.effects, effect], beside=own.p)
         start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
         must_choose = any(q.must_choose for q in parameters)
         free = [first + k for k, q in enumerate(parameters) if not q.choices]

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rock2d.statistics import student
+
 Array = np.ndarray
 
 # log likelihood of one release; more counts as this: the releases that show an effect most would else make the spread
@@ -66,9 +68,10 @@ class Gain(OverReleases):
 
 
 def significance(per_release: Array) -> float:
-    """Sum of gains, each between ±LARGEST_GAIN, in its standard errors."""
+    """Sum of gains, each between ±LARGEST_GAIN, in its standard errors; few releases make these larger by Student's
+    distribution."""
     gain = np.clip(per_release, -LARGEST_GAIN, LARGEST_GAIN)
-    return float(gain.sum()) / max(standard_error(gain), SMALLEST_ERROR)
+    return float(gain.sum()) / (max(standard_error(gain), SMALLEST_ERROR) * student(len(gain) - 1))
 
 
 def standard_error(per_release: Array) -> float:

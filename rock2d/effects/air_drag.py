@@ -9,7 +9,10 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
+
+AIR_DENSITY_KG_M3 = 1.2
 
 
 @kernel
@@ -17,6 +20,11 @@ def flight(c, vx, vy, omega, mass, inertia):
     """a = -c |v| v / m in m/s², c in kg/m; for a body of frontal area A in air of density ρ, c = ½ C_d ρ A."""
     pull = c / mass * np.sqrt(vx * vx + vy * vy)
     return -pull * vx, -pull * vy, 0.0
+
+
+def coefficient(block: Block, per_mass_1_m: float) -> float:
+    """C_d = 2 c / (ρ A) of a block with this c / m, A that of a body as deep as its profile is high."""
+    return per_mass_1_m * block.mass_kg / (0.5 * AIR_DENSITY_KG_M3 * np.pi / 4.0 * block.size_m**2)
 
 
 def apply(world: World, values: Sequence[float]) -> World:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -111,6 +111,11 @@ class Effect:
     def camera(self) -> bool:
         """Whether it changes only the record, not the motion."""
         return self.origin == CAMERA
+
+    def on_each(self, world: World, values: Mapping[str, Sequence[float]]) -> World:
+        """The world with the effect on some blocks, name -> its values there; of an effect that changes only blocks."""
+        changed = {name: self.apply(world, own).blocks[name] for name, own in values.items()}
+        return replace(world, blocks={**world.blocks, **changed})
 
     def __reduce__(self) -> tuple[Callable[[str], Effect], tuple[str]]:
         """Processes pass an effect on by its name: compiled laws do not travel."""

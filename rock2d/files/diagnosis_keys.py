@@ -164,6 +164,10 @@ class Reading(Part):
         description="The rolling spring acts until the block is clear of the ground; false: only while the ground "
         "presses",
     )
+    fitted: bool = Field(
+        default=True,
+        description="Whether impacts determined the law; false: it is the paper's, scaled to the blocks",
+    )
 
 
 class BlockScale(Part):
@@ -359,6 +363,9 @@ class DiagnosisFile(Part):
         default=None, ge=0, le=1000, description="Gravity of the experiment in m/s²"
     )
     assumptions: list[str] = Field(default=[], description="What the diagnosis assumed, in words")
+    unseen: dict[str, str] | None = Field(
+        default=None, description="Effects that these data cannot show, so that they were not tried, and why"
+    )
     film: FilmSays | None = Field(
         default=None,
         description="What the film says of itself; null of a table of impacts and of a film that cannot be read",

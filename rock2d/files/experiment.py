@@ -120,18 +120,18 @@ class Experiment:
         )
 
 
-def seen_frames(experiment: Experiment) -> pd.DataFrame:
+def seen_frames(experiment: Experiment, *, corners: bool = False) -> pd.DataFrame:
     """The rows of an experiment with trajectories that were not lost.
 
-    A release of a circle may have no angle at all: then its angle is unknown, and 0 here. Raises `InputError` if every
-    frame is lost.
+    A release of a circle may have no angle at all: then its angle is unknown, and 0 here; with `corners` that of any
+    block. Raises `InputError` if every frame is lost.
     """
     table = experiment.trajectories
     assert table is not None
-    round_ = [name for name, block in experiment.blocks.items() if block.shape == "circle"]
+    may = [name for name, block in experiment.blocks.items() if corners or block.shape == "circle"]
     if table["theta_rad"].isna().any():
         without = table["theta_rad"].isna().groupby(table["release"]).transform("all")
-        table = table.assign(theta_rad=table["theta_rad"].mask(without & table["block"].isin(round_), 0.0))
+        table = table.assign(theta_rad=table["theta_rad"].mask(without & table["block"].isin(may), 0.0))
     table = table.dropna()
     if table.empty:
         raise InputError(

@@ -45,14 +45,33 @@ class FittedLaw(Part):
         return self
 
 
-class FittedParameter(Part):
-    """A fitted parameter."""
+class FittedNumber(Part):
+    """A fitted number."""
 
     value: Fitted = Field(description="Fitted value")
     ci95: Interval
+
+
+class OfBlock(FittedNumber):
+    """A parameter of one block."""
+
+    drag_coefficient: FittedNumber | None = Field(
+        default=None,
+        description="Of drag with the square of the velocity: C_d in air of 1.2 kg/m³, for a body as deep as its "
+        "profile is high",
+    )
+
+
+class FittedParameter(FittedNumber):
+    """A fitted parameter."""
+
     unit: str = Field(description="Unit; 1 for a number without unit")
     choice: str | None = Field(
         default=None, description="Name of the value, where it is one of a few choices"
+    )
+    by_block: dict[str, OfBlock] | None = Field(
+        default=None,
+        description="Block to its own value, where each has one; the value is then their mean",
     )
 
     @model_validator(mode="after")

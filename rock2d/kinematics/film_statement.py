@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rock2d.effects.air_drag import coefficient
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
@@ -29,7 +30,6 @@ Array = np.ndarray
 
 FILM_FILE = "film.json"
 SCALE_OR_RATE = ("scale_error", "frame_rate_error")
-AIR_DENSITY_KG_M3 = 1.2
 DRAG_COEFFICIENT = {"circle": 0.5}  # of a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # of a body with edges
 LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
@@ -46,7 +46,7 @@ class FilmStatement:
     gravity : as the flights show it; None if no flight does
     flights, releases : how many show it; `left_out`: flights that do not
     air : share of gravity by which the air would change it, and angle in rad by which it would turn it, for bodies of
-        the stated mass and size
+        the stated mass and size; `spin`: the share by which the lift of a spin that was not measured may change it
     rests : heights at rest
     without_angle : blocks whose angle was not measured
     """
@@ -58,6 +58,7 @@ class FilmStatement:
     releases: int
     left_out: int
     air: tuple[float, float]
+    spin: float
     rests: list[RestHeight]
     without_angle: list[str]
 
@@ -76,10 +77,16 @@ class FilmStatement:
         return (ratio := self.ratio) is not None and ratio.off(1.0) and not self._explained(ratio)
 
     def _explained(self, ratio: Measured) -> bool:
-        """If the air, twice as strong as expected, or another place on the earth would explain the difference."""
+        """If the air, twice as strong as expected, an unmeasured spin or another place on the earth would explain the
+        difference."""
         beyond = ratio.value - 1.0
         rest = min((abs(beyond - share) for share in np.linspace(0.0, 2.0 * self.air[0], 21)), default=beyond)
-        return max(rest - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
+        return max(rest - self.spin - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
+
+    @property
+    def spin_hides(self) -> bool:
+        """Whether the lift of an unmeasured spin may do what a wrong scale or frame rate does, if these are wrong."""
+        return (ratio := self.ratio) is not None and not self.off and self.spin > ratio.error
 
     @property
     def suspects(self) -> list[str]:
@@ -143,11 +150,12 @@ class FilmStatement:
         said = [self._gravity_sentence()]
         said += [line for line in (self._tilt_sentence(),) if line]
         said += [_rest_sentence(own) for own in self.rests]
-        said += [
-            f"the angle of block {name} was not measured: its spin is unknown, so that effects on the spin, and on the "
-            "speed along the ground after an impact, can hardly be judged"
-            for name in self.without_angle
-        ]
+        if names := self.without_angle:
+            whose = f"block {names[0]}" if len(names) == 1 else f"the blocks {', '.join(names)}"
+            said.append(
+                f"the angle of {whose} was not measured: the spin is unknown, so that effects on the spin, and on the "
+                "speed along the ground after an impact, can hardly be judged"
+            )
         return said
 
     def _gravity_sentence(self) -> str:
@@ -169,9 +177,13 @@ class FilmStatement:
                 f"not {self.fps:g} frames/s, or both are off. Flights alone cannot tell which{carried}"
             )
         if ratio.off(1.0):
+            spin = (
+                f", the lift of an unmeasured spin (up to {_rounded(100 * self.spin)} %)" if self.spin else ""
+            )
             return (
                 f"{found} differs from the stated {self.stated_m_s2:g} by {_with_error(size, ' %')}, no more than air "
-                f"(about {100 * abs(self.air[0]):.1g} %) and the place on the earth ({100 * LOCAL_GRAVITY:g} %) explain"
+                f"(about {_rounded(100 * abs(self.air[0]))} %){spin} and the place on the earth "
+                f"({100 * LOCAL_GRAVITY:g} %) explain"
             )
         return (
             f"{found} agrees with the stated {self.stated_m_s2:g}: scale, or the square of the frame rate, is right to "
@@ -200,10 +212,13 @@ def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatemen
     used = gravity.used if gravity is not None else np.zeros(len(flights), bool)
     drag = np.array([_drag_per_mass(block) for block in world.blocks.values()])[flights.block]
     air = _air(gravity, drag, world.gravity_m_s2) if gravity is not None else (0.0, 0.0)
-    blind = np.unique(film.release_block[~film.angle_known])
+    spin = 0.0
+    if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
+        lift = gravity.weight * drag * ~film.angle_known[flights.release]
+        spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
     return FilmStatement(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
-        air, rest_heights(film, world), [film.block_names[b] for b in blind],
+        air, spin, rest_heights(film, world), film.blind,
     )  # fmt: skip
 
 
@@ -214,9 +229,8 @@ def write_statement(folder: Path, statement: FilmStatement) -> None:
 
 
 def _drag_per_mass(block: Block) -> float:
-    """ρ C_d A / 2 m in 1/m, of a body as deep as its profile is high."""
-    coefficient = DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT)
-    return 0.5 * AIR_DENSITY_KG_M3 * coefficient * np.pi / 4.0 * block.size_m**2 / block.mass_kg
+    """c / m in 1/m that is expected of a block."""
+    return DRAG_COEFFICIENT.get(block.shape, OTHER_DRAG_COEFFICIENT) / coefficient(block, 1.0)
 
 
 def _air(gravity: FlightGravity, drag: Array, stated_m_s2: float) -> tuple[float, float]:

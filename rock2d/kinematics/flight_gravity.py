@@ -29,7 +29,7 @@ from rock2d.kinematics.recorded_gravity import (
     STEEP,
 )
 from rock2d.records.columns import POSITION, X, Y
-from rock2d.statistics import weighted_median
+from rock2d.statistics import NORMAL_95, student, weighted_median
 
 Array = np.ndarray
 
@@ -43,7 +43,6 @@ EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
     3,
     16,
 )  # left out at an end next to a contact; at most one of so many frames
-NORMAL_95 = 1.959964  # standard errors of a 95 % interval
 OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
 
 
@@ -309,8 +308,6 @@ def _combined_over_releases(
     values: Array, errors: Array, release: Array, freedom: float
 ) -> tuple[Measured, Array]:
     """Mean over releases with its error, and the weight of each flight. Of a single release, its flights count."""
-    from scipy.special import stdtrit
-
     names, index = np.unique(release, return_inverse=True)
     if len(names) == 1:
         names = index = np.arange(len(values))
@@ -318,8 +315,9 @@ def _combined_over_releases(
     mean = _combined(np.bincount(index, values * errors**-2.0) / total, total**-0.5)
     if mean.scattered:
         freedom = len(names) - 1
-    student = float(stdtrit(max(freedom, 1.0), 0.975)) / NORMAL_95
-    return Measured(mean.value, mean.error * student), mean.weight[index] * errors**-2.0 / total[index]
+    return Measured(mean.value, mean.error * student(freedom)), mean.weight[index] * errors**-2.0 / total[
+        index
+    ]
 
 
 class _Mean(NamedTuple):

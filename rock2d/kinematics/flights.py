@@ -72,6 +72,16 @@ class Film:
     noise: Array
     long_noise: Array
 
+    @property
+    def blind(self) -> list[str]:
+        """Blocks whose angle was not measured in some release."""
+        return [self.block_names[b] for b in np.unique(self.release_block[~self.angle_known])]
+
+    @property
+    def measured(self) -> Array:
+        """(3,) whether x, y and theta change at all; what never does was not measured."""
+        return np.asarray(np.ptp(self.pose, axis=0) > 0.0)
+
 
 @dataclass
 class Flights:
@@ -102,17 +112,19 @@ def load_film(experiment: Experiment) -> Film:
 
     Raises InputError if every frame is lost.
     """
-    table = seen_frames(experiment).sort_values(["release", "t_s"], kind="stable")
+    table = seen_frames(experiment, corners=True).sort_values(["release", "t_s"], kind="stable")
     names, release = np.unique(table["release"].to_numpy(), return_inverse=True)
     block_names = list(experiment.blocks)
     starts = np.searchsorted(release, np.arange(len(names)))
     blocks = table["block"].map({name: i for i, name in enumerate(block_names)}).to_numpy()
     pose = table[["x_m", "y_m", "theta_rad"]].to_numpy(float).copy()
     round_ = np.array([block.shape == "circle" for block in experiment.blocks.values()])
+    assert experiment.trajectories is not None
+    measured = experiment.trajectories.groupby("release")["theta_rad"].count().reindex(names).to_numpy() > 0
     angle_known = np.ones(len(names), bool)
     for r, (a, b) in enumerate(itertools.pairwise(np.append(starts, len(release)))):
         pose[a:b, THETA] = np.unwrap(pose[a:b, THETA])
-        angle_known[r] = not round_[blocks[a]] or np.ptp(pose[a:b, THETA]) > 0.0
+        angle_known[r] = measured[r] if not round_[blocks[a]] else np.ptp(pose[a:b, THETA]) > 0.0
     stated = np.array([experiment.position_noise_m, experiment.position_noise_m, experiment.angle_noise_rad])
     film = Film(
         table["t_s"].to_numpy(float),
@@ -126,8 +138,13 @@ def load_film(experiment: Experiment) -> Film:
         stated,
         stated,
     )
-    film.noise = film.long_noise = _first_noise(film)
+    film.noise = film.long_noise = _or_stated(film, _first_noise(film))
     return film
+
+
+def _or_stated(film: Film, noise: Array) -> Array:
+    """The noise found; of what was not measured the noise stated."""
+    return np.where(film.measured, noise, np.maximum(film.stated_noise, SMALLEST_NOISE))
 
 
 def _first_noise(film: Film) -> Array:
@@ -185,7 +202,9 @@ def segment_film(world: World, film: Film) -> Segmentation:
     columns = np.array(found, np.int64).reshape(-1, 5).T
     segmentation = Segmentation(film, Flights(*columns), kinds)
     if len(found):
-        film.noise, film.long_noise = _flight_noise(film, segmentation.flights)
+        film.noise, film.long_noise = (
+            _or_stated(film, own) for own in _flight_noise(film, segmentation.flights)
+        )
     return segmentation
 
 

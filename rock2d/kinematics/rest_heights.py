@@ -73,7 +73,8 @@ def _rest_heights_m(film: Film, world: World, block: int) -> Array:
     ground, own = ground_arrays(world.cross_section), block_arrays(list(world.blocks.values())[block])
     ends = np.searchsorted(film.release, np.arange(len(film.release_names)), side="right")
     poses = []
-    for release in np.flatnonzero(film.release_block == block):
+    smooth = list(world.blocks.values())[block].smooth  # the others lie on a side that only the angle tells
+    for release in np.flatnonzero((film.release_block == block) & (film.angle_known | smooth)):
         pose = film.pose[max(ends[release] - REST_FRAMES, 0) : ends[release]]
         if np.ptp(pose[:, POSITION], axis=0).max() < STILL_SDS * film.noise[:2].max():
             poses.append(pose.mean(axis=0))

@@ -9,6 +9,7 @@ the diagnosis has to find the cause.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,7 +32,7 @@ from rock2d.scene.world import View, World
 
 Array = np.ndarray
 
-FEWEST_RELEASES = 6
+FEWEST_RELEASES = 2  # one is compared with what the others say
 FEWEST_IMPACTS = 15
 FEWEST_REBOUNDS = 6  # of these, where blocks stick
 MIRRORED_SIGNS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
@@ -83,24 +84,34 @@ class Sanity:
         self.faults.append(Fault(code, message))
 
 
-def check_impacts(impacts: int, landings: int, found: Sanity) -> None:
-    """Check of the number of impacts; adds a fault to `found`.
+def check_impacts(impacts: int, landings: int, flying: int, edged: Sequence[str], found: Sanity) -> bool:
+    """Whether impacts can be judged; if not, flights are judged alone, with a remark, or where fewer than two releases
+    are `flying` there is a fault.
 
     Where blocks stick, few impacts are followed by a flight. Then `landings` count, with those after which a block
-    stays on the ground.
+    stays on the ground. `edged`: blocks with corners whose angle was not measured.
     """
     least = FEWEST_REBOUNDS if landings >= FEWEST_IMPACTS else FEWEST_IMPACTS
     stay = f", {landings - impacts} more end the flight of a block for good" if landings > impacts else ""
+    why = ""
     if impacts < least:
-        found.fail(
-            FEW_IMPACTS,
+        why = (
             f"{counted(impacts, 'impact')} {'is' if impacts == 1 else 'are'} too few to separate causes: at least "
-            f"{least} are needed{stay}",
+            f"{least} are needed{stay}"
         )
+    elif edged:
+        why = (
+            f"The angle of {', '.join(edged)} was not measured, so that impacts on corners cannot be followed"
+        )
+    if why and flying < FEWEST_RELEASES:
+        found.fail(FEW_IMPACTS, why)
+    elif why:
+        found.remarks.append(f"{why}. The flights were diagnosed alone: nothing can be said of impacts")
     elif impacts < FEWEST_IMPACTS:
         found.remarks.append(
             f"only {counted(impacts, 'impact')} {'is' if impacts == 1 else 'are'} followed by a flight{stay}"
         )
+    return not why
 
 
 def _check_releases(releases: int, found: Sanity) -> None:

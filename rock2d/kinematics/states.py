@@ -18,7 +18,7 @@ from rock2d.compiled import njit
 from rock2d.engines.free_flight import fly
 from rock2d.engines.geometry import BlockArrays
 from rock2d.kinematics.flights import Film, Flights
-from rock2d.records.columns import VX, X, Y
+from rock2d.records.columns import VX, VY, X, Y
 from rock2d.scene.blocks import poses_at
 from rock2d.scene.world import World
 
@@ -27,7 +27,9 @@ Array = np.ndarray
 RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
 FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 FREE_MOTION_STEP_S = 0.01  # of a flight through air; its error is far below the states' noise
-AIR_ROUNDS = 3  # of the fit of a flight through air, whose forces depend on the state
+AIR_ROUNDS = 12  # of the fit of a flight through air, whose forces depend on the state, at most
+CONVERGED_SLOPE = 1e-3  # of the noise of a frame: a smaller slope that is left in a flight does not matter
+LEAST_ANSWER, MOST_ANSWER = 0.03, 2.0  # of the slope of a flight to the velocity at its start, without air 1
 
 
 @dataclass
@@ -186,20 +188,18 @@ def _drift(q, dt, bodies, i):
 
 
 @njit
-def _follow(track, middle, t, first, last, bodies, i):
-    """Poses of body i at the instants t[first:last], in the rows of `track`: from the state in the middle of its flight
-    to either end, from frame to frame."""
-    q = np.empty(6)
-    half = first
-    while half < last and t[half] < 0.0:
-        half += 1
-    for begin, end, way in ((half, last, 1), (half - 1, first - 1, -1)):
-        q[:] = middle
-        now = 0.0
-        for f in range(begin, end, way):
-            _drift(q, t[f] - now, bodies, i)
-            now = t[f]
-            track[f - first] = q[:3]
+def _follow(track, middle, q, t, bodies, i):
+    """Poses of body i at the instants t, in the rows of `track`, and its state at t = 0 in `middle`: from its state q
+    at the first instant, which becomes that at the last. Backwards, drag would magnify every error."""
+    now = t[0]
+    for f in range(t.size):
+        if now < 0.0 <= t[f]:
+            _drift(q, -now, bodies, i)
+            middle[:] = q
+            now = 0.0
+        _drift(q, t[f] - now, bodies, i)
+        now = t[f]
+        track[f] = q[:3]
 
 
 @njit
@@ -209,30 +209,47 @@ def _fit(frames, polynomials, bodies, noise):
     basis = polynomials.values
     n, degrees = start.size - 1, basis.shape[1] - 2
     middle, residuals = np.zeros((n, 6)), np.zeros((n, 3, degrees))
-    q, longest = np.empty(3), 0
+    q, begin, answer, before = np.empty(6), np.empty(6), np.empty(3), np.empty(3)
+    longest = 0
     for i in range(n):
         longest = max(longest, start[i + 1] - start[i])
     track = np.empty((longest, 3))
     for i in range(n):
         rounds = AIR_ROUNDS if bodies.air[i].any() else 1
+        early = t[start[i]]
         for round in range(rounds):
             coefficient = np.zeros((3, degrees + 2))
             if round > 0:
-                _follow(track, middle[i], t, start[i], start[i + 1], bodies, i)
+                q[:] = begin
+                _follow(track, middle[i], q, t[start[i] : start[i + 1]], bodies, i)
             for f in range(start[i], start[i + 1]):
                 if round == 0:
                     for c in range(3):
                         q[c] = 0.0
                     q[Y] = -0.5 * bodies.gravity * t[f] * t[f]
                 else:
-                    q[:] = track[f - start[i]]
+                    q[:3] = track[f - start[i]]
                 for c in range(3):
                     d = pose[f, c] - q[c]
                     for k in range(degrees + 2):
                         coefficient[c, k] += d * basis[f, k]
+            slope = coefficient[:, 1] * polynomials.slope[i]
+            if round == 0:
+                answer[:] = 1.0
+                begin[:] = 0.0
+                begin[Y] = -0.5 * bodies.gravity * early * early
+                begin[VY] = -bodies.gravity * early
             for c in range(3):
                 middle[i, c] += coefficient[c, 0] * polynomials.level[i]
-                middle[i, VX + c] += coefficient[c, 1] * polynomials.slope[i]
+                middle[i, VX + c] += slope[c]
+                if round > 1 and before[c] != 0.0:  # the secant of the last step
+                    answer[c] *= 1.0 - slope[c] / before[c]
+                    answer[c] = min(max(answer[c], LEAST_ANSWER), MOST_ANSWER)
+                begin[c] += coefficient[c, 0] * polynomials.level[i] + slope[c] * early
+                begin[VX + c] += slope[c] / answer[c]
+            before[:] = slope
+            if round > 0 and (np.abs(coefficient[:, 1]) < CONVERGED_SLOPE * noise[i]).all():
+                break
         for c in range(3):
             for k in range(degrees):
                 residuals[i, c, k] = coefficient[c, 2 + k] / noise[i, c]

@@ -6,6 +6,7 @@ import copy
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
-from rock2d.files.experiment import write_experiment
+from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from tests.kinematics.synthetic_films import film, world, yielded
 
@@ -199,8 +200,13 @@ def test_commands_write_what_they_say(tmp_path, content):
     assert list(table.columns) == list(COLUMNS) and len(table) > 100
 
 
+def one_release() -> Experiment:
+    both = film(world(), 2, seed=5)
+    return replace(both, trajectories=both.trajectories[both.trajectories["release"] == 0])
+
+
 def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
-    write_experiment(tmp_path / "film", film(world(), 2, seed=5))
+    write_experiment(tmp_path / "film", one_release())
     command = [sys.executable, "-m", "rock2d.cli", "diagnose", str(tmp_path / "film"), "--quiet"]
     done = subprocess.run(
         [*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
@@ -212,7 +218,7 @@ def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
 
 
 def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):
-    write_experiment(tmp_path / "film", film(world(), 2, seed=5))
+    write_experiment(tmp_path / "film", one_release())
 
     def diagnose_into(out):
         arguments = (tmp_path / "film", tmp_path / out)

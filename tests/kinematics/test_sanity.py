@@ -256,13 +256,10 @@ def test_a_cross_section_that_sinks_the_blocks_is_built_as_they_show_it():
 
 
 def test_too_little_to_diagnose_is_said(plain):
-    few = plain.trajectories[plain.trajectories.release < 4]
-    content = diagnosis_json(diagnose(replace(plain, trajectories=few)))
+    one = plain.trajectories[plain.trajectories.release == 1]
+    content = diagnosis_json(diagnose(replace(plain, trajectories=one)))
     assert content["verdict"] == "unknown" and content["probabilities"]["unknown"] == 0.5
     assert "too few" in content["sanity"]["faults"][0]
-    brief = plain.trajectories[plain.trajectories.t_s < 0.03]
-    content = diagnosis_json(diagnose(replace(plain, trajectories=brief)))
-    assert "impacts are too few" in content["sanity"]["faults"][0]
 
 
 def test_lost_frames_are_remarked(plain):

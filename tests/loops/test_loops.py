@@ -10,7 +10,7 @@ from tests.hunt.loops import REFUSED, WHOLE, gone
 # a film with noise through every command; an export and its import, with a refusal that is true; a survey to its dam
 LOOPS = {
     "run/flat_floor/batch/6/1/plain": WHOLE,
-    "import/flat_floor:tracker/batch/6/1/few_releases": REFUSED,
+    "import/flat_floor:tracker/batch/6/1/one_release": REFUSED,
     "profile/table/point_mass/6/1/plain": WHOLE,
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ class Fitted:
     ----------
     values, half : parameter name -> value, and half the width of its 95 % interval
     law : the law's parameters fitted together with the effect, names as in diagnosis.json
+    each : parameter name -> block -> its own value as in diagnosis.json, where each block has one
     """
 
     effect: Effect
@@ -32,6 +33,7 @@ class Fitted:
     half: Mapping[str, float]
     law: Mapping[str, float]
     experiment: Experiment
+    each: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -41,7 +43,8 @@ class Fitted:
         values = {p.name: p.neutral for p in effect.parameters if p.implied}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
-        return cls(effect, values, half, law, experiment)
+        each = {key: entry["by_block"] for key, entry in parameters.items() if "by_block" in entry}
+        return cls(effect, values, half, law, experiment, each)
 
     def world(self, changes: Mapping[str, float] | None = None) -> World:
         """The world of the experiment with the effect, at the fitted values or with some of them changed."""

@@ -157,7 +157,16 @@ def _sections(
         "assumptions": text.assumptions(result, content, chain),
         "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
     }  # fmt: skip
-    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": "", "passing_tile": []}
+    context |= {
+        "segments": [],
+        "video": "",
+        "repetitions": 0,
+        "line_note": "",
+        "passing_tile": [],
+        "practice": [],
+    }
+    if not len(result.data.impact_release):
+        return context
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
@@ -228,6 +237,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
         "forest": forest,
         "gain_scale": scale(gain_axis),
         "group": content["group"],
+        "unseen": text.unseen_words(content),
         "next_release": content["next_release"],
     }
 

@@ -12,7 +12,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models
-from rock2d.diagnosis.report.text import in_degrees, interval, number
+from rock2d.diagnosis.report.text import in_degrees, interval, number, spoken
 
 Array = np.ndarray
 
@@ -99,11 +99,16 @@ def effect_rows(models: Models) -> list[EffectRow]:
     model = models.effect.model
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
         fitted = effect_values(models.effect)[effect.name]
-        for parameter in parameters:
-            value, unit = in_degrees(parameter, fitted[parameter.name]["value"])
-            low, high = (in_degrees(parameter, v)[0] for v in fitted[parameter.name]["ci95"])
+        for k, parameter in enumerate(parameters):
+            own, meaning, remark = fitted[parameter.name], parameter.meaning, ""
+            if model.of_each(effect):
+                block = model.flown[k // len(effect.parameters)]
+                own, meaning = own["by_block"][block], f"{spoken(block)}, {meaning}"
+                if drag := own.get("drag_coefficient"):
+                    remark = f"drag coefficient {number(drag['value'])} ({interval(*drag['ci95'])})"
+            value, unit = in_degrees(parameter, own["value"])
+            low, high = (in_degrees(parameter, v)[0] for v in own["ci95"])
             least, most = (in_degrees(parameter, v)[0] for v in (parameter.low, parameter.high))
-            remark = ""
             if parameter.choices:
                 shown, plausible = Value(parameter.called(value) or number(value), ""), ""
             else:
@@ -116,7 +121,7 @@ def effect_rows(models: Models) -> list[EffectRow]:
                     and value != parameter.neutral
                 ):
                     remark = "at the end of its plausible range"
-            rows.append(EffectRow(effect.name, parameter.meaning, unit, shown, plausible, remark))
+            rows.append(EffectRow(effect.name, meaning, unit, shown, plausible, remark))
     return rows
 
 

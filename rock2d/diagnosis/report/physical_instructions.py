@@ -9,12 +9,10 @@ import numpy as np
 
 from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.fitted import Fitted, plain
+from rock2d.effects.air_drag import coefficient
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2
 from rock2d.effects.zone_contrast import FACE
 from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
-
-AIR_KG_M3 = 1.2  # density of air
-
 
 # --- the blocks and the ground: measure, then state it --------------------------------------------------
 
@@ -134,15 +132,19 @@ def surface_roughness(fitted: Fitted) -> str:
 def air_drag(fitted: Fitted) -> str:
     """c / m: the share of the speed that is lost on a metre."""
     value, half = fitted.values["drag_per_mass_1_m"], fitted.half["drag_per_mass_1_m"]
-    area = {
-        name: 2.0 * value * block.mass_kg / (AIR_KG_M3 * block.size_m**2)
-        for name, block in fitted.experiment.blocks.items()
-    }
-    drag = ", ".join(f"{text.spoken(name)} {text.number(c)}" for name, c in area.items())
+    blocks, each = fitted.experiment.blocks, fitted.each.get("drag_per_mass_1_m", {})
+    drag = {name: text.number(coefficient(block, value)) for name, block in blocks.items()}
+    differ = ""
+    if each:
+        found = {name: own["drag_coefficient"] for name, own in each.items()}
+        drag = {b: f"{text.number(c['value'])} ({text.interval(*c['ci95'])})" for b, c in found.items()}
+        low, high = np.array([c["ci95"] for c in found.values()]).T
+        differ = " (surely not the same)" if low.max() > high.min() else ""
+    listed = ", ".join(f"{text.spoken(name)} {c}" for name, c in drag.items())
     return (
         f"Blocks lose {text.number(100 * value, 100 * half)} % of their speed on a metre of flight. In air this is a "
-        f"drag coefficient of {drag} (with the block's size squared as its area); 0.5 to 2 is usual. If it is, the "
-        "model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
+        f"drag coefficient of {listed}{differ}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
+        "the model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
         "fall, and a heavier block of the same shape, which air slows less."
     )
 

@@ -376,9 +376,10 @@ def largest_share(cells: Sequence[Mapping[str, Any]], key: str) -> tuple[str, fl
 def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[str]) -> list[str]:
     """What the diagnosis assumes."""
     cross_section = result.experiment.cross_section
+    fitted = " It is refitted to these data before any effect is tried." if content["law"]["fitted"] else ""
     lines = [
         "The base law is the paper's contact law (elasto-plastic normal spring, tangential spring that slips, rolling "
-        "spring) with one set of parameters for all zones. It is refitted to these data before any effect is tried.",
+        "spring) with one set of parameters for all zones." + fitted,
         *content.get("assumptions", []),
     ]
     if isinstance(result.data, FilmData):
@@ -416,6 +417,12 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
     if groups:
         lines.append("Hard to separate even with good data: " + "; ".join(groups) + ".")
     return lines
+
+
+def unseen_words(content: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Reasons why effects cannot be seen, and the effects of each."""
+    unseen = content.get("unseen") or {}
+    return [(why, [name for name in unseen if unseen[name] == why]) for why in dict.fromkeys(unseen.values())]
 
 
 def lookalikes(names: Sequence[str], known: Sequence[str]) -> list[str]:

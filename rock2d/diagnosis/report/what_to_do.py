@@ -33,8 +33,10 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
     if content["sanity"]["faults"]:
         return _after_faults(content)
     if verdict == "none":
+        fitted = content.get("law", {}).get("fitted", True)
         return [
-            "Correct nothing. Go on with the law as it was refitted (`base` in diagnosis.json).",
+            "Correct nothing."
+            + " Go on with the law as it was refitted (`base` in diagnosis.json)." * fitted,
             "A weak effect may still hide in noise and soil. More releases, or the one below, would show it.",
             *_next_release(content),
         ]

@@ -1,0 +1,79 @@
+"""Which effects these data can show at all: those with which some residual changes by more than a trace of its noise.
+
+Flights alone show nothing of impacts, a table of impacts nothing of the air, a ball without marks nothing of its spin.
+Such effects are not tried: of them nothing is known but that they are possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit, some_releases
+from rock2d.diagnosis.model import BASE_WIDTH, Model
+from rock2d.effects.effect import Effect
+from rock2d.kinematics.film_statement import SCALE_OR_RATE, FilmStatement
+
+Array = np.ndarray
+
+# effects that differ from another one only in the spin
+SPIN_TWINS = {"flight_damping": "air_drag"}
+TRACE = 0.05  # of a standard deviation, by which no residual changes
+
+
+def unseen(
+    base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmStatement | None = None
+) -> dict[str, str]:
+    """Effect that these data cannot show -> why. `film`: what the film says of itself."""
+    some = some_releases(data)
+    part = base.only(some[data.impact_release], some[data.flight_release])
+    own = data.only(some).coarse()
+    at = base.model.residuals(base.p, own)
+    sd = np.sqrt(np.diagonal(part.covariance(), axis1=1, axis2=2))
+    found = _hidden_by_spin(data, film)
+    for name, effect in effects.items():
+        if name not in found:
+            model = replace(base.model, effects=[effect])
+            in_flight = len(data.flight_release) or effect.phase != "flight"
+            if not (in_flight and _shows(model, base.p, own, at, sd)):
+                found[name] = _why(data, effect)
+    return {name: why for name, why in found.items() if name in effects}
+
+
+def _hidden_by_spin(data: Data, film: FilmStatement | None) -> dict[str, str]:
+    """Effects that look like others as long as no spin was measured."""
+    if not isinstance(data, FilmData) or data.film.angle_known.any():
+        return {}
+    found = {name: f"without the spin it cannot be told from {twin}" for name, twin in SPIN_TWINS.items()}
+    if film is not None and film.spin_hides:
+        found |= dict.fromkeys(SCALE_OR_RATE, "without the spin it cannot be told from its lift")
+    return found
+
+
+def _why(data: Data, effect: Effect) -> str:
+    """Why an effect changes nothing."""
+    if not len(data.impact_release) and effect.phase == "impact":
+        return "no impact can be judged"
+    if not len(data.flight_release) and effect.phase == "flight":
+        return "no flight was recorded"
+    if isinstance(data, FilmData) and not data.film.angle_known.any():
+        return "the spin was not measured"
+    return "nothing that was measured changes with it"
+
+
+def _shows(model: Model, p: Array, data: Data, at: Residuals, sd: Array) -> bool:
+    """Whether some residual changes between no effect and one at the ends of its plausible range."""
+    parameters = model.parameters[0]
+    start = np.concatenate([p, model.start()[len(BASE_WIDTH) :]])
+    for k, q in enumerate(parameters):
+        for value in q.choices or (q.low, q.high):
+            amounts = [[value if i == k else v for i, v in enumerate(model.values(start)[0])]]
+            ahead = model.residuals(start, data, amounts=amounts)
+            changes = ((ahead.impacts - at.impacts) / sd, ahead.flights - at.flights)
+            if any(np.abs(c).max(initial=0.0) > TRACE or np.isnan(c).any() for c in changes):
+                return True
+    return False

@@ -1,9 +1,9 @@
 """A known cause of known size, put into a real record: the result is again an experiment.
 
 Of the camera exactly: the recorded numbers are turned into true ones and recorded again by the other camera. Of the
-motion as simulated differences: each stretch of a release, from one flight to the next, is simulated with the cause and
-without it, and the difference is added to the record. What it has grown to is where the next stretch begins. All that
-the model misses stays in the record.
+motion as simulated differences: each stretch of a release, from the beginning of a flight to that of the next, is
+simulated with the cause and without it, and the difference is added to the record. The next stretch begins from the
+measured state with the difference so far. All that the model misses stays in the record.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import CONTACT_MARGIN_FRAMES, load_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, load_film
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.records.columns import AT, BEFORE, I_TIME, N_STATE, TIME
 from rock2d.scene.blocks import states_at
@@ -34,6 +34,9 @@ Worlds = Callable[[Array], tuple[World, World]]
 COUNTED_IMPACTS = 16  # of a stretch, whose instants are compared
 APPROACH = 0.3  # of √(radius / g): from here to the impact the ground is turned, where it varies
 END_MARGIN_S = 1e-9  # the last frame is inside
+# by which a cause may shift an impact: the record has its own at another instant, which looks like a longer contact as
+# long as no flight could be seen in between
+LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Injected:
     ----------
     experiment : with the changed trajectories
     releases, cut : how many there are; and how many of them end early, before an impact that the cause moves by more
-        than CONTACT_MARGIN_FRAMES frames: the record has its own at another instant
+        than LARGEST_SHIFT_FRAMES frames: the record has its own at another instant
     """
 
     experiment: Experiment
@@ -109,8 +112,8 @@ def injected(
 
 
 class _Stretches(NamedTuple):
-    """What happens from one flight to the next: the flight before, release and number in it, first and last instant as
-    recorded (n,); the frames of each."""
+    """From the first frame of a flight to that of the next (n,): the flight, release and number in it, first and last
+    instant as recorded; the frames of each."""
 
     flight: Array
     release: Array
@@ -121,13 +124,12 @@ class _Stretches(NamedTuple):
 
     @classmethod
     def of(cls, data: FilmSegments) -> _Stretches:
-        """Of each release, the first from its first flight's first frame on, the last to its end."""
+        """The last of each release leads to its end."""
         film, flights = data.film, data.segmentation.flights
         flight = np.flatnonzero(np.isfinite(data.start_s))
         release = flights.release[flight]
         number = np.arange(len(flight)) - np.searchsorted(release, release)
-        begin = data.basis.middle[flight] + data.start_s[flight]
-        begin[number == 0] = film.t_s[flights.first[flight[number == 0]]]
+        begin = film.t_s[flights.first[flight]]
         edges = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
         last = np.append(release[1:] != release[:-1], True)[: len(release)]
         until = np.where(last, film.t_s[edges[release + 1] - 1] + END_MARGIN_S, np.append(begin[1:], 0.0))
@@ -144,7 +146,7 @@ def _change(data: FilmSegments, worlds: Worlds) -> tuple[Array, Array]:
     film, all_ = data.film, _Stretches.of(data)
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
     off, goes_on = np.zeros((len(film.release_names), N_STATE)), np.ones(len(film.release_names), bool)
-    margin = CONTACT_MARGIN_FRAMES * float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0]))
+    margin = LARGEST_SHIFT_FRAMES * float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0]))
     for k in range(all_.number.max(initial=-1) + 1):
         own = np.flatnonzero((all_.number == k) & goes_on[all_.release])
         flight, release, begin = all_.flight[own], all_.release[own], all_.begin_s[own]

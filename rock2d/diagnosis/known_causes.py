@@ -8,7 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.diagnosis.model import BASE_WIDTH, Model, is_factor, to_scale
+from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -19,6 +22,17 @@ def sized(effect: Effect, world: World) -> Parameter | None:
     effect that can only be chosen."""
     own = effect.parameters[0]
     return None if own.choices else own.at(world.mean_size_m, world.gravity_m_s2)
+
+
+def effects_of_size(names: str) -> list[str]:
+    """The effects "a,b,..." of the catalogue, or all that have a size. Raises InputError for others."""
+    known = {name: e for name, e in catalogue().items() if not e.parameters[0].choices}
+    chosen = names.split(",") if names else list(known)
+    for name in chosen:
+        if name not in known:
+            message = f"no effect with a size is called {shown(name)}{did_you_mean(name, known)}"
+            raise InputError(message, code="unknown_name", name=name)
+    return chosen
 
 
 def values_of_size(effect: Effect, size: float, world: World) -> dict[str, float]:

@@ -23,11 +23,16 @@ from rock2d.diagnosis.derivatives import slopes, spread
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.known_causes import off_neutral, sized, span, values_of_size, with_cause
-from rock2d.diagnosis.likelihood import clustered_covariance, normal_equations, prior
+from rock2d.diagnosis.likelihood import (
+    clustered_covariance,
+    log_likelihood,
+    normal_equations,
+    prior,
+)
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import BASE_WIDTH, discrete, from_scale
 from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
-from rock2d.diagnosis.soil_scatter import fit_scatter, scatter_errors
+from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.scene.world import World
@@ -42,6 +47,7 @@ LEAST_STEEPNESS = 1.0  # of a curve that a coarse search does not resolve
 ODDS_90, ODDS_95 = np.log(9.0), np.log(19.0)
 SHARED_SD, OWN_SD = 0.7, 0.4  # of the shifts of curves, in the logarithm of the size
 ONE_SIDED_Z = 1.645  # of a 95 % limit
+SCANNED_SIZES = 60  # of a scatter, for the largest that is possible
 
 
 @dataclass(frozen=True)
@@ -203,12 +209,14 @@ class _Tried:
 
     def compatible(self) -> float:
         """The largest size that the record as it is allows, one-sided 95 %: one Newton step from the fit, with the
-        covariance of `clustered_covariance`."""
+        covariance of `clustered_covariance`; of a scatter, from its likelihood."""
         fit, data, slope = self._fit, self._data, self._slope
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, slope, np.full(len(self._wide), START_SCATTER))
-            error = scatter_errors(fit.residuals.impacts, slope, scatter)
-            return float(self._unit * (scatter * np.exp(ONE_SIDED_Z * error))[self._wide][0])
+            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * span(self._size)
+            tried = [spread(slope, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
+            total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
+            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max())
         keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
         covariance, (centre, tight) = fit.covariance(), prior(self._model)
         curve, grad = normal_equations(fit.residuals, slope, covariance, keep)

@@ -36,12 +36,11 @@ def effects_of_size(names: str) -> list[str]:
 
 
 def values_of_size(effect: Effect, size: float, world: World) -> dict[str, float]:
-    """Parameter -> value of an effect whose size differs by `size` from its neutral value, towards the end of its range
-    that lies farther away. All others are neutral; the first is chosen where none is."""
+    """Parameter -> value of an effect that is `size` above its neutral value, or below it where its range ends there.
+    All others are neutral; the first is chosen where none is."""
     own = sized(effect, world)
     assert own is not None
-    sign = 1.0 if own.high - own.neutral >= own.neutral - own.low else -1.0
-    values = {own.name: own.neutral + sign * size}
+    values = {own.name: own.neutral + (size if own.high > own.neutral else -size)}
     return values | {q.name: q.choices[0] for q in effect.parameters[1:] if q.must_choose}
 
 
@@ -68,7 +67,7 @@ def with_cause(
 
 def span(parameter: Parameter) -> float:
     """The largest plausible size, see `values_of_size`."""
-    return max(parameter.high - parameter.neutral, parameter.neutral - parameter.low)
+    return abs((parameter.high if parameter.high > parameter.neutral else parameter.low) - parameter.neutral)
 
 
 def off_neutral(parameter: Parameter, low: float, high: float) -> float:

@@ -84,5 +84,4 @@ def limits_figure(limits: Limits, world: World) -> Figure:
     axis.set_xlabel(
         "size in % of the largest plausible: seen in 5 to 9 of 10 films (bar), upper limit (mark)"
     )
-    figure.tight_layout()
     return figure

@@ -207,7 +207,7 @@ def blind_inject(
 ) -> None:
     """Put known causes into the film of EXPERIMENT: from which size on would the diagnosis see them?
 
-    The same command continues after an interruption. `rock2d diagnose --limits` takes the result into a report.
+    The same command continues after an interruption. `--limits` of `rock2d diagnose` takes the result into a report.
 
     Example: rock2d blind inject my_tests --out limits
     """

@@ -127,7 +127,8 @@ def inject(
         if result.found is None:
             message = "the film cannot be diagnosed; rock2d diagnose says why"
             raise InputError(message, experiment, code="not_diagnosed")
-        make_cases(result, names, plan, out, own)
+        with Bars(progress).stage("known causes", 0, "cases") as bar:
+            make_cases(result, names, plan, out, own, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
     if {key: read_json(out / TRUTH).get(key) for key in own} != own:
         raise InputError("holds a study of another film, or with other options", out, code="not_a_result")

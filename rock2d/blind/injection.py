@@ -19,7 +19,6 @@ from rock2d.diagnosis.known_causes import with_cause
 from rock2d.diagnosis.model import Model
 from rock2d.effects.effect import Effect
 from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
-from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, load_film
@@ -71,19 +70,14 @@ def injected(
     values: Mapping[str, float],
     seed: int = 0,
 ) -> Injected:
-    """The record with an effect of these values.
+    """A film with an effect of these values.
 
     Parameters
     ----------
     model, p : what the record was diagnosed with; an effect that it has adds up with the cause, see `with_cause`
     values : parameter -> value; those that are missing are neutral
     seed : of an effect that varies from impact to impact
-
-    Raises InputError for a table of impacts.
     """
-    if experiment.trajectories is None:
-        message = "a cause can be put into a film, not into a table of impacts"
-        raise InputError(message, experiment.folder, code="wrong_kind")
     model, before, after = with_cause(model, p, effect, values)
     film = load_film(experiment)
     old, new = model.world(before, np.zeros(1)), model.world(after, np.zeros(1))

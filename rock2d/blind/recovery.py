@@ -22,7 +22,7 @@ from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.known_causes import values_of_size, with_cause
+from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
 from rock2d.diagnosis.limits import TRUTH
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -82,10 +82,12 @@ def make_cases(
     plan: Plan,
     out: Path,
     options: Mapping[str, Any],
+    on_case: Callable[[], Any] = lambda: None,
 ) -> None:
     """Write cases/NNN, which are experiments, and truth.json, with what was put in and the curves that are expected.
 
-    `options` : kept in truth.json; sizes refer to their `limits`, if these are not None, else to those of the curves
+    `options` : kept in truth.json; sizes refer to their `limits`, if these are not None, else to those of the curves.
+    No size is larger than plausible.
     """
     found, known, cases = result.found, catalogue(), {}
     assert found is not None
@@ -94,7 +96,10 @@ def make_cases(
     stated = options["limits"] or {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
         for k, (name, size, part) in enumerate(plan.of({n: v for n, v in stated.items() if n in curves})):
-            effect, values = known[name], values_of_size(known[name], size, result.setup)
+            effect, parameter = known[name], sized(known[name], result.setup)
+            assert parameter is not None
+            size = min(size, span(parameter))
+            values = values_of_size(effect, size, result.setup, below=bool(k % 2))
             film = some_releases(result.experiment, part, plan.subsets)
             changed = injected(film, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
@@ -105,6 +110,7 @@ def make_cases(
                 "effect": name, "size": size, "values": values, "subset": part, "releases": changed.releases,
                 "cut": changed.cut, "expected": float(np.hypot(before, size)) if effect.scatter else after,
             }  # fmt: skip
+            on_case()
     own = {n: asdict(c) for n, c in curves.items()}
     truth = {**options, "named": sorted(found.named), "curves": own, "cases": cases}
     write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")

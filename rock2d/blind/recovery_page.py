@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.limits import HEAD, LIMITS, limit_lines, limit_rows, limits_figure
+from rock2d.diagnosis.limits import LIMITS
+from rock2d.diagnosis.report.limits_section import HEAD, limit_lines, limit_rows, limits_figure
 from rock2d.diagnosis.report.text import number, spoken
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import html_figure, html_list, html_page, html_table
@@ -47,7 +48,9 @@ def write_recovery(
         for case in cases
     ]  # fmt: skip
     lines = case_lines(cases, limits, tried)
-    figure = html_figure("Sizes that this film shows", limits_figure(limits, world), image_format="svg")
+    figure = html_figure(
+        "Sizes seen in 5 to 9 of 10 films (bar), upper limit (mark)", limits_figure(limits, world)
+    )
     body = f"<h1>Which causes this film would show</h1>{html_list([*lines, *limit_lines(limits)])}{figure}"
     body += (
         html_table(limit_rows(limits), HEAD)

@@ -22,7 +22,14 @@ from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import slopes, spread
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
-from rock2d.diagnosis.known_causes import off_neutral, sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import (
+    off_neutral,
+    sized,
+    span,
+    two_sided,
+    values_of_size,
+    with_cause,
+)
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     log_likelihood,
@@ -161,16 +168,21 @@ class _Tried:
         self._drawn = rng.normal(size=(len(data.impact_release), 1))
 
     def seen(self, size: float) -> float:
-        """Probability that the effect is named at this size."""
-        gain = self._gain_of_scatter(size) if self._effect.scatter else self._gain(size)
+        """Probability that the effect is named at this size, above and below the neutral value alike."""
+        gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
+        return float(np.mean([self._chance(gain) for gain in gains]))
+
+    def _chance(self, gain: Array) -> float:
+        """Probability that a gain (releases,) is enough for a name, in other draws of the releases."""
         clipped = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN)
         total = self._weights @ clipped
         square = self._weights @ clipped**2 - total**2 / len(gain)
         z = total / np.maximum(np.sqrt(np.maximum(square, 0.0)), SMALLEST_ERROR)
         return float(np.mean((z > SEEN_Z) & (self._weights @ gain > LEAST_GAIN)))
 
-    def _gain(self, size: float) -> Array:
-        """(releases,) held-out gain, as the linear model expects it, over what it gains in the record as it is."""
+    def _gains(self, size: float) -> list[Array]:
+        """Of each sign (releases,): held-out gain, as the linear model expects it, over what it gains in the record as
+        it is."""
         fit, data = self._fit, self._data
         values = values_of_size(self._effect, size, self._world)
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
@@ -179,12 +191,12 @@ class _Tried:
         at = int(self._own.argmax())
         unit = abs(moved[at] - p[at])
         column = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
-        left = Residuals(own.impacts - change.impacts, own.flights - change.flights)
-        gains = [
-            LinearModel(self._without(residuals), data).expected(column, [np.ones(1)]).gain
-            for residuals in (left, own)
-        ]
-        return np.asarray(gains[0] - gains[1])
+
+        def gain(share: float) -> Array:
+            left = Residuals(own.impacts - share * change.impacts, own.flights - share * change.flights)
+            return LinearModel(self._without(left), data).expected(column, [np.ones(1)]).gain
+
+        return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
 
     def _gain_of_scatter(self, size: float) -> Array:
         """The same of an effect that widens the scatter, with drawn amounts of it."""

@@ -35,13 +35,19 @@ def effects_of_size(names: str) -> list[str]:
     return chosen
 
 
-def values_of_size(effect: Effect, size: float, world: World) -> dict[str, float]:
-    """Parameter -> value of an effect that is `size` above its neutral value, or below it where its range ends there.
-    All others are neutral; the first is chosen where none is."""
+def values_of_size(effect: Effect, size: float, world: World, below: bool = False) -> dict[str, float]:
+    """Parameter -> value of an effect that is `size` above its neutral value; below it if its range ends there, or if
+    that is wanted and possible. All others are neutral; the first is chosen where none is."""
     own = sized(effect, world)
     assert own is not None
-    values = {own.name: own.neutral + (size if own.high > own.neutral else -size)}
+    down = own.high <= own.neutral or (below and two_sided(own))
+    values = {own.name: own.neutral + (-size if down else size)}
     return values | {q.name: q.choices[0] for q in effect.parameters[1:] if q.must_choose}
+
+
+def two_sided(parameter: Parameter) -> bool:
+    """Whether it may be above and below its neutral value."""
+    return parameter.low < parameter.neutral < parameter.high
 
 
 def with_cause(

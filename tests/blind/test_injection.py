@@ -12,10 +12,8 @@ from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_caus
 from rock2d.diagnosis.model import Model, from_scale
 from rock2d.effects import catalogue
 from rock2d.effects.changes import image
-from rock2d.errors import InputError
 from rock2d.kinematics.flights import load_film
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
-from tests.diagnosis.test_impact_table_data import impacts
 from tests.kinematics.synthetic_films import film, world
 
 POSE = ["x_m", "y_m", "theta_rad"]
@@ -138,8 +136,3 @@ def test_roughness_turns_impacts_and_depends_on_the_seed_alone(record):
 def test_subsets_share_no_release(record):
     parts = [set(some_releases(record, k, 3).trajectories["release"]) for k in range(3)]
     assert [len(part) for part in parts] == [4, 4, 4] and len(set.union(*parts)) == 12
-
-
-def test_a_table_of_impacts_is_refused():
-    with pytest.raises(InputError, match="table of impacts"):
-        put_in(impacts(world(), 20, seed=1, noise=0.01), "air_drag", drag_per_mass_1_m=0.1)

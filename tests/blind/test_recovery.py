@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,10 +17,12 @@ from rock2d.diagnosis import diagnose as diagnosing
 from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.limits import HEAD, limit_lines, limit_rows, read_limits
+from rock2d.diagnosis.limits import read_limits
+from rock2d.diagnosis.report.limits_section import HEAD, limit_lines, limit_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
+from tests.diagnosis.test_impact_table_data import impacts
 from tests.kinematics.synthetic_films import film, world
 
 TRIED = {name: catalogue()[name] for name in ("camera_tilt", "air_drag", "angle_offset")}
@@ -100,6 +103,16 @@ def test_many_cases_give_the_true_curve():
     assert found.seen50 == pytest.approx(0.2, rel=0.15) and found.steepness == pytest.approx(4.0, rel=0.1)
 
 
+def test_a_table_of_impacts_is_refused_before_it_is_diagnosed(tmp_path):
+    table = impacts(world(), 20, seed=1, noise=0.01)
+    write_experiment(tmp_path / "table", replace(table, impacts=table.impacts.fillna(0.0)))
+    done = CliRunner().invoke(
+        cli, ["blind", "inject", str(tmp_path / "table"), "--out", str(tmp_path / "study")]
+    )
+    assert isinstance(done.exception, InputError) and done.exception.code == "wrong_kind"
+    assert not (tmp_path / "study").exists()
+
+
 def test_limits_are_said_in_words():
     limits = {
         "camera_tilt": {"seen50": 0.01, "seen90": 0.02, "upper95": 0.03, "unit": "rad"},
@@ -112,7 +125,7 @@ def test_limits_are_said_in_words():
 
 
 def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch):
-    few = partial(diagnose, effects=TRIED)
+    few = partial(diagnose, effects={"camera_tilt": TRIED["camera_tilt"]})
     monkeypatch.setattr(diagnosing, "diagnose", few)
     monkeypatch.setattr(recovery, "diagnose", few)
     monkeypatch.setattr("rock2d.diagnosis.command.diagnose", few)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.diagnosis import limits
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
@@ -21,6 +20,7 @@ from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, ch
 from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
+from rock2d.diagnosis.report.limits_section import limits_section
 from rock2d.diagnosis.report.practical_indicators import (
     Quantity,
     film_quantities,
@@ -155,7 +155,9 @@ def _sections(
         "assumptions": text.assumptions(result, content, chain),
         "parameters_data": downloads.parameters_data(content), **downloads.content_data(content),
     }  # fmt: skip
-    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": ""} | _limits(result, content)
+    context |= {"segments": [], "video": "", "repetitions": 0, "line_note": ""} | limits_section(
+        content, result.setup
+    )
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
@@ -191,16 +193,6 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
         "cells": shown_cells if shares else [],
         "few_cells": SHOWN_CELLS,
     }
-
-
-def _limits(result: Diagnosis, content: dict[str, Any]) -> dict[str, Any]:
-    own = content.get("limits")
-    if not own:
-        return {"limit_lines": []}
-    return {
-        "limit_lines": limits.limit_lines(own), "limit_head": limits.HEAD, "limit_rows": limits.limit_rows(own),
-        "limits_figure": _inline(limits.limits_figure(own, result.setup)),
-    }  # fmt: skip
 
 
 def _which(content: dict[str, Any]) -> dict[str, Any]:

@@ -31,7 +31,7 @@ Array = np.ndarray
 Worlds = Callable[[Array], tuple[World, World]]
 
 COUNTED_IMPACTS = 16  # of a stretch, whose instants are compared
-APPROACH = 0.3  # of √(radius / g): from here to the impact the ground is turned, where it varies
+APPROACH = 0.3  # of √(radius / g), before and after an impact: so long the ground is turned, where it varies
 END_MARGIN_S = 1e-9  # the last frame is inside
 # by which a cause may shift an impact: the record has its own at another instant, which looks like a longer contact as
 # long as no flight could be seen in between
@@ -191,19 +191,21 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
     samples, last, impacts = plain.samples, plain.ends[:, AT], plain.impacts[..., I_TIME]
     slope = np.broadcast_to(world.slope_rad, len(block))
     if slope.any():
-        # ground that is turned where the first impact is: the same as the stated ground, the motion turned against it
-        radius = np.array([b.radius_m for b in world.blocks.values()])[block]
-        touch = plain.impacts[:, 0]
-        hit = np.isfinite(touch[:, I_TIME])
-        back = np.minimum(APPROACH * np.sqrt(radius / world.gravity_m_s2), touch[:, I_TIME])
-        back, pivot = np.where(hit, back, 0.0), np.where(hit[:, None], touch[:, BEFORE], last)
-        near = drift(world, block, pivot, -back)
-        begin = np.where(hit, touch[:, I_TIME] - back, np.inf)
-        during = run(
-            turned(near, pivot, -slope), np.where(hit, limit_s - begin, 0.0), impact_limit=1,
-            times_s=np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0),
-        )  # fmt: skip
-        left = begin + during.ends[:, TIME]
+        # ground that is turned where the first impact is: the same as the stated ground, the motion turned against it,
+        # from a little before the impact to a little after, where the block is clear of its indentation
+        radius, touch = np.array([b.radius_m for b in world.blocks.values()])[block], plain.impacts[:, 0]
+        hit, little = np.isfinite(touch[:, I_TIME]), APPROACH * np.sqrt(radius / world.gravity_m_s2)
+        back = np.where(hit, np.minimum(little, touch[:, I_TIME]), 0.0)
+        pivot, begin = (
+            np.where(hit[:, None], touch[:, BEFORE], last),
+            np.where(hit, touch[:, I_TIME] - back, np.inf),
+        )
+        near = turned(drift(world, block, pivot, -back), pivot, -slope)
+        left = np.where(hit, limit_s - begin, 0.0)
+        left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + little)
+        since = np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0)
+        during = run(near, left, times_s=since)
+        left = begin + left
         after = turned(during.ends[:, AT], pivot, slope)
         onward = run(
             after, np.where(hit, np.maximum(limit_s - left, 0.0), 0.0),
@@ -215,10 +217,8 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
             times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within)
         )
         last = np.where(hit[:, None], onward.ends[:, AT], last)
-        first = begin[:, None] + during.impacts[:, :1, I_TIME]
-        impacts = np.where(
-            hit[:, None], np.hstack([first, left[:, None] + onward.impacts[..., I_TIME]]), np.nan
-        )
+        instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
+        impacts = np.where(hit[:, None], np.hstack(instants), np.nan)
     return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)
 
 

@@ -63,6 +63,7 @@ class Curve:
 
     compatible : the largest size that the fit of the record as it is allows
     found : whether it was named in the record as it is
+    largest : plausible size
     """
 
     seen50: float
@@ -70,6 +71,7 @@ class Curve:
     unit: str
     compatible: float
     found: bool
+    largest: float
 
     def size(self, odds: float) -> float:
         """The size that is seen with these logarithmic odds."""
@@ -102,14 +104,13 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
             continue
         log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
-        curves[name] = Curve(
-            float(np.exp(log50)), float(steepness), own.unit, tried.compatible(), name in found.named
-        )
+        seen50, found_anyway = float(np.exp(log50)), name in found.named
+        curves[name] = Curve(seen50, float(steepness), own.unit, tried.compatible(), found_anyway, span(own))
     return curves
 
 
 def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]]) -> dict[str, Curve]:
-    """The curves after cases (effect, size, whether it was named).
+    """The curves after cases (effect, size, whether it was named), without effects that no plausible size shows.
 
     A curve may be shifted along the logarithm of the size, by a shift that all effects share and one of its own, both
     normally distributed before anything is known. The most probable shifts count. How well they are known makes the
@@ -136,7 +137,8 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
         variance = covariance[0, 0] + 2.0 * covariance[0, k] + covariance[k, k]
         flatter = np.sqrt(1.0 + np.pi / 8.0 * variance * own.steepness**2)
         seen50 = own.seen50 * float(np.exp(shift[0] + shift[k]))
-        found[name] = replace(own, seen50=seen50, steepness=float(own.steepness / flatter))
+        if seen50 <= own.largest:
+            found[name] = replace(own, seen50=seen50, steepness=float(own.steepness / flatter))
     return found
 
 

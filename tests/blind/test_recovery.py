@@ -26,7 +26,7 @@ from tests.diagnosis.test_impact_table_data import impacts
 from tests.kinematics.synthetic_films import film, world
 
 TRIED = {name: catalogue()[name] for name in ("camera_tilt", "air_drag", "angle_offset")}
-CURVES = {name: Curve(0.1, 4.0, "1", 0.05, False) for name in ("air_drag", "inertia_error")}
+CURVES = {name: Curve(0.1, 4.0, "1", 0.05, False, 1.0) for name in ("air_drag", "inertia_error")}
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +90,11 @@ def test_cases_shift_their_effect_more_than_the_others():
     assert missed["air_drag"].seen50 > missed["inertia_error"].seen50 > 0.12
     seen = corrected(CURVES, [("air_drag", size, True) for size in (0.1, 0.05)])
     assert seen["air_drag"].seen50 < seen["inertia_error"].seen50 < 0.09
+
+
+def test_an_effect_that_no_plausible_size_shows_has_no_limit():
+    missed = [("air_drag", 1.0, False)] * 9
+    assert set(corrected(CURVES, missed)) == {"inertia_error"} < set(corrected(CURVES, missed[:1]))
 
 
 def test_many_cases_give_the_true_curve():

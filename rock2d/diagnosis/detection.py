@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
+from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
@@ -83,6 +84,7 @@ class Curve:
         return {"seen50": self.seen50, "seen90": self.size(ODDS_90), "upper95": upper, "unit": self.unit}
 
 
+@threadpool_limits.wrap(limits=1)  # the matrices are small
 def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
     """Effect -> its curve; without effects that have no size, or that no plausible size shows."""
     found, data = result.found, result.data

@@ -82,8 +82,11 @@ def reproduce(out, seed, candidates, hypotheses, releases, quiet) -> None:
 @click.option(
     "--workers", type=click.IntRange(1), help="Processes. Default: all cores. Results do not depend on it."
 )
+@click.option("--limits", is_flag=False, flag_value="", type=click.Path(path_type=Path), metavar="[FOLDER]",
+              help="Say which sizes of each effect would have been seen: from the study of rock2d blind inject in "
+              "FOLDER, or as a linear model expects.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def diagnose(experiment, out, seed, workers, quiet) -> None:
+def diagnose(experiment, out, seed, workers, limits, quiet) -> None:
     """Say where the simulation of EXPERIMENT (a folder) is wrong, which effect is missing, how far the gap shrinks.
 
     Every effect of the catalogue is fitted with the paper's law and tested on releases that the fit did not use.
@@ -93,7 +96,9 @@ def diagnose(experiment, out, seed, workers, quiet) -> None:
     """
     from rock2d.diagnosis.command import run_diagnosis
 
-    run_diagnosis(experiment, out, seed=seed, workers=workers, progress=not quiet, report=click.echo)
+    run_diagnosis(
+        experiment, out, seed=seed, workers=workers, limits=limits, progress=not quiet, report=click.echo
+    )
 
 
 @cli.command()
@@ -177,6 +182,41 @@ def blind_score(trial) -> None:
     from rock2d.blind.command import score
 
     score(trial, report=click.echo)
+
+
+@blind.command("inject")
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the study.")
+@click.option("--effects", default="", metavar="NAME,...", help="Effects. Default: all that have a size.")
+@click.option("--cases", type=click.IntRange(0, 10_000), default=6, show_default=True,
+              help="Most diagnoses of films with a known cause; 0: what a linear model expects.")  # fmt: skip
+@click.option("--sizes", default="seen50,seen90", show_default=True, metavar="SIZE,...",
+              help="Sizes to put in: seen50, seen90, or multiples such as 2*seen90.")  # fmt: skip
+@click.option("--subsets", type=click.IntRange(1, 100), default=1, show_default=True,
+              help="Divide the releases into so many subsets; a case has one of them.")  # fmt: skip
+@click.option(
+    "--limits", type=click.Path(path_type=Path), help="Earlier study whose limits --sizes refers to."
+)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
+              help="Of the order of the effects, and of what varies from impact to impact.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
+@click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
+@click.option("--quiet", is_flag=True, help="No progress bar.")
+def blind_inject(
+    experiment, out, effects, cases, sizes, subsets, limits, seed, workers, scheduler, quiet
+) -> None:
+    """Put known causes into the film of EXPERIMENT: from which size on would the diagnosis see them?
+
+    The same command continues after an interruption. `--limits` of `rock2d diagnose` takes the result into a report.
+
+    Example: rock2d blind inject my_tests --out limits
+    """
+    from rock2d.blind.command import inject
+    from rock2d.blind.recovery import Plan, read_sizes
+    from rock2d.cluster import Workers
+
+    plan, chosen = Plan(cases, read_sizes(sizes), subsets, seed), Workers(workers, scheduler)
+    inject(experiment, out, effects, plan, limits, workers=chosen, progress=not quiet, report=click.echo)
 
 
 @cli.command()

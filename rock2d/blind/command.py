@@ -1,15 +1,23 @@
-"""The commands `rock2d blind make | run | score`."""
+"""The commands `rock2d blind make | run | score | inject`."""
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import Workers
-from rock2d.files.folders import write_whole
+from rock2d.errors import InputError
+from rock2d.files.folders import make_folder, write_whole
+from rock2d.files.text_files import read_json
+from rock2d.progress import Bars
+
+if TYPE_CHECKING:
+    from rock2d.blind.recovery import Plan
 
 Report = Callable[[str], None]
 
@@ -17,7 +25,6 @@ Report = Callable[[str], None]
 def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, report: Report) -> None:
     """Write a sealed trial."""
     from rock2d.blind.case_files import make_trial
-    from rock2d.progress import Bars
 
     with Bars(progress).stage("filming", count, "cases") as bar:
         digest = make_trial(count, seed, out, workers=workers or os.cpu_count() or 1, on_case=bar.update)
@@ -27,7 +34,6 @@ def make(count: int, seed: int, out: Path, *, workers: int | None, progress: boo
 def run(folder: Path, *, workers: Workers, progress: bool, report: Report) -> None:
     """Diagnose all cases of a trial."""
     from rock2d.blind.running import run_trial
-    from rock2d.progress import Bars
 
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         out = run_trial(
@@ -58,3 +64,60 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
         report(f"{key}: {value}")
     report(f"written: {folder / 'score.html'}")
     return found
+
+
+def inject(
+    experiment: Path,
+    out: Path,
+    effects: str,
+    plan: Plan,
+    limits: Path | None,
+    *,
+    workers: Workers,
+    progress: bool,
+    report: Report,
+) -> None:
+    """Put known causes into a film and diagnose it again: limits.json and limits.html. An interrupted study continues.
+
+    `limits` : an earlier study, to whose limits the sizes of the plan refer
+    """
+    from rock2d.blind.recovery import make_cases, recovered, run_study
+    from rock2d.blind.recovery_page import write_recovery
+    from rock2d.diagnosis.command import FITS
+    from rock2d.diagnosis.diagnose import diagnose
+    from rock2d.diagnosis.known_causes import effects_of_size
+    from rock2d.diagnosis.limits import TRUTH, read_limits
+    from rock2d.diagnosis.workload import DiagnosisBars
+    from rock2d.effects import catalogue
+    from rock2d.files.experiment import load_experiment
+    from rock2d.kinematics.setup_world import setup_world
+
+    read, names = load_experiment(experiment), effects_of_size(effects)
+    processes = workers.processes or os.cpu_count() or 1
+    if read.trajectories is None:
+        message = "a cause can be put into a film, not into a table of impacts"
+        raise InputError(message, experiment, code="wrong_kind")
+    stated = read_limits(limits, read.name) if limits is not None else None
+    own = json.loads(
+        json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan), "limits": stated})
+    )
+    if not (out / TRUTH).is_file():
+        if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
+            raise InputError("exists and is no study; choose another folder", out, code="not_a_result")
+        make_folder(out / FITS)
+        bars = DiagnosisBars(progress, len(catalogue()), processes)
+        result = diagnose(read, workers=processes, folder=out / FITS, bars=bars)
+        if result.found is None:
+            message = "the film cannot be diagnosed; rock2d diagnose says why"
+            raise InputError(message, experiment, code="not_diagnosed")
+        with Bars(progress).stage("known causes", 0, "cases") as bar:
+            make_cases(result, names, plan, out, own, bar.update)
+        shutil.rmtree(out / FITS, ignore_errors=True)
+    if {key: read_json(out / TRUTH).get(key) for key in own} != own:
+        raise InputError("holds a study of another film, or with other options", out, code="not_a_result")
+    with Bars(progress).stage("diagnosing", 0, "cases") as bar:
+        run_study(out, processes, workers.scheduler, bar.reach)
+    cases, found = recovered(out)
+    for line in write_recovery(setup_world(read), cases, found, names, out):
+        report(line)
+    report(f"written: {out / 'limits.json'}, {out / 'limits.html'}")

@@ -30,21 +30,37 @@ def run_trial(
     scheduler : address of a Dask scheduler, whose workers diagnose instead of processes of this machine; they need
         access to the trial's folder (a shared file system)
     """
+    count = int(read_index(folder)["count"])
+    return run_cases(folder, count, (_diagnose, ()), workers, scheduler, on_progress)
+
+
+def run_cases(
+    folder: Path,
+    count: int,
+    work: tuple[Callable[..., None], tuple[Any, ...]],
+    workers: int,
+    scheduler: str | None,
+    on_progress: Callable[[int, int], None],
+) -> Path:
+    """Do the work for every case of a folder that has no result yet; returns the folder of the results.
+
+    `work` : a function of a folder for temporary files, the case, the file of its result, and what follows
+    """
     if scheduler is not None:
         require_dask()
-    count = int(read_index(folder)["count"])
     out = folder / RESULTS
     make_folder(out)
+    do, further = work
     names = [f"{i:03d}" for i in range(count)]
     waiting = [name for name in names if not (out / f"{name}.json").is_file()]
     on_progress(count - len(waiting), count)
     cases, absolute = (folder / CASES).absolute(), out.absolute()  # a worker may run in another folder
-    jobs = [(cases / name, absolute / f"{name}.json") for name in waiting]
+    jobs = [(cases / name, absolute / f"{name}.json", *further) for name in waiting]
     with temporary_folder(out) as fits:
         if scheduler is None:
-            finished = as_finished(_diagnose, jobs, workers, (fits,))
+            finished = as_finished(do, jobs, workers, (fits,))
         else:
-            finished = as_finished_on_cluster(_diagnose, jobs, scheduler, (fits,), fits)
+            finished = as_finished_on_cluster(do, jobs, scheduler, (fits,), fits)
         with closing(finished) as diagnosed:
             for k, _ in enumerate(diagnosed):
                 on_progress(count - len(waiting) + k + 1, count)

@@ -10,10 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from rock2d.diagnosis.detection import expected_limits
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
+from rock2d.diagnosis.known_causes import effects_of_size
+from rock2d.diagnosis.limits import EXPECTED, read_limits
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
@@ -33,16 +36,21 @@ def run_diagnosis(
     *,
     seed: int,
     workers: int | None,
+    limits: Path | None = None,
     progress: bool,
     report: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first."""
+    """Diagnose an experiment folder; writes diagnosis.json and report.html, and returns the content of the first.
+
+    `limits` : folder of a study of known causes, whose limits the report shows; Path(): those that are expected
+    """
     from rock2d.diagnosis.report.page import write_report
     from rock2d.graphics.rendering import page_date
 
     page_date()  # a date that is none is refused before the work, not after it
     read = load_experiment(experiment)
     _refuse_foreign(out)
+    studied = read_limits(limits, read.name) if limits not in (None, Path()) else None
     names = list(catalogue())
     rows = read.trajectories if read.trajectories is not None else read.impacts
     assert rows is not None
@@ -54,6 +62,10 @@ def run_diagnosis(
     result = diagnose(read, seed=seed, workers=processes, folder=out / FITS, bars=bars)
     content = diagnosis_json(result)
     words = ["rock2d", "diagnose", str(experiment), "--out", str(out), "--seed", str(seed)]
+    if limits is not None and result.found is not None:
+        content["limits"] = studied if studied is not None else expected_limits(result, effects_of_size(""))
+        content["assumptions"] += [] if studied is not None else [EXPECTED]
+        words += ["--limits"] if studied is None else ["--limits", str(limits)]
     text = diagnosis_text(content)
     write_report(result, content, out, bars=bars, command=shlex.join(words))
     write_whole(out / DIAGNOSIS, text)

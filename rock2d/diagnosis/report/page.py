@@ -21,6 +21,7 @@ from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.checks_section import checks_section
 from rock2d.diagnosis.report.figures import section_figure, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
+from rock2d.diagnosis.report.limits_section import limits_section
 from rock2d.diagnosis.report.practical_indicators import (
     PASSING,
     Quantity,
@@ -165,6 +166,7 @@ def _sections(
         "passing_tile": [],
         "practice": [],
     }
+    context |= limits_section(content, result.setup)
     if not len(result.data.impact_release):
         return context
     if isinstance(result.data, FilmData):

@@ -1,0 +1,160 @@
+"""Injection and recovery: which causes a record would show, and from which size on.
+
+Known causes of known sizes are put into the record and diagnosed again. What the linear model expected of them
+(`diagnosis.detection`) is corrected by what was named.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rock2d.blind.case_files import CASES
+from rock2d.blind.injection import injected, some_releases
+from rock2d.blind.running import RESULTS, run_cases
+from rock2d.diagnosis.detection import Curve, corrected, detection_curves
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose
+from rock2d.diagnosis.diagnosis_content import effect_values
+from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
+from rock2d.diagnosis.limits import TRUTH
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import shown
+from rock2d.files.experiment import load_experiment, write_experiment
+from rock2d.files.folders import atomic_folder, write_whole
+from rock2d.files.text_files import read_json
+
+Array = np.ndarray
+
+CLOSE = 0.5  # of the size: by how much less or more may be found of an effect that the record has anyway
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which cases a study has: the first `cases` of all effects × sizes × subsets, the effects in turn.
+
+    Attributes
+    ----------
+    sizes : of (factor, "seen50" or "seen90"): multiples of the sizes that are seen with 50 and 90 %
+    subsets : number of subsets of the releases: every so many-th, from another one on; 1 for all of them
+    seed : of the order of the effects and of what varies from impact to impact
+    """
+
+    cases: int
+    sizes: tuple[tuple[float, str], ...] = ((1.0, "seen50"), (1.0, "seen90"))
+    subsets: int = 1
+    seed: int = 0
+
+    def of(self, limits: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, float, int]]:
+        """(effect, size, subset) of each case, from the limits of each effect."""
+        order, found = (
+            np.random.default_rng(np.random.SeedSequence(self.seed)).permutation(sorted(limits)),
+            [],
+        )
+        for turn in range(len(self.sizes) * self.subsets):
+            for k, name in enumerate(map(str, order)):
+                factor, of = self.sizes[(k + turn) % len(self.sizes)]
+                found.append((name, factor * limits[name][of], turn // len(self.sizes)))
+        return found[: self.cases]
+
+
+def read_sizes(text: str) -> tuple[tuple[float, str], ...]:
+    """Sizes "seen50,2*seen90,..." of a plan. Raises InputError for others."""
+    found = []
+    for word in text.split(","):
+        match = re.fullmatch(r"(?:(\d+\.?\d*|\.\d+)\*)?(seen50|seen90)", word.strip())
+        if match is None or float(match[1] or 1.0) <= 0.0:
+            raise InputError(f"expected sizes like seen50 or 2*seen90, found {shown(word)}", code="bad_value")
+        found.append((float(match[1] or 1.0), match[2]))
+    return tuple(found)
+
+
+def make_cases(
+    result: Diagnosis,
+    effects: Sequence[str],
+    plan: Plan,
+    out: Path,
+    options: Mapping[str, Any],
+    on_case: Callable[[], Any] = lambda: None,
+) -> None:
+    """Write cases/NNN, which are experiments, and truth.json, with what was put in and the curves that are expected.
+
+    `options` : kept in truth.json; sizes refer to their `limits`, if these are not None, else to those of the curves.
+    No size is larger than plausible.
+    """
+    found, known, cases = result.found, catalogue(), {}
+    assert found is not None
+    fit = found.final.fit if found.named else found.base
+    curves = detection_curves(result, {name: known[name] for name in effects})
+    stated = options["limits"] or {name: curve.limit() for name, curve in corrected(curves, []).items()}
+    with atomic_folder(out / CASES) as folder:
+        for k, (name, size, part) in enumerate(plan.of({n: v for n, v in stated.items() if n in curves})):
+            effect, parameter = known[name], sized(known[name], result.setup)
+            assert parameter is not None
+            size = min(size, span(parameter))
+            values = values_of_size(effect, size, result.setup, below=bool(k % 2))
+            film = some_releases(result.experiment, part, plan.subsets)
+            changed = injected(film, fit.model, fit.p, effect, values, plan.seed + k)
+            write_experiment(folder / f"{k:03d}", changed.experiment)
+            model, p, moved = with_cause(fit.model, fit.p, effect, values)
+            at = [e.name for e in model.effects].index(name)
+            before, after = (model.values(q)[at][0] for q in (p, moved))
+            cases[f"{k:03d}"] = {
+                "effect": name, "size": size, "values": values, "subset": part, "releases": changed.releases,
+                "cut": changed.cut, "expected": float(np.hypot(before, size)) if effect.scatter else after,
+            }  # fmt: skip
+            on_case()
+    own = {n: asdict(c) for n, c in curves.items()}
+    truth = {**options, "named": sorted(found.named), "curves": own, "cases": cases}
+    write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")
+
+
+def run_study(
+    folder: Path, workers: int, scheduler: str | None, on_progress: Callable[[int, int], None]
+) -> None:
+    """Diagnose every case that has no result yet; results/NNN.json each."""
+    count = len(read_json(folder / TRUTH)["cases"])
+    run_cases(folder, count, (_diagnose, ()), workers, scheduler, on_progress)
+
+
+def _diagnose(every_fit: Path, case: Path, out: Path) -> None:
+    """Diagnose a case and write what was named, and the size of each effect that was tried."""
+    with tempfile.TemporaryDirectory(dir=every_fit) as fits:
+        found = diagnose(load_experiment(case), folder=Path(fits)).found
+    kept: dict[str, Any] = {"named": {}, "parameters": {}}
+    if found is not None:
+        kept = {
+            "named": {name: found.group(name) for name in sorted(found.named)},
+            "parameters": effect_values(found.final.fit) if found.named else {},
+        }
+    write_whole(out, json.dumps(kept, indent=1) + "\n")
+
+
+def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, Any]]]:
+    """The cases with what became of them, and the limits of each effect that can be seen.
+
+    A case has the keys of truth.json, `seen`, `found` (its size parameter, None where it was not named) and `false`
+    (names that neither the case nor the record has). An effect that the record has anyway is seen if what was put in is
+    found with it.
+    """
+    truth, known, cases = read_json(folder / TRUTH), catalogue(), []
+    for name, case in truth["cases"].items():
+        result, effect = read_json(folder / RESULTS / f"{name}.json"), case["effect"]
+        names = {name: {name, *group} for name, group in result["named"].items()}
+        own = result["parameters"].get(effect, {}) if effect in names else {}
+        value = own[known[effect].parameters[0].name]["value"] if own else None
+        seen = any(effect in group for group in names.values())
+        if value is not None and effect in truth["named"]:
+            seen = abs(value - case["expected"]) <= CLOSE * case["size"]
+        false = sorted(name for name, group in names.items() if not group & {effect, *truth["named"]})
+        cases.append({"case": name, **case, "seen": seen, "found": value, "false": false})
+    curves = {name: Curve(**own) for name, own in truth["curves"].items()}
+    shown = [(case["effect"], case["size"], case["seen"]) for case in cases]
+    return cases, {name: curve.limit() for name, curve in corrected(curves, shown).items()}

@@ -1,0 +1,255 @@
+"""Which sizes of an effect a record can show: the linear model around its diagnosis, with the effect put in.
+
+An effect of a size changes the residuals by a known amount: what a model with it would change, with the other sign. One
+Newton step with the effect, fitted to other releases, gives its gain on each release. A bootstrap over the releases
+gives the probability that the gain, beyond that in the record as it is, is what a name needs: a logistic curve over the
+logarithm of the size. It costs no fit. Full diagnoses of records into which the effect was put correct it:
+`blind.recovery`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
+from threadpoolctl import threadpool_limits
+
+from rock2d.diagnosis.cross_validation import by_release
+from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.derivatives import slopes, spread
+from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.fitting import START_SCATTER, Fit
+from rock2d.diagnosis.known_causes import (
+    off_neutral,
+    sized,
+    span,
+    two_sided,
+    values_of_size,
+    with_cause,
+)
+from rock2d.diagnosis.likelihood import (
+    clustered_covariance,
+    log_likelihood,
+    normal_equations,
+    prior,
+)
+from rock2d.diagnosis.linear_model import LinearModel
+from rock2d.diagnosis.model import BASE_WIDTH, discrete, from_scale
+from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERROR
+from rock2d.diagnosis.soil_scatter import fit_scatter
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+SEEN_Z = 3.0  # standard errors that the gain of an effect must have to be named
+BOOTSTRAPS = 400
+TRIED_SIZES, ZOOMS = 7, 2  # sizes of a search, and searches, each between two sizes of the one before
+SMALLEST_TRIED = 1e-3  # of the largest plausible size
+LEAST_STEEPNESS = 1.0  # of a curve that a coarse search does not resolve
+ODDS_90, ODDS_95 = np.log(9.0), np.log(19.0)
+SHARED_SD, OWN_SD = 0.7, 0.4  # of the shifts of curves, in the logarithm of the size
+ONE_SIDED_Z = 1.645  # of a 95 % limit
+SCANNED_SIZES = 60  # of a scatter, for the largest that is possible
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The probability that an effect of a size is named: 1 / (1 + (seen50 / size)^steepness).
+
+    compatible : the largest size that the fit of the record as it is allows
+    found : whether it was named in the record as it is
+    largest : plausible size
+    """
+
+    seen50: float
+    steepness: float
+    unit: str
+    compatible: float
+    found: bool
+    largest: float
+
+    def size(self, odds: float) -> float:
+        """The size that is seen with these logarithmic odds."""
+        return float(self.seen50 * np.exp(odds / self.steepness))
+
+    def limit(self) -> dict[str, Any]:
+        """As in the key `limits` of diagnosis.json."""
+        upper = None if self.found else max(self.size(ODDS_95), self.compatible)
+        return {"seen50": self.seen50, "seen90": self.size(ODDS_90), "upper95": upper, "unit": self.unit}
+
+
+@threadpool_limits.wrap(limits=1)  # the matrices are small
+def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
+    """Effect -> its curve; without effects that have no size, or that no plausible size shows."""
+    found, data = result.found, result.data
+    assert found is not None and data is not None
+    fit = found.final.fit if found.named else found.base
+    curves = {}
+    for name, effect in effects.items():
+        own = sized(effect, result.setup)
+        if own is None:
+            continue
+        tried = _Tried(fit, data, effect, result.setup)
+        low, high = SMALLEST_TRIED * span(own), span(own)
+        for _ in range(ZOOMS):
+            sizes = np.geomspace(low, high, TRIED_SIZES)
+            chance = np.maximum.accumulate([tried.seen(s) for s in sizes])
+            low = sizes[max(int(np.searchsorted(chance, 0.1)) - 1, 0)]
+            high = sizes[min(int(np.searchsorted(chance, 0.9)), TRIED_SIZES - 1)]
+        if chance[-1] < 0.5:
+            continue
+        log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
+        steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
+        seen50, found_anyway = float(np.exp(log50)), name in found.named
+        curves[name] = Curve(seen50, float(steepness), own.unit, tried.compatible(), found_anyway, span(own))
+    return curves
+
+
+def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]]) -> dict[str, Curve]:
+    """The curves after cases (effect, size, whether it was named), without effects that no plausible size shows.
+
+    A curve may be shifted along the logarithm of the size, by a shift that all effects share and one of its own, both
+    normally distributed before anything is known. The most probable shifts count. How well they are known makes the
+    curves flatter: D. J. C. MacKay (1992), Neural Comput. 4(5), 720-736, eq. 10.
+    """
+    names = list(curves)
+    slope = np.array([curves[name].steepness for name, _, _ in cases])
+    log_size = np.array([np.log(size / curves[name].seen50) for name, size, _ in cases])
+    seen = np.array([was for _, _, was in cases], float)
+    design = np.zeros((len(cases), 1 + len(names)))
+    for row, (name, _, _) in enumerate(cases):
+        design[row, [0, 1 + names.index(name)]] = 1.0
+    tight = np.array([SHARED_SD] + [OWN_SD] * len(names)) ** -2.0
+
+    def cost(shift: Array) -> float:
+        odds = slope * (log_size - design @ shift)
+        return float(np.sum(np.logaddexp(0.0, odds) - seen * odds) + 0.5 * tight @ shift**2)
+
+    shift = minimize(cost, np.zeros(len(tight))).x
+    chance = expit(slope * (log_size - design @ shift))
+    covariance = np.linalg.inv((design.T * (slope**2 * chance * (1.0 - chance))) @ design + np.diag(tight))
+    found = {}
+    for k, (name, own) in enumerate(curves.items(), 1):
+        variance = covariance[0, 0] + 2.0 * covariance[0, k] + covariance[k, k]
+        flatter = np.sqrt(1.0 + np.pi / 8.0 * variance * own.steepness**2)
+        seen50 = own.seen50 * float(np.exp(shift[0] + shift[k]))
+        if seen50 <= own.largest:
+            found[name] = replace(own, seen50=seen50, steepness=float(own.steepness / flatter))
+    return found
+
+
+def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Effect -> limit, as the linear model expects it."""
+    curves = detection_curves(result, {name: catalogue()[name] for name in effects})
+    return {name: curve.limit() for name, curve in corrected(curves, []).items()}
+
+
+class _Tried:
+    """An effect that is put into the record of a fit, by the linear model."""
+
+    def __init__(self, fit: Fit, data: Data, effect: Effect, world: World) -> None:
+        self._fit, self._data, self._effect, self._world = fit, data, effect, world
+        self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
+        noise = fit.slope.covariance
+        self._slope = slopes(self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.slope)
+        owner = [e.name for e in self._model.effects for _ in e.parameters]
+        self._own = np.array([False] * len(BASE_WIDTH) + [name == effect.name for name in owner])
+        scatters = [e.name == effect.name for e in self._model.scatter_effects]
+        further = self._slope.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
+        self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
+        own = sized(effect, world)
+        assert own is not None
+        self._size, self._unit = own, 0.5 * (own.high - own.low)
+        rng = np.random.default_rng(np.random.SeedSequence(0))
+        n = len(data.order)
+        self._weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)
+        self._drawn = rng.normal(size=(len(data.impact_release), 1))
+
+    def seen(self, size: float) -> float:
+        """Probability that the effect is named at this size, above and below the neutral value alike."""
+        gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
+        return float(np.mean([self._chance(gain) for gain in gains]))
+
+    def _chance(self, gain: Array) -> float:
+        """Probability that a gain (releases,) is enough for a name, in other draws of the releases."""
+        clipped = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN)
+        total = self._weights @ clipped
+        square = self._weights @ clipped**2 - total**2 / len(gain)
+        z = total / np.maximum(np.sqrt(np.maximum(square, 0.0)), SMALLEST_ERROR)
+        return float(np.mean((z > SEEN_Z) & (self._weights @ gain > LEAST_GAIN)))
+
+    def _gains(self, size: float) -> list[Array]:
+        """Of each sign (releases,): held-out gain, as the linear model expects it, over what it gains in the record as
+        it is."""
+        fit, data = self._fit, self._data
+        values = values_of_size(self._effect, size, self._world)
+        model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
+        ahead, own = model.residuals(moved, data), fit.residuals
+        change = Residuals(np.nan_to_num(ahead.impacts - own.impacts), ahead.flights - own.flights)
+        at = int(self._own.argmax())
+        unit = abs(moved[at] - p[at])
+        column = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
+
+        def gain(share: float) -> Array:
+            left = Residuals(own.impacts - share * change.impacts, own.flights - share * change.flights)
+            return LinearModel(self._without(left), data).expected(column, [np.ones(1)]).gain
+
+        return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
+
+    def _gain_of_scatter(self, size: float) -> Array:
+        """The same of an effect that widens the scatter, with drawn amounts of it."""
+        amount = self._slope.scatter[..., self._wide][..., 0] * self._drawn * size / self._unit
+        own = self._fit.residuals
+        changed, start = Residuals(own.impacts + amount, own.flights), np.full(len(self._wide), START_SCATTER)
+        gain = np.zeros(len(self._data.order))
+        for residuals, sign in ((changed, 1.0), (own, -1.0)):
+            for keep, side in ((np.ones_like(self._wide), sign), (~self._wide, -sign)):
+                slope = replace(self._slope, scatter=self._slope.scatter[..., keep])
+                scatter = fit_scatter(residuals.impacts, slope, start[keep])
+                gain += side * by_release(self._data, residuals, spread(slope, scatter))
+        return gain
+
+    def _without(self, residuals: Residuals) -> Fit:
+        """The fit without the parameters of the effect, with these residuals."""
+        keep, slope = ~self._own, self._slope
+        slope = replace(slope, impacts=slope.impacts[..., keep], flights=slope.flights[..., keep])
+        others = [e for e in self._model.effects if e.name != self._effect.name]
+        model = replace(self._model, effects=others)
+        return replace(self._fit, model=model, p=self._p[keep], slope=slope, residuals=residuals)
+
+    def compatible(self) -> float:
+        """The largest size that the record as it is allows, one-sided 95 %: one Newton step from the fit, with the
+        covariance of `clustered_covariance`; of a scatter, from its likelihood."""
+        fit, data, slope = self._fit, self._data, self._slope
+        if self._effect.scatter:
+            scatter = fit_scatter(fit.residuals.impacts, slope, np.full(len(self._wide), START_SCATTER))
+            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * span(self._size)
+            tried = [spread(slope, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
+            total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
+            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max())
+        keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
+        covariance, (centre, tight) = fit.covariance(), prior(self._model)
+        curve, grad = normal_equations(fit.residuals, slope, covariance, keep)
+        curve, grad = curve + np.diag(tight), grad + tight * (self._p - centre)
+        grad[discrete(self._model)] = 0.0
+        of_p = clustered_covariance(
+            fit.residuals,
+            slope,
+            covariance,
+            curve,
+            (data.impact_release, data.flight_release),
+            len(data.order),
+        )
+        at = int(self._own.argmax())
+        z = self._p[at] - np.linalg.solve(curve, grad)[at]
+        half = ONE_SIDED_Z * np.sqrt(of_p[at, at])
+        return min(
+            off_neutral(self._size, *(from_scale(self._size, z + s * half) for s in (-1, 1))),
+            span(self._size),
+        )

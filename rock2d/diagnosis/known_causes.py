@@ -1,0 +1,84 @@
+"""A known cause of known size beside a fitted model: the parameters of the model with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rock2d.diagnosis.model import BASE_WIDTH, Model, is_factor, to_scale
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect, Parameter
+from rock2d.errors import InputError
+from rock2d.files.checked_yaml import did_you_mean, shown
+from rock2d.scene.world import World
+
+Array = np.ndarray
+
+
+def sized(effect: Effect, world: World) -> Parameter | None:
+    """The parameter that is the size of an effect: the first one, with its range at the scale of `world`; None of an
+    effect that can only be chosen."""
+    own = effect.parameters[0]
+    return None if own.choices else own.at(world.mean_size_m, world.gravity_m_s2)
+
+
+def effects_of_size(names: str) -> list[str]:
+    """The effects "a,b,..." of the catalogue, or all that have a size. Raises InputError for others."""
+    known = {name: e for name, e in catalogue().items() if not e.parameters[0].choices}
+    chosen = names.split(",") if names else list(known)
+    for name in chosen:
+        if name not in known:
+            message = f"no effect with a size is called {shown(name)}{did_you_mean(name, known)}"
+            raise InputError(message, code="unknown_name", name=name)
+    return chosen
+
+
+def values_of_size(effect: Effect, size: float, world: World, below: bool = False) -> dict[str, float]:
+    """Parameter -> value of an effect that is `size` above its neutral value; below it if its range ends there, or if
+    that is wanted and possible. All others are neutral; the first is chosen where none is."""
+    own = sized(effect, world)
+    assert own is not None
+    down = own.high <= own.neutral or (below and two_sided(own))
+    values = {own.name: own.neutral + (-size if down else size)}
+    return values | {q.name: q.choices[0] for q in effect.parameters[1:] if q.must_choose}
+
+
+def two_sided(parameter: Parameter) -> bool:
+    """Whether it may be above and below its neutral value."""
+    return parameter.low < parameter.neutral < parameter.high
+
+
+def with_cause(
+    model: Model, p: Array, effect: Effect, values: Mapping[str, float]
+) -> tuple[Model, Array, Array]:
+    """A model that has the effect, its parameters without the cause (P,), and with it.
+
+    What the effect already has in the model adds up with the cause; factors multiply. A scatter is left as it is.
+    """
+    names = [e.name for e in model.effects]
+    if effect.name not in names:
+        model = replace(model, effects=[*model.effects, effect])
+        p = np.concatenate([p, model.start()[len(p) :]])
+        names.append(effect.name)
+    k = names.index(effect.name)
+    first = len(BASE_WIDTH) + sum(map(len, model.parameters[:k]))
+    moved = p.copy()
+    for at, q in enumerate(model.parameters[k], first):
+        if q.name in values and not effect.scatter:
+            moved[at] = to_scale(q, values[q.name]) + (0.0 if q.choices else p[at])
+    return model, p, moved
+
+
+def span(parameter: Parameter) -> float:
+    """The largest plausible size, see `values_of_size`."""
+    return abs((parameter.high if parameter.high > parameter.neutral else parameter.low) - parameter.neutral)
+
+
+def off_neutral(parameter: Parameter, low: float, high: float) -> float:
+    """How far the farther end of an interval is from the neutral value; of a factor below 1, as if it were above."""
+    ends = [low, high]
+    if is_factor(parameter):
+        return max(max(v, 1.0 / v) for v in ends) - 1.0
+    return max(abs(v - parameter.neutral) for v in ends)

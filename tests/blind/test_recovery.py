@@ -1,0 +1,171 @@
+"""Studies of known causes: the plan, what the linear model expects, how diagnoses correct it, and the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rock2d.blind import recovery
+from rock2d.blind.recovery import Plan, read_sizes
+from rock2d.cli import cli
+from rock2d.diagnosis import diagnose as diagnosing
+from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves
+from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.known_causes import effects_of_size
+from rock2d.diagnosis.limits import read_limits
+from rock2d.diagnosis.report.limits_section import HEAD, limit_lines, limit_rows
+from rock2d.effects import catalogue
+from rock2d.errors import InputError
+from rock2d.files.experiment import write_experiment
+from tests.diagnosis.test_impact_table_data import impacts
+from tests.kinematics.synthetic_films import film, world
+
+TRIED = {name: catalogue()[name] for name in ("camera_tilt", "air_drag", "angle_offset")}
+CURVES = {name: Curve(0.1, 4.0, "1", 0.05, False, 1.0) for name in ("air_drag", "inertia_error")}
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    return diagnose(film(world(), 10, seed=1), effects=TRIED)
+
+
+def test_a_plan_has_every_effect_size_and_subset_once_and_effects_in_turn():
+    limits = {name: {"seen50": 1.0, "seen90": 3.0} for name in "abc"}
+    plan = Plan(99, read_sizes("seen50,2*seen90"), 2, seed=1)
+    cases = plan.of(limits)
+    assert sorted(cases) == sorted((n, s, k) for n in "abc" for s in (1.0, 6.0) for k in (0, 1))
+    assert {name for name, _, _ in cases[:3]} == set("abc") and {size for _, size, _ in cases[:3]} == {
+        1.0,
+        6.0,
+    }
+    assert Plan(4, plan.sizes, 2, 1).of(limits) == cases[:4]
+
+
+@pytest.mark.parametrize("text", ["", "seen95", "0*seen50", "x*seen50", "seen50;seen90", "-1*seen90"])
+def test_sizes_that_are_none_are_refused(text):
+    with pytest.raises(InputError):
+        read_sizes(text)
+
+
+def test_effects_without_a_size_are_refused():
+    assert "mirrored_axis" not in effects_of_size("") and effects_of_size("air_drag") == ["air_drag"]
+    for names in ("mirrored_axis", "air_drag,drag"):
+        with pytest.raises(InputError, match="no effect"):
+            effects_of_size(names)
+
+
+def test_a_linear_model_expects_stronger_effects_to_be_seen(diagnosed):
+    """The size that is seen grows with the noise, and is a part of the plausible range."""
+    curves = detection_curves(diagnosed, TRIED)
+    noisy = detection_curves(diagnose(film(world(), 10, seed=1, noise_m=1.5e-3), effects=TRIED), TRIED)
+    tilt, worse = curves["camera_tilt"], noisy["camera_tilt"]
+    assert 1e-4 < tilt.seen50 < tilt.size(ODDS_90) < 0.05
+    assert worse.seen50 > 1.5 * tilt.seen50 and worse.compatible > tilt.compatible
+    assert not tilt.found and tilt.limit()["upper95"] >= tilt.size(ODDS_90)
+
+
+def test_what_was_found_has_no_upper_limit_and_a_scatter_has_a_curve():
+    tilted = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
+    effects = {name: catalogue()[name] for name in ("camera_tilt", "surface_roughness")}
+    curves = detection_curves(diagnose(film(tilted, 10, seed=1), effects=effects), effects)
+    assert curves["camera_tilt"].found and curves["camera_tilt"].limit()["upper95"] is None
+    assert curves["camera_tilt"].seen50 < 0.03
+    assert 5e-4 < curves["surface_roughness"].seen50 < 0.02
+
+
+def test_without_cases_only_the_slope_changes():
+    found = corrected(CURVES, [])
+    for own in found.values():
+        assert own.seen50 == pytest.approx(0.1, rel=1e-3)
+        assert own.size(ODDS_90) > 2.0 * 0.1  # the shift is not known
+
+
+def test_cases_shift_their_effect_more_than_the_others():
+    missed = corrected(CURVES, [("air_drag", size, False) for size in (0.1, 0.2, 0.3)])
+    assert missed["air_drag"].seen50 > missed["inertia_error"].seen50 > 0.12
+    seen = corrected(CURVES, [("air_drag", size, True) for size in (0.1, 0.05)])
+    assert seen["air_drag"].seen50 < seen["inertia_error"].seen50 < 0.09
+
+
+def test_an_effect_that_no_plausible_size_shows_has_no_limit():
+    missed = [("air_drag", 1.0, False)] * 9
+    assert set(corrected(CURVES, missed)) == {"inertia_error"} < set(corrected(CURVES, missed[:1]))
+
+
+def test_many_cases_give_the_true_curve():
+    """Causes are seen from 0.2 ± on, where 0.1 was expected."""
+    rng = np.random.default_rng(1)
+    sizes = 0.2 * np.exp(rng.normal(0.0, 0.6, 200))
+    seen = rng.random(200) < 1.0 / (1.0 + (0.2 / sizes) ** 4.0)
+    found = corrected(CURVES, [("air_drag", s, bool(y)) for s, y in zip(sizes, seen, strict=True)])[
+        "air_drag"
+    ]
+    assert found.seen50 == pytest.approx(0.2, rel=0.15) and found.steepness == pytest.approx(4.0, rel=0.1)
+
+
+def test_a_table_of_impacts_is_refused_before_it_is_diagnosed(tmp_path):
+    table = impacts(world(), 20, seed=1, noise=0.01)
+    write_experiment(tmp_path / "table", replace(table, impacts=table.impacts.fillna(0.0)))
+    done = CliRunner().invoke(
+        cli, ["blind", "inject", str(tmp_path / "table"), "--out", str(tmp_path / "study")]
+    )
+    assert isinstance(done.exception, InputError) and done.exception.code == "wrong_kind"
+    assert not (tmp_path / "study").exists()
+
+
+def test_limits_are_said_in_words():
+    limits = {
+        "camera_tilt": {"seen50": 0.01, "seen90": 0.02, "upper95": 0.03, "unit": "rad"},
+        "scale_error": {"seen50": 0.01, "seen90": 0.02, "upper95": None, "unit": "1"},
+    }
+    assert all(len(row) == len(HEAD) for row in limit_rows(limits))
+    tilt, scale = limit_lines(limits)
+    assert "camera tilt of 1.1" in tilt and "°" in tilt and "none was found, so it is at most 1.7" in tilt
+    assert "off 1" in scale and scale.endswith("it was found")
+
+
+def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch):
+    few = partial(diagnose, effects={"camera_tilt": TRIED["camera_tilt"]})
+    monkeypatch.setattr(diagnosing, "diagnose", few)
+    monkeypatch.setattr(recovery, "diagnose", few)
+    monkeypatch.setattr("rock2d.diagnosis.command.diagnose", few)
+    write_experiment(tmp_path / "film", film(world(), 8, seed=1))
+    words = [
+        "blind",
+        "inject",
+        str(tmp_path / "film"),
+        "--out",
+        str(tmp_path / "study"),
+        "--workers",
+        "1",
+        "--quiet",
+    ]
+    words += ["--effects", "camera_tilt", "--cases", "1", "--sizes", "4*seen90"]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    assert "1 of 1 known causes were seen" in done.output and "names that are false: 0" in done.output
+    truth, limits = (
+        json.loads((tmp_path / "study" / f"{name}.json").read_text()) for name in ("truth", "limits")
+    )
+    case = truth["cases"]["000"]
+    assert case["effect"] == "camera_tilt" and case["expected"] == pytest.approx(case["size"])
+    assert limits["camera_tilt"]["seen50"] < case["size"] and limits == read_limits(
+        tmp_path / "study", "synthetic"
+    )
+    before = (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    assert (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns == before
+    other = CliRunner().invoke(cli, [*words, "--seed", "1"])
+    assert isinstance(other.exception, InputError) and "other options" in str(other.exception)
+    report = ["diagnose", str(tmp_path / "film"), "--out", str(tmp_path / "d"), "--workers", "1", "--quiet"]
+    done = CliRunner().invoke(cli, [*report, "--limits", str(tmp_path / "study")])
+    assert done.exit_code == 0, done.output
+    assert json.loads((tmp_path / "d" / "diagnosis.json").read_text())["limits"] == limits
+    assert "What this film would have shown" in (tmp_path / "d" / "report.html").read_text()
+    refused = CliRunner().invoke(cli, [*report, "--limits", str(tmp_path / "d")])
+    assert isinstance(refused.exception, InputError)

@@ -205,7 +205,7 @@ def _attribution(search: Search) -> Attribution:
     p_outside = outside(held_out_gain(data, learnt, best), search.gain(best, search.base))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
-        learnt = harmless(data, learnt)
+        learnt = harmless(data, learnt, search.base.fit)
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]

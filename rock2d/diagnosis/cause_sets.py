@@ -40,6 +40,7 @@ LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect which only widens the 
 REFIT_SHARE = 0.5  # of the largest gain among additions that one must gain to be fitted again
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
+MISSED_BY_FORM = 0.1  # share of what a cause gains that a form which is not quite its own may miss
 # of which a set has one at most: the same change of gravity in flights, and only heights of contacts tell them apart
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 
@@ -130,14 +131,17 @@ class Search:
 
     def rivals(self, own: CauseSet, name: str, z: float) -> dict[str, float]:
         """Effect -> standard errors, less than z, by which the set is better than with it in the place of a member; the
-        closest first."""
-        less = self.without(own)[name]
-        ahead = {
-            rival: gain.significance
-            for rival in self.effects
-            if rival not in own.names and (gain := self._ahead(own, less, rival)) is not None
+        closest first. A rival gains at least half of what the member gains; a share that the form of a law may miss
+        counts as no difference."""
+        less, found = self.without(own)[name], dict[str, float]()
+        alone = self.gain(own, less).total
+        for rival in self.effects.keys() - own.names:
+            if (ahead := self._ahead(own, less, rival)) is None or ahead.total > 0.5 * alone:
+                continue
+            found[rival] = min(ahead.significance, ahead.total / (MISSED_BY_FORM * alone))
+        return {
+            rival: found[rival] for rival in sorted(found, key=lambda r: (found[r], r)) if found[rival] < z
         }
-        return {rival: ahead[rival] for rival in sorted(ahead, key=lambda r: ahead[r]) if ahead[rival] < z}
 
     def gain(self, own: CauseSet, other: CauseSet) -> Gain:
         """Of a set over another one."""

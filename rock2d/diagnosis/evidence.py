@@ -20,9 +20,12 @@ from scipy.stats import norm
 from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
 from rock2d.diagnosis.cross_validation import cross_validate, held_out_gain
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS
+from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
+from rock2d.effects.changes import CENTRE
 from rock2d.progress import Bar
 
 Array = np.ndarray
@@ -34,8 +37,10 @@ RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of t
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
 MOST_RIVALS = 2  # effects that may stand for one that is named
 NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
-FORM_SHARE = 0.1  # of what the causes gain: what the forms of their laws may leave to be learnt
-FORM_STEEPNESS = 2.0
+# of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
+FORM_SHARE, EFFECT_FORM_SHARE = 0.15, 0.05
+FORM_STEEPNESS = 3.0
+LEAST_SIZE = 0.02  # of the plausible range on either side; a smaller size is of no use to anybody
 TRIED_DEPENDENCES = 60  # of which the best is learnt
 UNSEEN = 0.03  # probability that something acts that is not seen
 PRIOR = {"none": 0.25, "unknown": 0.15}  # the effects share the rest
@@ -50,20 +55,24 @@ class Evidence:
     ----------
     alone : what it gains beside all others
     instead : what is gained by what is learnt in its place
+    others : log likelihood that the other members gain
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     """
 
     alone: Gain
     instead: Gain
+    others: float
     chance: float
     ahead: Mapping[str, float]
 
     @property
     def p(self) -> float:
         """Probability that it or one of its rivals is a cause."""
-        ratio = max(self.alone.total, 1e-9) / max(self.instead.total, 1e-9)
-        return against_chance(self.chance) * _logistic(ratio / EVEN_RATIO, RATIO_STEEPNESS)
+        gain = max(self.alone.total, 1e-9)
+        imitates = _logistic(gain / max(self.instead.total, 1e-9) / EVEN_RATIO, RATIO_STEEPNESS)
+        beyond_form = _logistic(gain / max(EFFECT_FORM_SHARE * self.others, 1e-9), FORM_STEEPNESS)
+        return against_chance(self.chance) * imitates * beyond_form
 
     @property
     def group(self) -> list[str]:
@@ -105,13 +114,15 @@ def exceeded(gain: float, draws: Array) -> float:
 def weigh(search: Search, learnt: Learnt, bar: Bar) -> dict[str, Evidence]:
     """Evidence of each member of the best set; `learnt`: beside that set."""
     found = dict[str, Evidence]()
-    for name in sorted(search.best.names):
-        found[name] = _evidence(search, learnt, name)
+    best = search.best
+    gains = {name: search.gain(best, less).total for name, less in search.without(best).items()}
+    for name in sorted(best.names):
+        found[name] = _evidence(search, learnt, name, sum(gains.values()) - gains[name])
         bar.step(name)
     return found
 
 
-def _evidence(search: Search, learnt: Learnt, name: str) -> Evidence:
+def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evidence:
     best, data, effect = search.best, search.data, search.effects[name]
     less: Learnt | CauseSet = search.without(best)[name]
     if learnt.changes:
@@ -126,11 +137,30 @@ def _evidence(search: Search, learnt: Learnt, name: str) -> Evidence:
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
         ahead = {twin: 0.0} | ahead
-    found = Evidence(alone, Gain(np.zeros_like(alone.gain)), chance, ahead)
+    if size(best.fit, name) < LEAST_SIZE:
+        chance = 1.0
+    found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
     if not found.named(name):
         return found
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
     return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
+
+
+def size(fit: Fit, name: str) -> float:
+    """The largest size among the parameters of an effect, over the plausible range on its side; a choice has size 1.
+    Where the camera aims is no size."""
+    model, first = fit.model, len(BASE_WIDTH)
+    low, high = model.bounds()
+    for effect, parameters in zip(model.effects, model.parameters, strict=True):
+        if effect.name == name:
+            break
+        first += len(parameters)
+    sizes = []
+    for k, parameter in enumerate(parameters, first):
+        if parameter not in CENTRE:
+            room = high[k] if fit.p[k] > 0.0 else -low[k]
+            sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
+    return float(max(sizes))
 
 
 def closes_nothing(search: Search, name: str) -> float:

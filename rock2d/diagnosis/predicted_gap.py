@@ -109,15 +109,17 @@ def _end(segments: Segments, apart: Array) -> tuple[float, float]:
     return 1e3 * float(np.median(distance)), float(np.rad2deg(np.median(turn))) if len(turn) else np.nan
 
 
-def harmless(data: FilmData, learnt: Learnt) -> Learnt:
-    """What was learnt, without its last changes as long as these make the worst segments of held-out releases worse."""
+def harmless(data: FilmData, learnt: Learnt, base: Fit) -> Learnt:
+    """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse, or
+    the worst segments worse than both the base law and the model without the change."""
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt
-    own = _held_out_misses(data, segments, learnt)
+    own = _held_out_misses(data, segments, learnt.fit, learnt.changes_at)
+    of_base = _tail(_held_out_misses(data, segments, base, lambda p: ()))
     while learnt.before is not None:
-        other = _held_out_misses(data, segments, learnt.before)
-        if _tail(own) <= HARMFUL_TAIL * _tail(other) and np.median(own) <= np.median(other):
+        other = _held_out_misses(data, segments, learnt.before.fit, learnt.before.changes_at)
+        if _tail(own) <= HARMFUL_TAIL * max(_tail(other), of_base) and np.median(own) <= np.median(other):
             break
         learnt, own = learnt.before, other
     return learnt
@@ -127,9 +129,10 @@ def _tail(misses: Array) -> float:
     return float(np.percentile(misses, TAIL_PERCENTILE))
 
 
-def _held_out_misses(data: FilmData, segments: Segments, learnt: Learnt) -> Array:
-    poses = held_out_poses(data, segments, learnt.fit, learnt.changes_at)
-    return misses(data, poses, measured(data, segments))
+def _held_out_misses(
+    data: FilmData, segments: Segments, fit: Fit, changes: Callable[[Array], Sequence[KnownChange]]
+) -> Array:
+    return misses(data, held_out_poses(data, segments, fit, changes), measured(data, segments))
 
 
 def held_out_poses(

@@ -18,8 +18,8 @@ def gain(total, spread=0.0):
     return Gain(np.full(RELEASES, total / RELEASES) + spread * signs)
 
 
-def found(alone=50.0, instead=0.0, chance=1e-6, **ahead):
-    return Evidence(gain(alone), gain(instead), chance, ahead)
+def found(alone=50.0, instead=0.0, chance=1e-6, others=0.0, **ahead):
+    return Evidence(gain(alone), gain(instead), others, chance, ahead)
 
 
 def test_a_gain_that_chance_exceeds_in_one_film_of_a_hundred_is_as_probable_as_not():
@@ -48,7 +48,7 @@ def test_twins_that_cannot_be_told_apart_share_one_name():
 
 
 def test_one_of_many_is_no_name():
-    own = Evidence(gain(50.0), gain(0.0), 1e-6, {f"effect {i}": 0.1 * i for i in range(9)})
+    own = Evidence(gain(50.0), gain(0.0), 0.0, 1e-6, {f"effect {i}": 0.1 * i for i in range(9)})
     assert not own.named("adhesion") and len(own.group) == 2
     answers = single_answers({"adhesion": own}, 0.03, EFFECTS)
     assert max(answers, key=lambda name: answers[name]) == "unknown"
@@ -69,3 +69,8 @@ def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_
     assert outside(clear, gain(0.0)) > 0.95 and outside(clear, gain(200.0)) > 0.9
     assert outside(clear, gain(10_000.0)) < 0.1
     assert outside(scattered, gain(0.0)) < 0.5 and outside(gain(0.0), gain(0.0)) < 0.05
+
+
+def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():
+    assert found(alone=300.0, others=3000.0).named("adhesion")
+    assert not found(alone=80.0, others=3000.0).named("adhesion")

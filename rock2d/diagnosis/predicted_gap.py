@@ -110,8 +110,8 @@ def _end(segments: Segments, apart: Array) -> tuple[float, float]:
 
 
 def harmless(data: FilmData, learnt: Learnt, base: Fit) -> Learnt:
-    """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse, or
-    the worst segments worse than both the base law and the model without the change."""
+    """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse,
+    or the worst segments worse than both the base law and the model without the change."""
     segments = Segments.of(data)
     if not learnt.changes or not len(segments):
         return learnt

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -77,7 +78,7 @@ class Film:
         """Blocks whose angle was not measured in some release."""
         return [self.block_names[b] for b in np.unique(self.release_block[~self.angle_known])]
 
-    @property
+    @cached_property
     def measured(self) -> Array:
         """(3,) whether x, y and theta change at all; what never does was not measured."""
         return np.asarray(np.ptp(self.pose, axis=0) > 0.0)

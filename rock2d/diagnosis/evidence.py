@@ -40,7 +40,8 @@ NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of t
 # of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
 FORM_SHARE, EFFECT_FORM_SHARE = 0.15, 0.05
 FORM_STEEPNESS = 3.0
-LEAST_SIZE = 0.02  # of the plausible range on either side; a smaller size is of no use to anybody
+# of the plausible range on either side: a smaller size is of no use to anybody, and one at its end fits nothing
+LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
 TRIED_DEPENDENCES = 60  # of which the best is learnt
 UNSEEN = 0.03  # probability that something acts that is not seen
 PRIOR = {"none": 0.25, "unknown": 0.15}  # the effects share the rest
@@ -137,7 +138,8 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evide
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
         ahead = {twin: 0.0} | ahead
-    if size(best.fit, name) < LEAST_SIZE:
+    sizes = [size(fit, name) for fit in (best.fit, learnt.fit)]
+    if min(sizes) < LEAST_SIZE or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
         chance = 1.0
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
     if not found.named(name):

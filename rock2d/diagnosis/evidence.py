@@ -11,6 +11,7 @@ Each member of the best set must stand three questions, beside the others and be
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -100,7 +101,7 @@ def against_chance(p: float) -> float:
     """Probability of a cause from the p value of its gain: the bound of Sellke, Bayarri and Berger (2001, The American
     Statistician 55(1), 62-71) on the odds that a p value can give."""
     p = min(max(p, LEAST_CHANCE), np.exp(-1.0))
-    odds = PRIOR_ODDS / (-np.e * p * np.log(p))
+    odds = PRIOR_ODDS / (-math.e * p * np.log(p))
     return float(odds / (1.0 + odds))
 
 

@@ -144,16 +144,18 @@ def blind() -> None:
 )
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), required=True, help="Seed of everything in it.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the trial.")
+@click.option("--base", "bases", type=click.Path(path_type=Path), multiple=True, metavar="EXPERIMENT",
+              help="A real film that is the base of a share of the cases; may be given more than once.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_make(cases, seed, out, workers, quiet) -> None:
+def blind_make(cases, seed, out, bases, workers, quiet) -> None:
     """Make sealed cases: films with up to four hidden effects, or with a cause from outside the catalogue.
 
-    Example: rock2d blind make --cases 40 --seed 1 --out trial
+    Example: rock2d blind make --cases 40 --seed 1 --base my_tests --out trial
     """
     from rock2d.blind.command import make
 
-    make(cases, seed, out, workers=workers, progress=not quiet, report=click.echo)
+    make(cases, seed, out, bases, workers=workers, progress=not quiet, report=click.echo)
 
 
 @blind.command("run")

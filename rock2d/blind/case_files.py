@@ -1,16 +1,16 @@
 """Blind cases on disk: experiment folders as any user could film them, and sealed labels with the hidden causes.
 
-A case is a folder with four experiments. `fit` and `heldout` are what the diagnosis may see. `twin_fit` and `twin` are
-the same releases without the hidden causes: same incident states, soil draws and noise, recorded by the correct camera.
-Twins are sealed like the labels, because a comparison with the films would reveal the causes. Only the measurement of
-the true floor, which no diagnosis sees, may read them.
+A case is a folder of experiments. `fit` and `heldout` are what the diagnosis may see. `twin_fit` and `twin` are the
+same releases without the hidden causes: same incident states, soil draws and noise, recorded by the correct camera; a
+case from a real record has none. Twins are sealed like the labels, because a comparison with the films would reveal the
+causes. Only the measurement of the true floor, which no diagnosis sees, may read them.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.filming import film_case
+from rock2d.blind.record_cases import Record, bases_of, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -34,22 +35,24 @@ FIT, HELDOUT, TWIN_FIT, TWIN = "fit", "heldout", "twin_fit", "twin"  # experimen
 
 
 def make_trial(
-    count: int, seed: int, out: Path, *, causes: list[tuple[str, ...]] | None = None, workers: int = 1,
-    on_case: Callable[[], Any] = lambda: None,
+    count: int, seed: int, out: Path, *, causes: list[tuple[str, ...]] | None = None,
+    records: Sequence[Record] = (), workers: int = 1, on_case: Callable[[], Any] = lambda: None,
 ) -> str:  # fmt: skip
     """Write `count` sealed cases into the new folder `out`; returns the SHA-256 of the labels.
 
     `out` gets cases/NNN/{fit,heldout,twin_fit,twin}, cases.json (seed, count, SHA-256 of the labels) and
-    labels.json, which only `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns.
+    labels.json, which only `rock2d blind score` opens. `causes`: what the cases hide, instead of what the seed assigns;
+    `records`: real ones, which are the base of a share of the cases.
     """
     root = np.random.SeedSequence(seed)
     assigning, *children = root.spawn(count + 1)
     causes = assign_causes(count, assigning) if causes is None else causes
+    bases = bases_of(causes, len(records), assigning.spawn(1)[0])
     labels = {}
     with atomic_folder(out) as folder:
         jobs = [
-            (own, child, folder / CASES / f"{i:03d}")
-            for i, (own, child) in enumerate(zip(causes, children, strict=True))
+            (own, child, folder / CASES / f"{i:03d}", None if base is None else records[base])
+            for i, (own, child, base) in enumerate(zip(causes, children, bases, strict=True))
         ]
         with closing(as_finished(_make, jobs, workers)) as made:
             for _, (name, label) in made:
@@ -64,7 +67,11 @@ def make_trial(
     return digest
 
 
-def _make(causes: tuple[str, ...], seed: np.random.SeedSequence, folder: Path) -> tuple[str, dict[str, Any]]:
+def _make(
+    causes: tuple[str, ...], seed: np.random.SeedSequence, folder: Path, record: Record | None
+) -> tuple[str, dict[str, Any]]:
+    if record is not None:
+        return folder.name, write_record_case(record, causes, seed, folder / FIT, folder / HELDOUT)
     return folder.name, write_case(draw_case(causes, seed), folder)
 
 

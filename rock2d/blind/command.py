@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import Workers
 from rock2d.errors import InputError
-from rock2d.files.folders import make_folder, write_whole
+from rock2d.files.folders import check_folder, make_folder, write_whole
 from rock2d.files.text_files import read_json
 from rock2d.progress import Bars
 
@@ -22,12 +22,19 @@ if TYPE_CHECKING:
 Report = Callable[[str], None]
 
 
-def make(count: int, seed: int, out: Path, *, workers: int | None, progress: bool, report: Report) -> None:
-    """Write a sealed trial."""
+def make(
+    count: int, seed: int, out: Path, bases: Sequence[Path], *, workers: int | None, progress: bool,
+    report: Report,
+) -> None:  # fmt: skip
+    """Write a sealed trial; `bases`: experiments that are the base of a share of its cases."""
     from rock2d.blind.case_files import make_trial
+    from rock2d.blind.record_cases import read_record
 
+    check_folder(out)
+    processes = workers or os.cpu_count() or 1
+    records = [read_record(folder, processes, progress) for folder in bases]
     with Bars(progress).stage("filming", count, "cases") as bar:
-        digest = make_trial(count, seed, out, workers=workers or os.cpu_count() or 1, on_case=bar.update)
+        digest = make_trial(count, seed, out, records=records, workers=processes, on_case=bar.update)
     report(f"written: {out} ({count} cases); SHA-256 of the labels {digest}")
 
 

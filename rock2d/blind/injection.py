@@ -54,11 +54,10 @@ class Injected:
     cut: int
 
 
-def some_releases(experiment: Experiment, part: int, parts: int) -> Experiment:
-    """Every `parts`-th release of a film, from number `part` on."""
+def of_releases(experiment: Experiment, names: Array) -> Experiment:
+    """The releases of a film that have these names."""
     table = experiment.trajectories
     assert table is not None
-    names = np.unique(table["release"])[part::parts]
     return replace(experiment, trajectories=table[table["release"].isin(names)])
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.case_files import CASES
-from rock2d.blind.injection import injected, some_releases
+from rock2d.blind.injection import injected, of_releases
 from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
@@ -92,6 +92,8 @@ def make_cases(
     found, known, cases = result.found, catalogue(), {}
     assert found is not None
     fit = found.final.fit if found.named else found.base
+    assert result.experiment.trajectories is not None
+    releases = np.unique(result.experiment.trajectories["release"])
     curves = detection_curves(result, {name: known[name] for name in effects})
     stated = options["limits"] or {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
@@ -100,7 +102,7 @@ def make_cases(
             assert parameter is not None
             size = min(size, span(parameter))
             values = values_of_size(effect, size, result.setup, below=bool(k % 2))
-            film = some_releases(result.experiment, part, plan.subsets)
+            film = of_releases(result.experiment, releases[part :: plan.subsets])
             changed = injected(film, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
             model, p, moved = with_cause(fit.model, fit.p, effect, values)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from rock2d.blind.scoring import wilson_share
+from rock2d.effects import catalogue
 
 LARGEST_ERROR = 0.25  # relative, of a size that counts as right
 
@@ -73,11 +75,15 @@ class SizeError:
 
 def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -> list[SizeError]:
     """Of the named effects, from a label and the `causes` of a diagnosis."""
-    hidden = {str(own["name"]): own for own in label["hidden"]}
+    of_record = label.get("of_record", [])  # what is found of these is not only what was put in
+    hidden = {str(own["name"]): own for own in label["hidden"] if own["name"] not in of_record}
     found = []
     for cause in causes:
         effect, own = cause["effect"], hidden.get(cause["effect"])
         meaning = MEANINGS.get(effect)
+        if "base" in label and effect in hidden:
+            first = catalogue()[effect].parameters[0]
+            meaning = Meaning(first.name, itemgetter(first.name), first.neutral)
         if own is None or meaning is None or not cause["named"] or int(own["form"]) != meaning.form:
             continue
         if (fitted := cause["parameters"].get(meaning.parameter)) is None:

@@ -27,8 +27,10 @@ LEAST_GAP = 1.03  # gap of the base law over the floor, from which on a share of
 
 
 def true_closure(case: Path, result: Diagnosis) -> float | None:
-    """The share; None where there is no gap, or a film of the case cannot be divided."""
+    """The share; None where there is no gap, the case has no twin, or a film of it cannot be divided."""
     found = result.found
+    if not (case / TWIN).is_dir():
+        return None
     null = _null_fit(case / TWIN_FIT)
     held, twin = _data(case / HELDOUT), _data(case / TWIN)
     if found is None or null is None or held is None or twin is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.blind.injection import injected, some_releases
+from rock2d.blind.injection import injected
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
@@ -131,8 +131,3 @@ def test_roughness_turns_impacts_and_depends_on_the_seed_alone(record):
     first = both[both.t_s < 0.02]  # before the first impact
     assert np.hypot(first.x_m - first.x_m_old, first.y_m - first.y_m_old).max() < 1e-12
     assert np.hypot(both.x_m - both.x_m_old, both.y_m - both.y_m_old).max() > 1e-3
-
-
-def test_subsets_share_no_release(record):
-    parts = [set(some_releases(record, k, 3).trajectories["release"]) for k in range(3)]
-    assert [len(part) for part in parts] == [4, 4, 4] and len(set.union(*parts)) == 12

@@ -63,7 +63,7 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
         raise InputError(message, folder, code="not_diagnosed")
     fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
     if experiment.trajectories["release"].nunique() < fewest:
-        raise InputError(f"expected at least {fewest} releases", folder, code="too_few")
+        raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
     found = result.found
     fit = found.final.fit if found.named else found.base
     return Record(experiment, result.setup, fit, sorted(found.named), detection_curves(result, effects))

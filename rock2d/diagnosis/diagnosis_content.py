@@ -342,8 +342,9 @@ def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
     """Median misses of held-out releases: velocity after an impact, place and angle at the end of a segment."""
     assert result.found is not None
     after = (result.found.base_held_out, result.found.learnt.held_out)
-    speeds = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]
-    found = {"m_s": [float(np.nanmedian(own)) for own in speeds]} if len(speeds[0]) else {}
+    every = [np.hypot(*own.residuals.impacts[:, -3:-1].T) for own in after]
+    speeds = [own[np.isfinite(own)] for own in every]
+    found = {"m_s": [float(np.median(own)) for own in speeds]} if all(map(len, speeds)) else {}
     if result.predicted is not None:
         found |= dict(zip(("mm", "deg"), map(list, zip(*result.predicted.ends, strict=True)), strict=True))
     return {

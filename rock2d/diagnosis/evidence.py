@@ -133,8 +133,10 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evide
     alone = held_out_gain(data, learnt, less)
     chance = float(norm.sf(alone.significance))
     if not effect.scatter:  # which closes nothing, and to which signs do not matter
-        draws = np.max([own.by_chance for own in search.beside(best).values()], axis=0)
-        chance = max(chance, exceeded(alone.total, draws), closes_nothing(search, name))
+        others_by_chance = [own.by_chance for own in search.beside(best).values()]
+        if others_by_chance:
+            chance = max(chance, exceeded(alone.total, np.max(others_by_chance, axis=0)))
+        chance = max(chance, closes_nothing(search, name))
     ahead = search.rivals(best, name, RIVAL_Z)
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood

@@ -43,7 +43,7 @@ def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
     setup = setup_world(experiment)
     data = FilmData.of(load_film(experiment), setup)
     base = fit(Model(setup, START), data)
-    return data, base, learn(base, cross_validate(base, data), data)
+    return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +54,11 @@ def hardened() -> tuple[FilmData, Fit, Learnt]:
 def test_what_predicts_held_out_releases_better_is_used_where_something_was_learnt(hardened):
     data, base, learnt = hardened
     without = Learnt(base, cross_validate(base, data), [])
-    assert best_predicting(data, without, [learnt]) is learnt
-    assert best_predicting(data, without, [replace(learnt, changes=[])]) is not learnt
-    assert best_predicting(data, learnt, [without]) is learnt
-    assert best_predicting(data, learnt, [replace(learnt)]) is learnt  # equal, but no better
+    assert best_predicting(data, without, learnt) is learnt
+    assert best_predicting(data, without, replace(learnt, changes=[])) is without
+    assert best_predicting(data, learnt, without) is learnt
+    same = replace(learnt)
+    assert best_predicting(data, learnt, same) is learnt  # equal, but no better
 
 
 def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_series(hardened):

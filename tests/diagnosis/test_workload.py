@@ -10,9 +10,9 @@ from rock2d.diagnosis.cause_sets import MOST_CAUSES
 from rock2d.diagnosis.workload import (
     ALONE,
     BASE,
+    EVIDENCE,
     EXPLORING,
     GAP,
-    LEARNT,
     READING,
     REPORT,
     SETS,
@@ -117,7 +117,7 @@ def replayed(film: Diagnosed):
             bars.fits(count)
             for _ in range(count):
                 one_more(film.sets / fits, lambda: bars.fitted("names"))
-    with bars.stage(LEARNT, len(film.rounds) + 2, "sets") as bar:
+    with bars.stage(EVIDENCE, len(film.rounds) + 2, "sets") as bar:
         for evaluations in film.learnt:
             one_more(evaluations, bar.update)
         works(film.regressions)

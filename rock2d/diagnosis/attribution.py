@@ -194,14 +194,9 @@ def _better_base(search: Search) -> CauseSet | None:
 
 
 def _attribution(search: Search) -> Attribution:
-    data, whole = search.data, search.best
-    with search.bars.stage(EVIDENCE, len(whole.names) + 2, "models") as bar:
-        beside_all = learn(whole, data)
-        bar.step("what is left")
-        evidence = weigh(search, beside_all, bar)
-        best = search.joint(frozenset(name for name, own in evidence.items() if own.named(name)))
-        learnt = beside_all if best is whole else learn(best, data)
-        bar.step("what is left")
+    data = search.data
+    evidence, learnt, beside_all = _weighed(search)
+    best = search.best
     p_outside = outside(held_out_gain(data, learnt, best), search.gain(best, search.base))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
@@ -216,6 +211,26 @@ def _attribution(search: Search) -> Attribution:
         [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, regressed.left, best.names,
         {names: own.held_out for names, own in search.within(best.names).items()},
     )  # fmt: skip
+
+
+def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
+    """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
+
+    Members that cannot be named leave the set, and the search goes on without them: they may have stood in the way of
+    others. What is left is weighed again.
+    """
+    evidence, beside_first = dict[str, Evidence](), None
+    while True:
+        with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
+            learnt = learn(search.best, search.data)
+            bar.step("what is left")
+            found = weigh(search, learnt, bar)
+        evidence |= found
+        beside_first = beside_first or learnt
+        refused = frozenset(name for name, own in found.items() if not own.named(name))
+        if not refused:
+            return evidence, learnt, beside_first
+        search.refuse(refused)
 
 
 class Regressed(NamedTuple):

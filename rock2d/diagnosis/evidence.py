@@ -36,6 +36,8 @@ LEAST_CHANCE = 1e-6
 EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
 RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
+# An effect of many parameters takes on what another does in a form that is not the catalogue's.
+OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 MOST_RIVALS = 2  # effects that may stand for one that is named
 NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
 # of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
@@ -141,6 +143,9 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evide
     if learnt.changes and (twin := TWINS.get(name)) is not None:
         # contacts alone could tell them apart, and something in these is not understood
         ahead = {twin: 0.0} | ahead
+    for other in OTHER_FORMS.get(name, ()):
+        if other in search.effects and other not in best.names:
+            ahead = {other: min(OTHER_FORM_Z, ahead.get(other, np.inf))} | ahead
     sizes = [size(fit, name) for fit in (best.fit, learnt.fit)]
     if min(sizes) < LEAST_SIZE or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
         chance = 1.0

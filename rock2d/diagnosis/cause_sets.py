@@ -203,8 +203,8 @@ class Search:
             self._prune(self.best.names - known.names)
 
     def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
-        """The sets with one more effect, none of `but` and none that is refused: the `most` of them from which screening
-        expects most.
+        """The sets with one more effect, none of `but` and none that is refused: the `most` of them from which
+        screening expects most.
 
         `ahead`: see `_fit`.
         """

@@ -58,8 +58,8 @@ class Evidence:
     Attributes
     ----------
     alone : what it gains beside all others
-    instead : what is gained by what is learnt in its place
-    others : log likelihood that the other members gain
+    instead : what is gained by what is learnt in its place; nothing in that of a scatter
+    others : log likelihood that those other members gain whose laws may have another form
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     """
@@ -121,7 +121,11 @@ def weigh(search: Search, learnt: Learnt, bar: Bar) -> dict[str, Evidence]:
     best = search.best
     gains = {name: search.gain(best, less).total for name, less in search.without(best).items()}
     for name in sorted(best.names):
-        found[name] = _evidence(search, learnt, name, sum(gains.values()) - gains[name])
+        # the camera's geometry has no other form
+        others = sum(
+            gain for other, gain in gains.items() if other != name and not search.effects[other].camera
+        )
+        found[name] = _evidence(search, learnt, name, others)
         bar.step(name)
     return found
 
@@ -150,8 +154,8 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evide
     if min(sizes) < LEAST_SIZE or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
         chance = 1.0
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
-    if not found.named(name):
-        return found
+    if effect.scatter or not found.named(name):
+        return found  # changes of the mean are no scatter
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
     return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
 

@@ -216,8 +216,7 @@ def _attribution(search: Search) -> Attribution:
 def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    Members that cannot be named leave the set, and the search goes on without them: they may have stood in the way of
-    others. What is left is weighed again.
+    Members that cannot be named leave the set. The others are weighed again without them.
     """
     evidence, beside_first = dict[str, Evidence](), None
     while True:
@@ -230,7 +229,7 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
         refused = frozenset(name for name, own in found.items() if not own.named(name))
         if not refused:
             return evidence, learnt, beside_first
-        search.refuse(refused)
+        search.best = search.joint(search.best.names - refused)
 
 
 class Regressed(NamedTuple):

@@ -76,7 +76,6 @@ class Search:
     folder : keeps finished fits
     known : names -> set
     best : the set from which no addition, omission or exchange gains more
-    refused : effects that are no longer tried
     expected : names of a set -> what screening expects of each effect beside it
     """
 
@@ -88,12 +87,10 @@ class Search:
     folder: Path | None = None
     known: dict[Names, CauseSet] = field(init=False)
     best: CauseSet = field(init=False)
-    refused: Names = field(init=False)
     expected: dict[Names, dict[str, Expected]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.known, self.best, self.expected = {frozenset(): self.base}, self.base, {}
-        self.refused = frozenset()
 
     def try_alone(self) -> None:
         """Fit the base law with each effect alone. All are explored first: no fit goes on far behind another one."""
@@ -125,12 +122,6 @@ class Search:
                 if not self._exchange():
                     break
                 self._grow()
-
-    def refuse(self, names: Names) -> None:
-        """Leave out members of the best set for good, and find what is best without them."""
-        self.refused |= names
-        self.best = self.joint(self.best.names - names)
-        self.run()
 
     def without(self, own: CauseSet) -> dict[str, CauseSet]:
         """The sets that leave out one member each; name of the member -> set."""
@@ -192,9 +183,7 @@ class Search:
             seen.add(self.best.names)
             found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                found += self._with(
-                    [n for n in self._scatters() if n not in self.best.names | self.refused], self.best
-                )
+                found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)
             gains = [(self.gain(own, self.best), own) for own in found]
             better = [(gain.total, own) for gain, own in gains if gain.significant]
             if not better:
@@ -203,12 +192,10 @@ class Search:
             self._prune(self.best.names - known.names)
 
     def _additions(self, own: CauseSet, but: Names, most: int, ahead: float = 0.0) -> list[CauseSet]:
-        """The sets with one more effect, none of `but` and none that is refused: the `most` of them from which
-        screening expects most.
+        """The sets with one more effect, none of `but`: the `most` of them from which screening expects most.
 
         `ahead`: see `_fit`.
         """
-        but |= self.refused
         if not own.names:  # all effects were fitted alone
             return [found for name, found in self.alone.items() if name not in but]
         expected = {name: e.total for name, e in self.beside(own).items() if name not in but}

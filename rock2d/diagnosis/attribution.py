@@ -194,10 +194,13 @@ def _better_base(search: Search) -> CauseSet | None:
 
 
 def _attribution(search: Search) -> Attribution:
-    data = search.data
+    data, whole = search.data, search.best
     evidence, learnt, beside_all = _weighed(search)
     best = search.best
-    p_outside = outside(held_out_gain(data, learnt, best), search.gain(best, search.base))
+    p_outside = min(
+        outside(held_out_gain(data, own, beside), search.gain(beside, search.base))
+        for own, beside in ((learnt, best), (beside_all, whole))
+    )
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = harmless(data, learnt, search.base.fit)

@@ -41,7 +41,7 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 MOST_RIVALS = 2  # effects that may stand for one that is named
 NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
 # of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
-FORM_SHARE, EFFECT_FORM_SHARE = 0.15, 0.05
+FORM_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05
 FORM_STEEPNESS = 3.0
 # of the plausible range on either side: a smaller size is of no use to anybody, and one at its end fits nothing
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999

@@ -7,7 +7,7 @@ Sources: E. B. Wilson, Probable inference, the law of succession, and statistica
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import numpy as np
@@ -29,6 +29,21 @@ def wilson_interval(passed: int, releases: int, confidence: float = 0.95) -> tup
     low = 0.0 if passed == 0 else (centre - half) / n
     high = 1.0 if passed == releases else (centre + half) / n
     return float(low), float(high)
+
+
+def wilson_share(hits: Sequence[bool]) -> list[float]:
+    """Share of the hits with its 95 % interval: [share, low, high, count]; a share of NaN without any."""
+    count, total = sum(map(bool, hits)), len(hits)
+    if total == 0:
+        return [float("nan"), 0.0, 1.0, 0]
+    return [count / total, *wilson_interval(count, total), total]
+
+
+def share_text(share: Sequence[float]) -> str:
+    """A `wilson_share` in words."""
+    if share[3] == 0:
+        return "no case"
+    return f"{100 * share[0]:.1f} % [{100 * share[1]:.1f}, {100 * share[2]:.1f}] of {share[3]:.0f}"
 
 
 @cache

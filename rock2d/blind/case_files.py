@@ -75,13 +75,6 @@ def _make(
     return folder.name, write_case(draw_case(causes, seed), folder)
 
 
-def redraw(folder: Path, name: str) -> Case:
-    """A case of a trial whose causes the seed assigned, as it was before it was filmed."""
-    index = read_index(folder)
-    assigning, *children = np.random.SeedSequence(index["seed"]).spawn(index["count"] + 1)
-    return draw_case(assign_causes(index["count"], assigning)[int(name)], children[int(name)])
-
-
 def write_case(case: Case, folder: Path) -> dict[str, Any]:
     """Film a case into folder/fit and folder/heldout, and its twins without causes; returns its label."""
     times = case.times_s

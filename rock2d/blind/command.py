@@ -56,17 +56,14 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
     """Open the labels and write score.json, score.csv and score.html into the trial's folder."""
     from rock2d.blind.case_files import read_index
     from rock2d.blind.page import write_page
-    from rock2d.blind.scoring import confused_pairs, score_table, summary
-    from rock2d.blind.set_scoring import set_cases, set_summary
+    from rock2d.blind.scoring import scored_cases, summary, table
 
-    cases = score_table(folder)
-    found = summary(cases) | {"confused": confused_pairs(folder, cases)}
-    sets = set_cases(folder)
-    if sets:
-        found["sets"] = set_summary(sets)
-    write_whole(folder / "score.csv", cases.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    cases = scored_cases(folder)
+    found = summary(cases)
+    text = table(cases).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    write_whole(folder / "score.csv", text)
     write_whole(folder / "score.json", json.dumps(found, indent=1) + "\n")
-    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html", sets)
+    write_page(cases, found, read_index(folder)["labels_sha256"], folder / "score.html")
     for key, value in found.items():
         report(f"{key}: {value}")
     report(f"written: {folder / 'score.html'}")

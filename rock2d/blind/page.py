@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import html
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rock2d.blind.scoring import (
+    ABSENT_SIGNAL_TO_NOISE,
     CALIBRATION_BINS,
+    CLAIMED_PROBABILITY,
     CLEAR_SIGNAL_TO_NOISE,
-    CONFIDENT_PROBABILITY,
+    CLOSURE_MARGIN,
+    LABEL_KINDS,
+    PRESENT_SIGNAL_TO_NOISE,
     SIGNAL_TO_NOISE_EDGES,
-    confusion,
-    share_text,
+    SURE_PROBABILITY,
+    ScoredCase,
+    inclusion_pairs,
+    known_closures,
 )
-from rock2d.blind.set_page import set_section
-from rock2d.blind.set_scoring import SetCase
+from rock2d.blind.size_errors import LARGEST_ERROR
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import (
     PAGE_ACCENT,
@@ -32,145 +37,194 @@ from rock2d.graphics.pages import (
     html_page,
     html_table,
 )
-from rock2d.statistics import wilson_interval
+from rock2d.statistics import share_text, wilson_interval
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
-RELEASE_EDGES, NOISE_EDGES = (20, 40, 80, 119), (0.004, 0.008, 0.015)
+CALIBRATION_COLUMNS = ("pairs", "present", "auroc", "brier", "ece", "ece_if_calibrated")
+CALIBRATION_HEAD = ("", "pairs", "present", "AUROC", "Brier", "ECE", "ECE of chance alone")
+KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # of LABEL_KINDS
+GROUP_NAMES = {
+    "all": "all cases",
+    "without_outside": "no outside cause",
+    "with_outside": "beside an outside cause",
+}
 
 
-def write_page(
-    cases: pd.DataFrame, summary: dict[str, Any], digest: str, path: Path, sets: Sequence[SetCase] = ()
-) -> None:
-    """Write the page of a scored trial; `sets`: its cases whose results name sets."""
-    panels = [
-        ("Hidden cause and verdict", _confusion_matrix(cases)),
-        (
-            "By signal-to-noise ratio",
-            _share_right(cases, "signal_to_noise", SIGNAL_TO_NOISE_EDGES[1:-1], "signal-to-noise"),
-        ),
-        (
-            "By number of releases",
-            _share_right(_clear_cases(cases), "releases", RELEASE_EDGES, "releases of the fit"),
-        ),
-        (
-            "By noise",
-            _share_right(_clear_cases(cases), "noise", NOISE_EDGES, "position noise over block size"),
-        ),
-        ("Stated and actual probability", _reliability(cases)),
-    ]
-    rows = [
-        (name, _text(value))
-        for name, value in summary.items()
-        if name not in ("wrong_and_sure", "confused", "sets")
-    ]
-    wrong = [
-        f"case {w['case']}: hidden {w['label']}, verdict {w['verdict']} (probability {w['p']:.2f}, signal-to-noise "
-        f"{w['signal_to_noise']:.1f})"
-        for w in summary["wrong_and_sure"]
-    ]
-    pairs = html_table(
-        [_pair_cells(pair) for pair in summary["confused"]],
-        head=("hidden", "verdict", "cases", "signal-to-noise", "cosine"),
-    )
-    body = (
-        f"<h1>Blind trial of {summary['cases']} cases</h1>"
-        f"<p>SHA-256 of the sealed labels: <code>{html.escape(digest)}</code></p>{html_table(rows)}"
-        f"<h2>Wrong verdicts with a probability above {CONFIDENT_PROBABILITY:.0%}</h2>{html_list(wrong or ['none'])}"
-        "<h2>Wrong verdicts that occurred more than once</h2><p>The cosine is that of the angle between the signatures "
-        "of the two effects, without the part that a fit can imitate (median over the cases). Near 1 no method could "
-        "distinguish the two; a smaller value shows a weakness of the diagnosis.</p>"
-        f"{pairs}{''.join(html_figure(title, figure, image_format='svg') for title, figure in panels)}"
-        f"{set_section(sets, summary['sets']) if sets else ''}"
-    )
+def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, path: Path) -> None:
+    """Write the page; `found`: `summary` of the cases, `digest`: of the sealed labels."""
+    outside = found["outside"]
+    body = "".join([
+        f"<h1>Blind trial of {found['cases']} cases</h1>"
+        f"<p>SHA-256 of the sealed labels: <code>{html.escape(digest)}</code></p>"
+        "<p>The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
+        "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.</p>",
+        _base_part(found.get("by_base", {})),
+        "<h2>Single verdicts</h2>"
+        + html_table((name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()),
+        "<h2>Inclusion probabilities</h2>"
+        f"<p>Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its "
+        f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
+        f"{found['inclusion']['undecidable']} pairs between them are undecidable and left out. ECE: expected "
+        "calibration error.</p>",
+        _calibration_table(found["inclusion"]),
+        html_figure("Stated and actual inclusion", _reliability(cases), image_format="svg"),
+        "<h2>Hidden effects that are named</h2>" + _recall_table(found),
+        "<h2>Named effects that are hidden</h2>"
+        + html_table((GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items())
+        + f"<p>Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}</p>",
+        "<h2>By number of releases</h2>" + _release_table(found["by_releases"]),
+        "<h2>Causes from outside the catalogue</h2>"
+        f"<p>Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without.</p>"
+        + html_table([
+            ("AUROC", f"{outside['auroc']:.3g}"),
+            (f"clear ones with a probability of at least {CLAIMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
+            ("false alarms", share_text(outside["false_alarms"])),
+        ]),
+        f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",
+        html_list([_wrong_text(w) for w in found["wrong_and_sure"]] or ["none"]),
+        _closure_part(cases, found["closure"]),
+        _prediction_part(found["predicted"]),
+        _size_part(found["sizes"]),
+        f"<p>Median time for a case: {found['median_seconds']:.0f} s</p>",
+    ])  # fmt: skip
     write_whole(path, html_page("Blind trial", body))
 
 
-def _pair_cells(confused: dict[str, Any]) -> list[str]:
-    """One row of the table of confused pairs."""
-    alike = "" if confused["cosine"] is None else f"{confused['cosine']:.2f}"
-    strength = f"{confused['median_signal_to_noise']:.1f}"
-    return [confused["label"], confused["verdict"], str(confused["count"]), strength, alike]
+def _base_part(found: dict[str, dict[str, Any]]) -> str:
+    """Made cases and those from each real record; nothing if all are made."""
+    if not found:
+        return ""
+    level = {low: f"{low:g} to {high:g}" for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES)}
+    clear = [level[low] for low in level if low >= CLEAR_SIGNAL_TO_NOISE]
+    rows = []
+    for base, own in found.items():
+        counts = [
+            counts[count][name] for counts in own["recall"].values() for count in counts for name in clear
+        ]
+        total = sum(share[3] for share in counts)
+        hits = sum(round(share[0] * share[3]) for share in counts if share[3])
+        rows.append((
+            base, f"{hits:.0f} of {total:.0f}", share_text(own["precision"]["all"]),
+            share_text(own["nulls_with_a_cause_named"]), f"{100 * own['sizes']['all']['median_absolute']:.0f} %",
+        ))  # fmt: skip
+    head = ("base", f"named (signal-to-noise from {CLEAR_SIGNAL_TO_NOISE:g})", "named effects right",
+            "nulls with a cause named", "median size of the error")  # fmt: skip
+    return "<h2>By base of the cases</h2>" + html_table(rows, head=head)
 
 
-def _clear_cases(cases: pd.DataFrame) -> pd.DataFrame:
-    return cases[(cases["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE) | (cases["label"] == "none")]
+def _prediction_part(found: dict[str, Any]) -> str:
+    """What predictions of held-out films reach; nothing if there are none."""
+    rows = [
+        (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]))
+        for name, own in found.items()
+        if own["tail_not_worse"][3]
+    ]
+    head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's")
+    return "<h2>Predictions of held-out films</h2>" + html_table(rows, head=head) if rows else ""
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    if isinstance(value, list) and len(value) == 4:
-        return share_text(value)
-    if isinstance(value, dict):
-        return "; ".join(f"{k}: {_text(v)}" for k, v in value.items())
-    return str(value)
+def _calibration_table(found: dict[str, Any]) -> str:
+    rows = {"all": found, **found["by_effect"]}
+    return html_table(
+        ((name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()),
+        head=CALIBRATION_HEAD,
+    )
 
 
-def _confusion_matrix(cases: pd.DataFrame) -> Figure:
-    table = confusion(cases)
-    figure, (axes,) = blank_axes(9.5, 8.0)
-    share = table.to_numpy() / table.to_numpy().sum(axis=1, keepdims=True)
-    axes.imshow(share, cmap="Blues", vmin=0, vmax=1)
-    axes.set_xticks(range(table.shape[1]), table.columns, rotation=60, ha="right")
-    axes.set_yticks(range(table.shape[0]), table.index)
-    axes.set_xlabel("verdict")
-    axes.set_ylabel("hidden")
-    for (i, k), count in np.ndenumerate(table.to_numpy()):
-        if count:
-            axes.text(
-                k, i, str(count), ha="center", va="center", color="white" if share[i, k] > 0.5 else PAGE_INK
-            )
-    return figure
+def _recall_table(found: dict[str, Any]) -> str:
+    groups = [
+        (f"{count} hidden, {GROUP_NAMES[beside]}", own)
+        for beside, counts in found["recall"].items()
+        for count, own in counts.items()
+    ] + [("named first (single causes)", found["first_right_single"])]
+    return html_table(
+        ((level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]),
+        head=("signal-to-noise", *(name for name, _ in groups)),
+    )
 
 
-def _share_right(cases: pd.DataFrame, column: str, edges: Sequence[float], label: str) -> Figure:
-    """Share of right verdicts in bins of a column, with 95 % Wilson intervals."""
-    figure, (axes,) = blank_axes(7.0, 3.4)
-    groups = (
+def _release_table(found: dict[str, dict[str, list[float]]]) -> str:
+    head = ("releases", f"present effects named (signal-to-noise from {PRESENT_SIGNAL_TO_NOISE:g})",
+            "named effects right", "nulls with a cause named")  # fmt: skip
+    return html_table(((name, *map(share_text, own.values())) for name, own in found.items()), head=head)
+
+
+def _wrong_text(wrong: dict[str, Any]) -> str:
+    hidden = {**wrong["hidden"]} | ({} if wrong["outside"] is None else {"outside cause": wrong["outside"]})
+    truth = ", ".join(f"{name} (signal-to-noise {z:.1f})" for name, z in hidden.items()) or "nothing"
+    return f"case {wrong['case']}: {wrong['effect']} (probability {wrong['p']:.2f}); hidden {truth}"
+
+
+def _closure_part(cases: Iterable[ScoredCase], found: dict[str, Any]) -> str:
+    """Claimed against true closure; nothing if no case has both."""
+    if found["all"]["within_15_points"][3] == 0:
+        return ""
+    rows = [
+        (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]))
+        for name, own in found.items()
+        if own["within_15_points"][3] > 0
+    ]
+    head = ("hidden", "median of claimed less true", f"within {100 * CLOSURE_MARGIN:.0f} points")
+    return (
+        "<h2>Claimed and true closure</h2>"
+        + html_table(rows, head=head)
+        + html_figure("Closure of the gap, claimed against true", _closures(cases), image_format="svg")
+    )
+
+
+def _size_part(found: dict[str, dict[str, Any]]) -> str:
+    """Sizes of named effects against the hidden ones; nothing if none can be compared."""
+    if not found["all"]["count"]:
+        return ""
+    rows = [
         (
-            "one effect",
-            ~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False),
-        ),
-        ("outside the catalogue", cases["label"] == "unknown"),
-        ("nothing", cases["label"] == "none"),
+            name,
+            f"{own['count']}",
+            f"{100 * own['median']:+.0f} %",
+            f"{100 * own['median_absolute']:.0f} %",
+            share_text(own["within"]),
+            share_text(own["covered"]),
+        )
+        for name, own in found.items()
+    ]
+    head = ("effect", "compared", "median error", "median size of the error", f"within {100 * LARGEST_ERROR:.0f} %",
+            "95 % intervals that hold the hidden size")  # fmt: skip
+    return (
+        "<h2>Sizes of named effects</h2>"
+        "<p>Where a parameter means the same in the catalogue and in the reality engine. Errors are relative to the "
+        "hidden size; of factors, their logarithms are compared.</p>" + html_table(rows, head=head)
     )
-    bounds = [-np.inf, *edges, np.inf]
-    markers = ((-0.12, "o", PAGE_ACCENT), (0.0, "s", PAGE_INK), (0.12, "D", PAGE_WARM))
-    for (shift, marker, colour), (name, own) in zip(markers, groups, strict=True):
-        for i, (low, high) in enumerate(itertools.pairwise(bounds)):
-            part = cases[own & (cases[column] > low) & (cases[column] <= high)]
-            if len(part):
-                hits = int(part["right"].sum())
-                a, b = wilson_interval(hits, len(part))
-                share = hits / len(part)
-                axes.errorbar(i + shift, share, [[share - a], [b - share]], fmt=marker, color=colour,
-                              label=name if name not in axes.get_legend_handles_labels()[1] else None)  # fmt: skip
-                axes.annotate(str(len(part)), (i + shift, 0.02), ha="center", fontsize=7, color=colour)
-    axes.set_xticks(
-        range(len(bounds) - 1), [f"{_edge_text(a)} to {_edge_text(b)}" for a, b in itertools.pairwise(bounds)]
-    )
-    axes.set_ylim(0, 1.03)
-    axes.set_xlabel(label)
-    axes.set_ylabel("share right")
-    axes.legend(frameon=False, loc="lower right")
+
+
+def _reliability(cases: Sequence[ScoredCase]) -> Figure:
+    """Share of present effects against their probability, in bins of equal mass of the pairs above 0."""
+    figure, (axes,) = blank_axes(4.2, 4.0)
+    axes.plot([0, 1], [0, 1], color=PAGE_RULE)
+    pairs = [(p, present) for _, p, present in inclusion_pairs(cases) if p > 0.0]
+    p, present = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+    for part in np.array_split(np.argsort(p, kind="stable"), max(1, min(CALIBRATION_BINS, len(p)))):
+        if len(part):
+            low, high = wilson_interval(int(present[part].sum()), len(part))
+            share = present[part].mean()
+            axes.errorbar(p[part].mean(), share, [[share - low], [high - share]], fmt="o", color=PAGE_ACCENT)
+    axes.set_xlabel("inclusion probability of a listed effect")
+    axes.set_ylabel("share present")
     return figure
 
 
-def _edge_text(value: float) -> str:
-    return "…" if not np.isfinite(value) else f"{value:g}"
-
-
-def _reliability(cases: pd.DataFrame) -> Figure:
-    figure, (axes,) = blank_axes(4.2, 4.0)
-    p, right = cases["p"].to_numpy(), cases["right"].to_numpy(float)
+def _closures(cases: Iterable[ScoredCase]) -> Figure:
+    figure, (axes,) = blank_axes(5.2, 4.6)
+    known = known_closures(cases)
     axes.plot([0, 1], [0, 1], color=PAGE_RULE)
-    for part in np.array_split(np.argsort(p, kind="stable"), min(CALIBRATION_BINS, len(p))):
-        low, high = wilson_interval(int(right[part].sum()), len(part))
-        share = right[part].mean()
-        axes.errorbar(p[part].mean(), share, [[share - low], [high - share]], fmt="o", color=PAGE_ACCENT)
-    axes.set_xlabel("probability stated for the verdict")
-    axes.set_ylabel("share right")
+    for shift in (-CLOSURE_MARGIN, CLOSURE_MARGIN):
+        axes.plot([0, 1], [shift, 1 + shift], color=PAGE_RULE, linestyle=":")
+    for kind, colour, marker in zip(LABEL_KINDS, KIND_COLOURS, "osD^", strict=True):
+        own = [(true, claimed) for k, claimed, true in known if k == kind]
+        if own:
+            axes.plot(*np.array(own).T, marker, color=colour, markersize=4, label=kind)
+    axes.set_xlabel("true closure")
+    axes.set_ylabel("claimed closure")
+    axes.legend(frameon=False)
     return figure

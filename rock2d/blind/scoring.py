@@ -1,9 +1,15 @@
-"""The score of a trial: the labels are opened and compared with the diagnoses."""
+"""The score of a trial: the labels are opened and compared with what the diagnoses name.
+
+The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or an effect that it
+shares its name with, is hidden, whatever its strength. What a real record holds anyway counts neither as right nor as
+wrong.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +17,11 @@ import numpy as np
 
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
+from rock2d.blind.size_errors import SizeError, size_errors, size_summary
+from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
-from rock2d.statistics import wilson_interval
+from rock2d.statistics import wilson_share
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,130 +29,327 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
-CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a verdict
-CONFIDENT_PROBABILITY = 0.8  # with which no wrong cause should be named
+CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a name
 CALIBRATION_BINS = 10  # of equal numbers of cases
-LEAST_PROBABILITY = 1e-4  # for the log score
+CLAIMED_PROBABILITY = 0.5  # from which on an outside cause is claimed
+SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
+# own signal-to-noise of a hidden effect: below the first it counts as absent, from the second on as present, between
+# them as undecidable
+ABSENT_SIGNAL_TO_NOISE, PRESENT_SIGNAL_TO_NOISE = 0.5, 2.0
+CLOSURE_MARGIN = 0.15  # share of the gap by which a claimed closure may miss the true one
+WORSE = 1.02  # times the misses of the base law, from which on a prediction is worse
+RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
+COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
+LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
+MADE = "made"  # base of a case that the reality engine made
 
 
-def read_results(folder: Path) -> dict[str, dict[str, Any]]:
-    """Results of a trial, case -> JSON; raises `InputError` if there are none."""
+@dataclass(frozen=True)
+class ScoredCase:
+    """A case with what it hides and what the diagnosis says.
+
+    Attributes
+    ----------
+    hidden : effects of the catalogue -> own signal-to-noise
+    outside : own signal-to-noise of the cause from outside the catalogue; None without one
+    strength : signal-to-noise of all that is hidden
+    verdict, p_verdict : the single answer, and its probability
+    p : inclusion probabilities of the listed effects, most probable first
+    names : each named effect with those that it shares its name with
+    claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
+    missed : misses of predictions of the held-out film, see `running`; may be empty
+    sizes : of named effects that are hidden, where they can be compared
+    base, of_record : the real record below the case, or MADE; the effects that it holds anyway
+    """
+
+    name: str
+    hidden: Mapping[str, float]
+    outside: float | None
+    strength: float
+    verdict: str
+    p_verdict: float
+    p: Mapping[str, float]
+    names: Sequence[frozenset[str]]
+    p_outside: float
+    releases: int
+    seconds: float
+    claimed: float | None
+    true: float | None
+    missed: Mapping[str, float] = field(default_factory=dict)
+    sizes: Sequence[SizeError] = ()
+    base: str = MADE
+    of_record: frozenset[str] = frozenset()
+
+    @property
+    def kind(self) -> str:
+        """One of LABEL_KINDS."""
+        if self.outside is not None:
+            return "outside cause"
+        return LABEL_KINDS[min(len(self.hidden), 2)]
+
+    @property
+    def label(self) -> str:
+        """The hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"; or "none"."""
+        own = sorted(self.hidden) if self.outside is None else [*sorted(self.hidden), "unknown"]
+        return "+".join(own) or "none"
+
+    @property
+    def judged(self) -> list[frozenset[str]]:
+        """The names without those of what the record holds anyway."""
+        return [own for own in self.names if own & self.hidden.keys() or not own & self.of_record]
+
+
+def scored_cases(folder: Path) -> list[ScoredCase]:
+    """The cases of a trial that have a result; raises `InputError` if there are none."""
     paths = sorted((folder / RESULTS).glob("*.json"))
+    labels, found = read_labels(folder), []
     if not paths:
         raise InputError("found no results; `rock2d blind run` writes them", folder)
-    return {path.stem: read_json(path) for path in paths}
-
-
-def score_table(folder: Path) -> pd.DataFrame:
-    """One row for each case: hidden causes, verdict with its probability, share of the gap closed."""
-    import pandas as pd
-
-    labels, rows = read_labels(folder), []
-    for name, result in read_results(folder).items():
+    for path in paths:
         try:
-            rows.append(_row(name, labels[name], result))
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError, ZeroDivisionError):
-            path = folder / RESULTS / f"{name}.json"
+            found.append(scored_case(path.stem, labels[path.stem], read_json(path)))
+        except (KeyError, TypeError, ValueError, AttributeError):
             raise InputError("expected a result of `rock2d blind run`", path, code="wrong_kind") from None
-    return pd.DataFrame(rows)
+    return found
 
 
-def _row(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, Any]:
-    """The row of one case."""
+def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) -> ScoredCase:
+    """A case from its label and its result. Of a film that was refused, nothing is named, and what is "unknown" counts
+    as the probability of an outside cause."""
     diagnosis = result["diagnosis"]
-    p = dict(diagnosis["probabilities"])
-    ranked = sorted(p, key=lambda effect: -p[effect])
-    truth = set(label["label"].split("+"))
-    verdict = ranked[0]
-    closures = result.get("closures") or {}
-    effect = next(iter(truth)) if len(truth) == 1 else None
-    others = [v for k, v in closures.items() if "+" not in k and k not in truth]
-    held = result.get("heldout") or {}
-    return {
-        "case": name, "label": label["label"], "verdict": verdict, "p": p[verdict],
-        "right": verdict in truth, "top3": bool(truth & set(ranked[:3])),
-        "p_truth": min(sum(p.get(t, 0.0) for t in truth), 1.0), "p_none": p["none"], "p_unknown": p["unknown"],
-        "brier": sum((p[k] - (k in truth) / len(truth)) ** 2 for k in p),
-        "signal_to_noise": label["signal_to_noise"], "kind": label["kind"], "releases": label["releases"],
-        "noise": label["position_noise_m"] / label["block_size_m"], "fps": label["fps"],
-        "form": label["hidden"][0]["form"] if label["hidden"] else -1,
-        "diagnosed": diagnosis["gap"].get("base") is not None, "seconds": result["seconds"],
-        "closure": closures.get(effect, np.nan) if effect else np.nan,
-        "runner_up": max(others, default=np.nan), "gap_closure": diagnosis["gap"]["closure"],
-        "phase": diagnosis["where"][0]["phase"] if diagnosis["where"] else "",
-        "phases": "+".join(label.get("phases", [])),
-        "regression_closure": result.get("regression_closure", np.nan),
-        "heldout_base": held.get("base", np.nan), "heldout_diagnosed": held.get("diagnosed", np.nan),
-    }  # fmt: skip
+    single = {str(effect): float(p) for effect, p in diagnosis["probabilities"].items()}
+    verdict = max(single, key=lambda effect: single[effect])
+    outside_p = (diagnosis["outside"] or {"p": single["unknown"]})["p"]
+    strengths = {str(h["name"]): float(h["signal_to_noise"]) for h in label["hidden"]}
+    hidden = {effect: z for effect, z in strengths.items() if effect in catalogue()}
+    outside = [z for cause, z in strengths.items() if cause not in hidden]
+    p = {str(cause["effect"]): float(cause["p"]) for cause in diagnosis["causes"]}
+    names = [frozenset([own["effect"], *own["group"]]) for own in diagnosis["causes"] if own["named"]]
+    return ScoredCase(
+        name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
+        dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p), int(label["releases"]),
+        float(result["seconds"]), _number(diagnosis["gap"]["closure"]), _number(result.get("true_closure")),
+        result.get("heldout") or {}, size_errors(label, diagnosis["causes"]),
+        str(label.get("base", MADE)), frozenset(label.get("of_record", ())),
+    )  # fmt: skip
 
 
-def summary(cases: pd.DataFrame) -> dict[str, Any]:
-    """The numbers of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
+def _number(value: Any) -> float | None:
+    return float(value) if value is not None and np.isfinite(float(value)) else None
+
+
+def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
+    """One row for each case: what is hidden, what is named, the single verdict, and how it predicts."""
     import pandas as pd
 
-    single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
-    pairs = cases[cases["label"].str.contains("+", regex=False)]
-    nulls, outside = cases[cases["label"] == "none"], cases[cases["label"] == "unknown"]
-    clear = single[single["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE]
-    known = ~cases["verdict"].isin(["none", "unknown"])
-    wrong = cases[~cases["right"] & (cases["p"] > CONFIDENT_PROBABILITY)]
-    named = clear[clear["diagnosed"] & (clear["phases"] != "")]
-    in_phase = [p in truth.split("+") for p, truth in zip(named["phase"], named["phases"], strict=True)]
-    levels = {}
-    for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES):
-        own = single[(single["signal_to_noise"] >= low) & (single["signal_to_noise"] < high)]
-        levels[f"{low:g} to {high:g}"] = {
-            "top1": wilson_share(own["right"]),
-            "top3": wilson_share(own["top3"]),
+    return pd.DataFrame([
+        {
+            "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,
+            "named": "+".join("|".join(sorted(own)) for own in c.names), "p_outside": c.p_outside,
+            "verdict": c.verdict, "p": c.p_verdict, "right": c.verdict in c.label.split("+"),
+            "claimed": c.claimed, "true": c.true, **{f"heldout_{key}": miss for key, miss in c.missed.items()},
+            "seconds": c.seconds,
         }
-    strong = outside[outside["signal_to_noise"] >= CLEAR_SIGNAL_TO_NOISE]
+        for c in cases
+    ])  # fmt: skip
+
+
+def summary(cases: Sequence[ScoredCase]) -> dict[str, Any]:
+    """The numbers of a trial: shares with 95 % Wilson intervals [share, low, high, count]."""
+    bases = sorted({c.base for c in cases})
+    apart = {base: _main_numbers([c for c in cases if c.base == base]) for base in bases}
     return {
         "cases": len(cases),
-        "top1_clear": wilson_share(clear["right"]),
-        "top3_clear": wilson_share(clear["top3"]),
-        "by_signal_to_noise": levels,
-        "pairs_one_of_both": wilson_share(pairs["right"]),
-        "false_attribution_on_nulls": wilson_share(known[nulls.index]),
-        "nulls_called_none": wilson_share(nulls["right"]),
-        "outside_called_unknown": wilson_share(outside["right"]),
-        "outside_clear_called_unknown": wilson_share(strong["right"]),
-        "auroc_unknown": auroc(
-            cases["p_unknown"].to_numpy(), cases["label"].str.contains("unknown").to_numpy()
-        ),
-        "wrong_and_sure": wrong[["case", "label", "verdict", "p", "signal_to_noise"]].to_dict("records"),
-        "ece": calibration_error(cases["p"].to_numpy(), cases["right"].to_numpy(float)),
-        "ece_if_calibrated": chance_error(cases["p"].to_numpy()),
-        "log_score": float(np.log(np.maximum(cases["p_truth"], LEAST_PROBABILITY)).mean()),
-        "brier": float(cases["brier"].mean()),
-        "phase_right_clear": wilson_share(pd.Series(in_phase, dtype=bool)),
-        "median_closure_clear": _median(clear["closure"]),
-        "median_closure_of_runner_up": _median(clear["runner_up"]),
-        "median_closure_of_regression": _median(clear["regression_closure"]),
-        "heldout_median_ratio_clear": _median(
-            (clear["heldout_diagnosed"] / clear["heldout_base"])[clear["right"]]
-        ),
-        "median_seconds": _median(cases["seconds"]),
+        **_main_numbers(cases),
+        **({"by_base": apart} if len(bases) > 1 else {}),
+        "verdict": _verdicts(cases),
+        "inclusion": inclusion(cases),
+        "by_releases": {
+            name: _of_releases([c for c in cases if low <= c.releases < high])
+            for name, (low, high) in RELEASE_GROUPS.items()
+        },
+        "outside": _outside(cases),
+        "wrong_and_sure": _wrong_and_sure(cases),
+        "closure": closures(cases),
+        "predicted": predicted(cases),
+        "median_seconds": float(np.median([c.seconds for c in cases])),
     }
 
 
-def wilson_share(hits: Sequence[bool] | Array | pd.Series) -> list[float]:
-    """Share of the hits with its 95 % Wilson interval: [share, low, high, count]."""
-    count, total = int(np.sum(hits)), len(hits)
-    if total == 0:
-        return [float("nan"), 0.0, 1.0, 0]
-    low, high = wilson_interval(count, total)
-    return [count / total, float(low), float(high), total]
+def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
+    return {
+        "recall": {
+            beside: {
+                count: _by_strength(_found([c for c in own if low <= len(c.hidden) < high]))
+                for count, (low, high) in COUNT_GROUPS.items()
+            }
+            for beside, own in _by_outside(cases).items()
+        },
+        "first_right_single": _by_strength(
+            [
+                (z, next(iter(c.p), None) == effect)
+                for c in cases
+                if c.kind == "one effect"
+                for effect, z in c.hidden.items()
+            ]
+        ),
+        "precision": {"all": _precision(cases)}
+        | {beside: _precision(own) for beside, own in _by_outside(cases).items()},
+        "nulls_with_a_cause_named": _nulls_named(cases),
+        "sizes": size_summary(error for case in cases for error in case.sizes),
+    }
 
 
-def share_text(share: Sequence[float]) -> str:
-    """A `wilson_share` in words."""
-    if share[3] == 0:
-        return "no case"
-    return f"{100 * share[0]:.1f} % [{100 * share[1]:.1f}, {100 * share[2]:.1f}] of {share[3]}"
+def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
+    """Share of the single answers that are right."""
+    groups = {
+        "one_clear_effect": [
+            c for c in cases if c.kind == "one effect" and c.strength >= CLEAR_SIGNAL_TO_NOISE
+        ],
+        "nothing": [c for c in cases if c.kind == "nothing"],
+        "outside_cause_alone": [c for c in cases if c.kind == "outside cause" and not c.hidden],
+    }
+    return {
+        name: wilson_share([c.verdict in c.label.split("+") for c in own]) for name, own in groups.items()
+    }
 
 
-def _median(values: pd.Series) -> float:
-    return float(np.nanmedian(values)) if values.notna().any() else float("nan")
+def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]]:
+    """(effect, probability, whether present) of every case and effect of the catalogue, without the undecidable."""
+    pairs = []
+    for case in cases:
+        for effect in catalogue().keys() - (case.of_record - case.hidden.keys()):
+            z = case.hidden.get(effect, 0.0)
+            if not ABSENT_SIGNAL_TO_NOISE <= z < PRESENT_SIGNAL_TO_NOISE:
+                pairs.append((effect, case.p.get(effect, 0.0), z >= PRESENT_SIGNAL_TO_NOISE))
+    return pairs
+
+
+def inclusion(cases: Sequence[ScoredCase]) -> dict[str, Any]:
+    """How good the inclusion probabilities are, over all cases and effects, and for each effect."""
+    pairs = inclusion_pairs(cases)
+    effects = {name: [pair for pair in pairs if pair[0] == name] for name in catalogue()}
+    undecidable = (
+        len(cases) * len(catalogue()) - len(pairs) - sum(len(c.of_record - c.hidden.keys()) for c in cases)
+    )
+    return (
+        _calibration(pairs)
+        | {"undecidable": undecidable}
+        | {"by_effect": {name: _calibration(own) for name, own in effects.items() if own}}
+    )
+
+
+def _calibration(pairs: Sequence[tuple[str, float, bool]]) -> dict[str, Any]:
+    p, present = np.array([pair[1] for pair in pairs]), np.array([pair[2] for pair in pairs], float)
+    return {
+        "pairs": len(pairs),
+        "present": int(present.sum()),
+        "auroc": auroc(p, present),
+        "brier": float(np.mean((p - present) ** 2)),
+        "ece": calibration_error(p, present),
+        "ece_if_calibrated": chance_error(p),
+    }
+
+
+def _by_outside(cases: Iterable[ScoredCase]) -> dict[str, list[ScoredCase]]:
+    cases = list(cases)
+    return {
+        "without_outside": [c for c in cases if c.outside is None],
+        "with_outside": [c for c in cases if c.outside is not None],
+    }
+
+
+def _found(cases: Iterable[ScoredCase]) -> list[tuple[float, bool]]:
+    """(own signal-to-noise, whether named) of every hidden effect."""
+    return [
+        (z, any(effect in own for own in case.names)) for case in cases for effect, z in case.hidden.items()
+    ]
+
+
+def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:
+    return {
+        f"{low:g} to {high:g}": wilson_share([hit for z, hit in found if low <= z < high])
+        for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES)
+    }
+
+
+def _precision(cases: Iterable[ScoredCase]) -> list[float]:
+    return wilson_share([bool(own & case.hidden.keys()) for case in cases for own in case.judged])
+
+
+def _nulls_named(cases: Iterable[ScoredCase]) -> list[float]:
+    return wilson_share([bool(case.judged) for case in cases if case.kind == "nothing"])
+
+
+def _of_releases(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
+    present = [hit for z, hit in _found(cases) if z >= PRESENT_SIGNAL_TO_NOISE]
+    return {
+        "recall": wilson_share(present),
+        "precision": _precision(cases),
+        "nulls_with_a_cause_named": _nulls_named(cases),
+    }
+
+
+def _outside(cases: Iterable[ScoredCase]) -> dict[str, Any]:
+    """Clear outside causes against cases without one; weaker ones are left out."""
+    groups = _by_outside(cases)
+    clear = [c for c in groups["with_outside"] if (c.outside or 0.0) >= CLEAR_SIGNAL_TO_NOISE]
+    compared = [*clear, *groups["without_outside"]]
+
+    def claimed(own: Iterable[ScoredCase]) -> list[float]:
+        return wilson_share([c.p_outside >= CLAIMED_PROBABILITY for c in own])
+
+    return {
+        "auroc": auroc(
+            np.array([c.p_outside for c in compared]), np.array([c.outside is not None for c in compared])
+        ),
+        "recall_clear": claimed(clear),
+        "false_alarms": claimed(groups["without_outside"]),
+    }
+
+
+def _wrong_and_sure(cases: Iterable[ScoredCase]) -> list[dict[str, Any]]:
+    return [
+        {"case": c.name, "effect": effect, "p": p, "hidden": dict(c.hidden), "outside": c.outside}
+        for c in cases
+        for effect, p in c.p.items()
+        if p > SURE_PROBABILITY and effect not in c.hidden and effect not in c.of_record
+    ]
+
+
+def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]]:
+    """(kind of label, claimed, true) of the cases in which both are known."""
+    return [(c.kind, c.claimed, c.true) for c in cases if c.claimed is not None and c.true is not None]
+
+
+def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
+    """Claimed less true closure: of all cases, and of each kind of label."""
+    known = known_closures(cases)
+    groups = {"all": known} | {kind: [own for own in known if own[0] == kind] for kind in LABEL_KINDS}
+    out = {}
+    for name, own in groups.items():
+        off = np.array([claimed - true for _, claimed, true in own])
+        out[name] = {
+            "median_claimed_less_true": float(np.median(off)) if len(off) else float("nan"),
+            "within_15_points": wilson_share(np.abs(off) <= CLOSURE_MARGIN),
+        }
+    return out
+
+
+def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
+    """What predictions of held-out films reach, beside the base law: of all cases, and of each kind of label: median
+    share by which the typical miss is smaller, and the share of cases in which the tail is not worse."""
+    groups = {"all": list(cases)} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
+    out = {}
+    for name, own in groups.items():
+        known = [c.missed for c in own if c.missed]
+        out[name] = {
+            "median_smaller": float(np.median([1.0 - m["diagnosed"] / m["base"] for m in known]))
+            if known
+            else float("nan"),
+            "tail_not_worse": wilson_share([m["diagnosed_tail"] <= WORSE * m["base_tail"] for m in known]),
+        }
+    return out
 
 
 def auroc(score: Array, positive: Array) -> float:
@@ -166,35 +371,3 @@ def chance_error(p: Array, draws: int = 400) -> float:
     return float(
         np.median([calibration_error(p, (rng.random(len(p)) < p).astype(float)) for _ in range(draws)])
     )
-
-
-def confusion(cases: pd.DataFrame) -> pd.DataFrame:
-    """Counts, label by verdict, of cases that hide at most one effect."""
-    import pandas as pd
-
-    one = cases[~cases["label"].str.contains("+", regex=False)]
-    return pd.crosstab(one["label"], one["verdict"])
-
-
-def confused_pairs(folder: Path, cases: pd.DataFrame) -> list[dict[str, Any]]:
-    """Pairs of a hidden effect and a wrong verdict that occurred more than once.
-
-    "cosine" is the likeness of the two effects in these cases (`signal_to_noise.likeness`, median); None where the
-    verdict was "none" or "unknown".
-    """
-    from rock2d.blind.case_files import redraw
-    from rock2d.blind.signal_to_noise import likeness
-
-    single = cases[~cases["label"].isin(["none", "unknown"]) & ~cases["label"].str.contains("+", regex=False)]
-    out = []
-    for (label, verdict), own in single[~single["right"]].groupby(["label", "verdict"]):
-        if len(own) > 1:
-            alike = None
-            if verdict not in ("none", "unknown"):
-                alike = float(
-                    np.median([likeness(redraw(folder, name), str(verdict)) for name in own["case"]])
-                )
-            strengths = float(own["signal_to_noise"].median())
-            out.append({"label": label, "verdict": verdict, "count": len(own), "cosine": alike,
-                        "median_signal_to_noise": strengths})  # fmt: skip
-    return sorted(out, key=lambda pair: -pair["count"])

@@ -25,10 +25,6 @@ Array = np.ndarray
 RELATIVE_STEP = 0.003
 WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
-COMPARED_STRENGTHS = (
-    0.1,
-    0.5,
-)  # of the largest plausible size, at which another effect is compared with a case
 SOIL_DRAWS = 8  # from which the scatter is estimated
 SHRINKAGE = 0.3  # of the covariance that so few draws give, toward its diagonal
 LARGEST_DEVIATION = 30.0  # standard deviations that one statistic may count: beyond, the linear picture fails
@@ -55,23 +51,6 @@ def signals_to_noise(case: Case) -> tuple[float, list[float]]:
         rest = np.delete(added, i, axis=0).T
         found.append(float(np.linalg.norm(alone - rest @ np.linalg.lstsq(rest, alone, rcond=None)[0])))
     return float(np.linalg.norm(whole)), found
-
-
-def likeness(case: Case, name: str) -> float:
-    """|cos| of the angle between the signatures of the hidden causes of a case and of the effect `name`.
-
-    The form of the effect with the largest value counts. 1: a fit cannot distinguish the two here; 0: they differ in
-    everything.
-    """
-    rng = np.random.default_rng(case.seed)
-    others = [
-        [reality.draw_hidden(name, form, rng, case.world, strength)]
-        for form in range(reality.FORMS[name])
-        for strength in COMPARED_STRENGTHS
-    ]
-    own, *rest = signatures(case, [case.hidden, *others])
-    lengths = np.linalg.norm(rest, axis=1) * np.linalg.norm(own)
-    return float(np.abs(np.asarray(rest) @ own / np.maximum(lengths, 1e-12)).max())
 
 
 def signatures(case: Case, causes: Sequence[list[reality.Hidden]]) -> list[Array]:

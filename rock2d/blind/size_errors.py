@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.blind.scoring import wilson_share
 from rock2d.effects import catalogue
+from rock2d.statistics import wilson_share
 
 LARGEST_ERROR = 0.25  # relative, of a size that counts as right
 

@@ -61,10 +61,9 @@ class Diagnosis:
     """Everything found about an experiment. From `data` to `cells`, fields are None if it could not be diagnosed.
 
     `film` is what the film says of itself, None of impacts and of a film that cannot be read. `gaps` is what each
-    effect closes alone; `regression_closes` the share that a flexible regression closes without any effect; `predicted`
-    what predictions of whole segments miss; `checks` whether the best model would have made these data; `unseen` the
-    effects that these data cannot show, and why; `seed` that of
-    the bootstrap, None if nothing was drawn.
+    effect closes alone; `predicted` what predictions of whole segments miss; `checks` whether the best model would have
+    made these data; `unseen` the effects that these data cannot show, and why; `seed` that of the bootstrap, None if
+    nothing was drawn.
     """
 
     experiment: Experiment
@@ -75,7 +74,6 @@ class Diagnosis:
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
     budget: Budget | None = None
-    regression_closes: float = 0.0
     predicted: PredictedGap | None = None
     checks: Checks | None = None
     cells: list[Cell] | None = None
@@ -140,7 +138,7 @@ def diagnose(
     with bars.stage(GAP, 4, "steps") as bar:
         gaps = Gaps(data, found, seed)
         result.gaps = {name: gaps.of(candidate) for name, candidate in found.candidates.items()}
-        result.budget, result.regression_closes = gaps.budget, gaps.by_regression()
+        result.budget = gaps.budget
         bar.step("budget")
         result.cells = locate(experiment, data, found, setup)
         bar.step("places")

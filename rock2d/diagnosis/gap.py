@@ -50,8 +50,8 @@ class Gaps:
         ratio = replicate_ratio(data, world, clipped(sizes.z(found.learnt.held_out.residuals)))
         gap = self._draws.gap
         floors = gap(regression), self._draws.reduced(learnt, sizes.impacts, ratio)
-        self._base, self._flexible = gap(base), gap(sizes.remaining(found.base_regressed))
-        self._floor = self._draws.floor([*floors, self._flexible], [self._base])
+        self._base, flexible = gap(base), gap(sizes.remaining(found.base_regressed))
+        self._floor = self._draws.floor([*floors, flexible], [self._base])
         sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 
@@ -59,10 +59,6 @@ class Gaps:
         """What a candidate closes."""
         augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
         return _gap(self._base, augmented, np.minimum(self._floor, augmented))
-
-    def by_regression(self) -> float:
-        """Share of the gap that a flexible regression on top of the base law closes, without effects."""
-        return _gap(self._base, self._flexible, self._floor).share_closed
 
 
 def _gap(base: Array, augmented: Array, floor: Array) -> Gap:

@@ -8,14 +8,13 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from rock2d.blind import case_files, reality
-from rock2d.blind.case_files import make_trial, read_index, read_labels, redraw
+from rock2d.blind.case_files import make_trial, read_index, read_labels
 from rock2d.blind.cases import SHARE_OUTSIDE, SHARE_WITHOUT_CAUSE, assign_causes, draw_case
-from rock2d.blind.scoring import auroc, calibration_error, chance_error, score_table, summary
-from rock2d.blind.signal_to_noise import likeness, signal_to_noise
+from rock2d.blind.scoring import auroc, calibration_error, chance_error, scored_cases
+from rock2d.blind.signal_to_noise import signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
@@ -119,45 +118,6 @@ def test_signal_to_noise_grows_with_what_is_hidden_and_falls_with_the_noise():
     assert signal_to_noise(case) < two
 
 
-def _row(label, verdict, p, **other):
-    names = {"signal_to_noise": 20.0, "p_none": 0.0, "p_unknown": float(verdict == "unknown"), "p_truth": p,
-             "brier": 0.0, "closure": 1.0, "runner_up": 0.1, "heldout_base": 2.0, "heldout_diagnosed": 1.0,
-             "seconds": 1.0, "case": "0", "diagnosed": True, "phase": "flight", "phases": "flight",
-             "regression_closure": 0.5}  # fmt: skip
-    right = verdict in label.split("+")
-    return names | {"label": label, "verdict": verdict, "p": p, "right": right, "top3": right} | other
-
-
-def test_the_score_counts_what_it_says():
-    cases = pd.DataFrame([
-        _row("air_drag", "air_drag", 0.9), _row("air_drag", "adhesion", 0.95, phase="impact"),
-        _row("none", "none", 0.9),
-        _row("none", "air_drag", 0.6), _row("unknown", "unknown", 0.9),
-        _row("adhesion", "none", 0.9, signal_to_noise=1.0),
-    ])  # fmt: skip
-    found = summary(cases)
-    assert found["top1_clear"][0] == 0.5 and found["top1_clear"][3] == 2
-    assert found["false_attribution_on_nulls"][0] == 0.5
-    assert found["outside_called_unknown"][0] == 1.0 and found["auroc_unknown"] == 1.0
-    assert found["phase_right_clear"][0] == 0.5 and found["phase_right_clear"][3] == 2
-    assert found["median_closure_of_regression"] == 0.5
-    assert [w["verdict"] for w in found["wrong_and_sure"]] == ["adhesion", "none"]
-
-
-def test_what_bends_flights_alike_is_alike_and_what_acts_elsewhere_is_not():
-    case = draw_case(("air_drag",), np.random.SeedSequence(7), smallest=True)
-    assert likeness(case, "air_drag") > 0.95
-    assert likeness(case, "flight_damping") > 0.8
-    assert likeness(case, "adhesion") < 0.5
-
-
-def test_a_sealed_case_can_be_drawn_again_once_it_is_open(tmp_path, small):
-    make_trial(3, 7, tmp_path / "t")
-    labels = read_labels(tmp_path / "t")
-    for name, label in labels.items():
-        assert redraw(tmp_path / "t", name).label == label["label"]
-
-
 def test_calibration_error_of_known_cases():
     p = np.full(100, 0.7)
     right = np.arange(100) % 10 < 7
@@ -180,9 +140,9 @@ def test_cases_are_diagnosed_without_their_labels_and_on_a_scheduler_to_the_same
         labels = (trial / "labels.json").rename(tmp_path / "labels.json")
         text = (run_trial(trial, **workers) / "000.json").read_text()
         with pytest.raises(InputError, match="sealed elsewhere"):
-            score_table(trial)
+            scored_cases(trial)
         labels.rename(trial / "labels.json")
-        assert len(score_table(trial)) == 1
+        assert len(scored_cases(trial)) == 1
         assert [path.name for path in trial.glob(".*")] == []
         return re.sub(r'"seconds": [^,]*', "", text)
 
@@ -217,7 +177,7 @@ def test_a_damaged_result_is_refused_with_its_file(tmp_path, damage):
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "000.json").write_text(damage)
     with pytest.raises(InputError, match=r"000\.json"):
-        score_table(tmp_path)
+        scored_cases(tmp_path)
 
 
 @pytest.mark.parametrize("index", ["[]", '{"count": "1", "seed": 1, "labels_sha256": ""}', "\x00"])

@@ -8,11 +8,10 @@ import json
 import numpy as np
 import pytest
 
-from rock2d.blind import scoring
 from rock2d.blind.command import score
 from rock2d.blind.reality.known import known_causes
 from rock2d.blind.reality.scale import Scale
-from rock2d.blind.set_scoring import closures, inclusion, set_case, set_cases, set_summary
+from rock2d.blind.scoring import closures, inclusion, predicted, scored_case, scored_cases, summary, table
 from rock2d.blind.size_errors import MEANINGS, size_errors, size_summary
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -31,7 +30,7 @@ def trial_label(*, releases=100, **hidden):
 
 
 def _result(causes, outside, claimed=None, true=None):
-    p = {"none": 0.1, "unknown": 0.1} | dict.fromkeys(catalogue(), 0.8 / EFFECTS)
+    p = dict.fromkeys(catalogue(), 0.8 / EFFECTS) | {"none": 0.05, "unknown": 0.15}
     diagnosis = {
         "probabilities": p, "where": [], "gap": {"closure": claimed},
         "causes": [
@@ -64,7 +63,7 @@ TRIAL = {
 
 @pytest.fixture
 def cases():
-    return [set_case(name, *own) for name, own in TRIAL.items()]
+    return [scored_case(name, *own) for name, own in TRIAL.items()]
 
 
 def test_inclusion_is_scored_over_all_cases_and_effects(cases):
@@ -85,7 +84,7 @@ def test_inclusion_is_scored_over_all_cases_and_effects(cases):
 
 
 def test_a_hidden_effect_that_cannot_be_seen_counts_as_absent():
-    found = inclusion([set_case("000", trial_label(air_drag=0.4), _result({}, 0.0))])
+    found = inclusion([scored_case("000", trial_label(air_drag=0.4), _result({}, 0.0))])
     assert (found["pairs"], found["present"], found["undecidable"]) == (EFFECTS, 0, 0)
 
 
@@ -94,7 +93,7 @@ def _counts(share):
 
 
 def test_recall_by_strength_number_and_company(cases):
-    recall = set_summary(cases)["recall"]
+    recall = summary(cases)["recall"]
     seen = {
         (beside, count, level): _counts(share)
         for beside, counts in recall.items()
@@ -113,12 +112,12 @@ def test_recall_by_strength_number_and_company(cases):
 def test_a_film_that_was_refused_names_nothing():
     refused = _result({}, 0.0)
     refused["diagnosis"] |= {"outside": None}
-    found = set_case("0", trial_label(spin_kick=20.0), refused)
+    found = scored_case("0", trial_label(spin_kick=20.0), refused)
     assert found.names == [] and found.p_outside == refused["diagnosis"]["probabilities"]["unknown"]
 
 
 def test_named_effects_firsts_nulls_and_releases(cases):
-    found = set_summary(cases)
+    found = summary(cases)
     assert {k: _counts(v) for k, v in found["precision"].items()} == {
         "all": (2, 5), "without_outside": (2, 4), "with_outside": (0, 1),
     }  # fmt: skip
@@ -136,17 +135,17 @@ def test_named_effects_firsts_nulls_and_releases(cases):
 
 def test_the_first_place_counts_and_not_the_named_set():
     below = {"air_drag": 0.3, "adhesion": 0.2}
-    found = set_summary([
-        set_case("0", trial_label(air_drag=20.0), _result(below, 0.0)),
-        set_case("1", trial_label(adhesion=20.0), _result(below, 0.0)),
-        set_case("2", trial_label(adhesion=20.0), _result({}, 0.0)),
+    found = summary([
+        scored_case("0", trial_label(air_drag=20.0), _result(below, 0.0)),
+        scored_case("1", trial_label(adhesion=20.0), _result(below, 0.0)),
+        scored_case("2", trial_label(adhesion=20.0), _result({}, 0.0)),
     ])  # fmt: skip
     assert _counts(found["first_right_single"]["15 to 50"]) == (1, 3)
     assert _counts(found["recall"]["without_outside"]["1"]["15 to 50"]) == (0, 3)
 
 
 def test_outside_causes_and_wrong_effects_named_surely(cases):
-    found = set_summary(cases)
+    found = summary(cases)
     assert found["outside"]["auroc"] == pytest.approx(
         3 / 4
     )  # 0.8 against 0.1, 0.2, 0.85, 0.1; case 005 is weak
@@ -177,27 +176,46 @@ def write_trial(folder, trial):
         (folder / "results" / f"{name}.json").write_text(json.dumps(result))
 
 
-def test_sets_are_in_the_score_and_on_its_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(scoring, "confused_pairs", lambda folder, cases: [])
+def test_a_trial_is_scored_to_a_page_a_table_and_numbers(tmp_path):
     write_trial(tmp_path, TRIAL)
     score(tmp_path, report=lambda line: None)
-    found = json.loads((tmp_path / "score.json").read_text())["sets"]
-    assert found["cases"] == 6 and found["precision"]["all"][3] == 5
+    found = json.loads((tmp_path / "score.json").read_text())
+    assert found["cases"] == 6 and found["precision"]["all"][3] == 5 and "by_base" not in found
     page = (tmp_path / "score.html").read_text()
     assert "case 002: camera_tilt (probability 0.92); hidden nothing" in page
     assert "40.0 % [11.8, 76.9] of 5" in page and "Claimed and true closure" in page
-    assert page.count("<img ") == 7
+    assert page.count("<img ") == 2
+    assert (tmp_path / "score.csv").read_text().count("\n") == 7
 
 
-def test_results_without_sets_are_scored_as_before(tmp_path, monkeypatch):
-    monkeypatch.setattr(scoring, "confused_pairs", lambda folder, cases: [])
-    trial = json.loads(json.dumps(TRIAL))
-    for _, result in trial.values():
-        del result["diagnosis"]["causes"]
-    write_trial(tmp_path, trial)
-    score(tmp_path, report=lambda line: None)
-    assert "sets" not in json.loads((tmp_path / "score.json").read_text())
-    assert (tmp_path / "score.html").read_text().count("<img ") == 5
+def test_what_a_record_holds_anyway_is_neither_right_nor_wrong():
+    """Two names of the record, one that was put in, and one that nobody did."""
+    label = trial_label(scale_error=20.0) | {"base": "drops", "of_record": ["flight_damping", "air_drag"]}
+    named = {"flight_damping": 0.99, "air_drag": 0.95, "scale_error": 0.9, "adhesion": 0.92}
+    cases = [scored_case("0", label, _result(named, 0.0)), scored_case("1", *TRIAL["000"])]
+    assert [sorted(own) for own in cases[0].judged] == [["scale_error"], ["adhesion"]]
+    found = summary(cases)
+    assert _counts(found["by_base"]["drops"]["precision"]["all"]) == (1, 2)
+    assert _counts(found["by_base"]["made"]["precision"]["all"]) == (1, 2)
+    assert [wrong["effect"] for wrong in found["wrong_and_sure"]] == ["adhesion"]
+    assert found["inclusion"]["pairs"] == 2 * EFFECTS - 2
+
+
+def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail():
+    miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 1.0, "diagnosed_tail": 10.1}
+    worse = miss | {"diagnosed": 3.0, "diagnosed_tail": 12.0}
+    cases = [
+        scored_case(str(k), trial_label(air_drag=20.0), _result({}, 0.0) | {"heldout": own})
+        for k, own in enumerate([miss, worse, {}])
+    ]
+    found = predicted(cases)["one effect"]
+    assert found["median_smaller"] == pytest.approx(0.5) and _counts(found["tail_not_worse"]) == (1, 2)
+
+
+def test_the_single_verdict_is_right_if_what_it_says_is_hidden(cases):
+    assert _counts(summary(cases)["verdict"]["nothing"]) == (0, 2)  # all say "unknown"
+    assert _counts(summary(cases)["verdict"]["outside_cause_alone"]) == (1, 1)
+    assert table(cases)["label"].tolist()[3:] == ["none", "air_drag+unknown", "unknown"]
 
 
 def test_a_damaged_set_is_refused_with_its_file(tmp_path):
@@ -205,7 +223,7 @@ def test_a_damaged_set_is_refused_with_its_file(tmp_path):
     trial["001"][1]["diagnosis"]["causes"] = [{"effect": "air_drag"}]
     write_trial(tmp_path, trial)
     with pytest.raises(InputError, match=r"001\.json"):
-        set_cases(tmp_path)
+        scored_cases(tmp_path)
 
 
 def _hidden(name, form=0, **values):

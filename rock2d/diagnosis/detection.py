@@ -22,6 +22,7 @@ from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.derivatives import slopes, spread
 from rock2d.diagnosis.diagnose import Diagnosis
+from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.known_causes import (
     off_neutral,
@@ -90,12 +91,15 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     found, data = result.found, result.data
     assert found is not None and data is not None
     fit = found.final.fit if found.named else found.base
+    # what the forms of the laws that are there may leave
+    others = [found.evidence[name].alone.total for name in found.named if not catalogue()[name].camera]
+    least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
         own = sized(effect, result.setup)
         if own is None:
             continue
-        tried = _Tried(fit, data, effect, result.setup)
+        tried = _Tried(fit, data, effect, result.setup, least)
         low, high = SMALLEST_TRIED * span(own), span(own)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
@@ -153,7 +157,8 @@ def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict
 class _Tried:
     """An effect that is put into the record of a fit, by the linear model."""
 
-    def __init__(self, fit: Fit, data: Data, effect: Effect, world: World) -> None:
+    def __init__(self, fit: Fit, data: Data, effect: Effect, world: World, least: float) -> None:
+        self._least = least  # gain that a name needs
         self._fit, self._data, self._effect, self._world = fit, data, effect, world
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
         noise = fit.slope.covariance
@@ -173,6 +178,8 @@ class _Tried:
 
     def seen(self, size: float) -> float:
         """Probability that the effect is named at this size, above and below the neutral value alike."""
+        if size < LEAST_SIZE * span(self._size):
+            return 0.0
         gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
         return float(np.mean([self._chance(gain) for gain in gains]))
 
@@ -182,7 +189,7 @@ class _Tried:
         total = self._weights @ clipped
         square = self._weights @ clipped**2 - total**2 / len(gain)
         z = total / np.maximum(np.sqrt(np.maximum(square, 0.0)), SMALLEST_ERROR)
-        return float(np.mean((z > SEEN_Z) & (self._weights @ gain > LEAST_GAIN)))
+        return float(np.mean((z > SEEN_Z) & (self._weights @ gain > self._least)))
 
     def _gains(self, size: float) -> list[Array]:
         """Of each sign (releases,): held-out gain, as the linear model expects it, over what it gains in the record as

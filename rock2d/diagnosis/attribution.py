@@ -226,7 +226,7 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
         with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
             learnt = learn(search.best, search.data)
             bar.step("what is left")
-            found = weigh(search, learnt, bar)
+            found = weigh(search, learnt, evidence, bar)
         evidence |= found
         beside_first = beside_first or learnt
         refused = frozenset(name for name, own in found.items() if not own.named(name))

@@ -34,6 +34,9 @@ Array = np.ndarray
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films makes an effect as probable as not
 LEAST_CHANCE = 1e-6
 EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
+SAME_GAIN = (
+    0.2  # share by which a gain may change before what is learnt in place of an effect is learnt again
+)
 RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
 # An effect of many parameters takes on what another does in a form that is not the catalogue's.
@@ -115,8 +118,8 @@ def exceeded(gain: float, draws: Array) -> float:
     return share if share > 0.05 else min(0.5 * float(np.exp(-(gain - middle) / max(tail, 1e-9))), 0.05)
 
 
-def weigh(search: Search, learnt: Learnt, bar: Bar) -> dict[str, Evidence]:
-    """Evidence of each member of the best set; `learnt`: beside that set."""
+def weigh(search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Bar) -> dict[str, Evidence]:
+    """Evidence of each member of the best set; `learnt`: beside that set, `known`: beside a larger one."""
     found = dict[str, Evidence]()
     best = search.best
     gains = {name: search.gain(best, less).total for name, less in search.without(best).items()}
@@ -125,12 +128,12 @@ def weigh(search: Search, learnt: Learnt, bar: Bar) -> dict[str, Evidence]:
         others = sum(
             gain for other, gain in gains.items() if other != name and not search.effects[other].camera
         )
-        found[name] = _evidence(search, learnt, name, others)
+        found[name] = _evidence(search, learnt, name, others, known.get(name))
         bar.step(name)
     return found
 
 
-def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evidence:
+def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: Evidence | None) -> Evidence:
     best, data, effect = search.best, search.data, search.effects[name]
     less: Learnt | CauseSet = search.without(best)[name]
     if learnt.changes:
@@ -156,6 +159,8 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float) -> Evide
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
     if effect.scatter or not found.named(name):
         return found  # changes of the mean are no scatter
+    if known is not None and abs(alone.total - known.alone.total) < SAME_GAIN * known.alone.total:
+        return replace(found, instead=known.instead)
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
     return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
 

@@ -194,19 +194,12 @@ def blind_score(trial) -> None:
               help="Most diagnoses of films with a known cause; 0: what a linear model expects.")  # fmt: skip
 @click.option("--sizes", default="seen50,seen90", show_default=True, metavar="SIZE,...",
               help="Sizes to put in: seen50, seen90, or multiples such as 2*seen90.")  # fmt: skip
-@click.option("--subsets", type=click.IntRange(1, 100), default=1, show_default=True,
-              help="Divide the releases into so many subsets; a case has one of them.")  # fmt: skip
-@click.option(
-    "--limits", type=click.Path(path_type=Path), help="Earlier study whose limits --sizes refers to."
-)
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True,
               help="Of the order of the effects, and of what varies from impact to impact.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), help="Processes. Default: all cores.")
 @click.option("--scheduler", metavar="ADDRESS", help=f"Diagnoses {ON_SCHEDULER}")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def blind_inject(
-    experiment, out, effects, cases, sizes, subsets, limits, seed, workers, scheduler, quiet
-) -> None:
+def blind_inject(experiment, out, effects, cases, sizes, seed, workers, scheduler, quiet) -> None:
     """Put known causes into the film of EXPERIMENT: from which size on would the diagnosis see them?
 
     The same command continues after an interruption. `--limits` of `rock2d diagnose` takes the result into a report.
@@ -217,8 +210,8 @@ def blind_inject(
     from rock2d.blind.recovery import Plan, read_sizes
     from rock2d.cluster import Workers
 
-    plan, chosen = Plan(cases, read_sizes(sizes), subsets, seed), Workers(workers, scheduler)
-    inject(experiment, out, effects, plan, limits, workers=chosen, progress=not quiet, report=click.echo)
+    plan, chosen = Plan(cases, read_sizes(sizes), seed), Workers(workers, scheduler)
+    inject(experiment, out, effects, plan, workers=chosen, progress=not quiet, report=click.echo)
 
 
 @cli.command()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import Workers
 from rock2d.errors import InputError
-from rock2d.files.folders import check_folder, make_folder, write_whole
+from rock2d.files.folders import check_folder, write_whole
 from rock2d.files.text_files import read_json
 from rock2d.progress import Bars
 
@@ -71,49 +71,24 @@ def score(folder: Path, *, report: Report) -> dict[str, Any]:
 
 
 def inject(
-    experiment: Path,
-    out: Path,
-    effects: str,
-    plan: Plan,
-    limits: Path | None,
-    *,
-    workers: Workers,
-    progress: bool,
-    report: Report,
+    experiment: Path, out: Path, effects: str, plan: Plan, *, workers: Workers, progress: bool, report: Report
 ) -> None:
-    """Put known causes into a film and diagnose it again: limits.json and limits.html. An interrupted study continues.
-
-    `limits` : an earlier study, to whose limits the sizes of the plan refer
-    """
-    from rock2d.blind.recovery import make_cases, recovered, run_study
-    from rock2d.blind.recovery_page import write_recovery
+    """Put known causes into a film and diagnose it again: limits.json. An interrupted study continues."""
+    from rock2d.blind.record_cases import diagnosed_film
+    from rock2d.blind.recovery import case_lines, make_cases, recovered, run_study
     from rock2d.diagnosis.command import FITS
-    from rock2d.diagnosis.diagnose import diagnose
     from rock2d.diagnosis.known_causes import effects_of_size
-    from rock2d.diagnosis.limits import TRUTH, read_limits
-    from rock2d.diagnosis.workload import DiagnosisBars
-    from rock2d.effects import catalogue
+    from rock2d.diagnosis.limits import LIMITS, TRUTH
+    from rock2d.diagnosis.report.limits_section import limit_lines
     from rock2d.files.experiment import load_experiment
-    from rock2d.kinematics.setup_world import setup_world
 
     read, names = load_experiment(experiment), effects_of_size(effects)
     processes = workers.processes or os.cpu_count() or 1
-    if read.trajectories is None:
-        message = "a cause can be put into a film, not into a table of impacts"
-        raise InputError(message, experiment, code="wrong_kind")
-    stated = read_limits(limits, read.name) if limits is not None else None
-    own = json.loads(
-        json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan), "limits": stated})
-    )
+    own = json.loads(json.dumps({"experiment": read.name, "effects": names, "plan": asdict(plan)}))
     if not (out / TRUTH).is_file():
         if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
             raise InputError("exists and is no study; choose another folder", out, code="not_a_result")
-        make_folder(out / FITS)
-        bars = DiagnosisBars(progress, len(catalogue()), processes)
-        result = diagnose(read, workers=processes, folder=out / FITS, bars=bars)
-        if result.found is None:
-            message = "the film cannot be diagnosed; rock2d diagnose says why"
-            raise InputError(message, experiment, code="not_diagnosed")
+        result = diagnosed_film(experiment, processes, progress, out / FITS)
         with Bars(progress).stage("known causes", 0, "cases") as bar:
             make_cases(result, names, plan, out, own, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)
@@ -122,6 +97,7 @@ def inject(
     with Bars(progress).stage("diagnosing", 0, "cases") as bar:
         run_study(out, processes, workers.scheduler, bar.reach)
     cases, found = recovered(out)
-    for line in write_recovery(setup_world(read), cases, found, names, out):
+    write_whole(out / LIMITS, json.dumps(found, indent=1, allow_nan=False) + "\n")
+    for line in [*case_lines(cases, found, names), *limit_lines(found)]:
         report(line)
-    report(f"written: {out / 'limits.json'}, {out / 'limits.html'}")
+    report(f"written: {out / LIMITS}")

@@ -17,13 +17,14 @@ import numpy as np
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, HELDOUT_SHARE, LEAST_STRENGTH
 from rock2d.blind.injection import injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
-from rock2d.diagnosis.diagnose import diagnose
+from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.known_causes import effects_of_size, sized, span, values_of_size, with_cause
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment, load_experiment, write_experiment
+from rock2d.files.folders import make_folder
 from rock2d.scene.world import World
 
 SHARE_OF_RECORDS = 1.0 / 3.0  # of the cases that can have a record as base
@@ -47,26 +48,37 @@ class Record:
     curves: dict[str, Curve]
 
 
-def read_record(folder: Path, workers: int, progress: bool) -> Record:
-    """Diagnose an experiment, so that it can be the base of cases. Raises InputError if it is no film, cannot be
-    diagnosed, or has too few releases to divide."""
+def diagnosed_film(folder: Path, workers: int, progress: bool, fits: Path | None = None) -> Diagnosis:
+    """The diagnosis of a film into which causes can be put; `fits` keeps finished fits. Raises InputError if it is no
+    film, or cannot be diagnosed."""
     experiment = load_experiment(folder)
     if experiment.trajectories is None:
-        raise InputError(
-            "a cause can be put into a film, not into a table of impacts", folder, code="wrong_kind"
-        )
-    effects = {name: catalogue()[name] for name in effects_of_size("")}
+        message = "a cause can be put into a film, not into a table of impacts"
+        raise InputError(message, folder, code="wrong_kind")
+    if fits is not None:
+        make_folder(fits)
     bars = DiagnosisBars(progress, len(catalogue()), workers)
-    result = diagnose(experiment, workers=workers, bars=bars)
+    result = diagnose(experiment, workers=workers, folder=fits, bars=bars)
     if result.found is None:
         message = "the film cannot be diagnosed; rock2d diagnose says why"
         raise InputError(message, folder, code="not_diagnosed")
+    return result
+
+
+def read_record(folder: Path, workers: int, progress: bool) -> Record:
+    """Diagnose a film, so that it can be the base of cases. Raises InputError if it cannot be diagnosed, or has too few
+    releases to divide."""
+    result = diagnosed_film(folder, workers, progress)
+    table, found = result.experiment.trajectories, result.found
+    assert table is not None and found is not None
     fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
-    if experiment.trajectories["release"].nunique() < fewest:
+    if table["release"].nunique() < fewest:
         raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
-    found = result.found
     fit = found.final.fit if found.named else found.base
-    return Record(experiment, result.setup, fit, sorted(found.named), detection_curves(result, effects))
+    effects = {name: catalogue()[name] for name in effects_of_size("")}
+    return Record(
+        result.experiment, result.setup, fit, sorted(found.named), detection_curves(result, effects)
+    )
 
 
 def bases_of(

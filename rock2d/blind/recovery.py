@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.case_files import CASES
-from rock2d.blind.injection import injected, of_releases
+from rock2d.blind.injection import injected
 from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
@@ -38,30 +38,27 @@ CLOSE = 0.5  # of the size: by how much less or more may be found of an effect t
 
 @dataclass(frozen=True)
 class Plan:
-    """Which cases a study has: the first `cases` of all effects × sizes × subsets, the effects in turn.
+    """Which cases a study has: the first `cases` of all effects × sizes, the effects in turn.
 
     Attributes
     ----------
-    sizes : of (factor, "seen50" or "seen90"): multiples of the sizes that are seen with 50 and 90 %
-    subsets : number of subsets of the releases: every so many-th, from another one on; 1 for all of them
+    sizes : of (factor, "seen50" or "seen90"): multiples of the sizes that a linear model expects to be seen with 50 and
+        90 %
     seed : of the order of the effects and of what varies from impact to impact
     """
 
     cases: int
     sizes: tuple[tuple[float, str], ...] = ((1.0, "seen50"), (1.0, "seen90"))
-    subsets: int = 1
     seed: int = 0
 
-    def of(self, limits: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, float, int]]:
-        """(effect, size, subset) of each case, from the limits of each effect."""
-        order, found = (
-            np.random.default_rng(np.random.SeedSequence(self.seed)).permutation(sorted(limits)),
-            [],
-        )
-        for turn in range(len(self.sizes) * self.subsets):
-            for k, name in enumerate(map(str, order)):
+    def of(self, limits: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, float]]:
+        """(effect, size) of each case, from the limits of each effect."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed))
+        order, found = rng.permutation(sorted(limits)).tolist(), []
+        for turn in range(len(self.sizes)):
+            for k, name in enumerate(order):
                 factor, of = self.sizes[(k + turn) % len(self.sizes)]
-                found.append((name, factor * limits[name][of], turn // len(self.sizes)))
+                found.append((name, factor * limits[name][of]))
         return found[: self.cases]
 
 
@@ -86,30 +83,26 @@ def make_cases(
 ) -> None:
     """Write cases/NNN, which are experiments, and truth.json, with what was put in and the curves that are expected.
 
-    `options` : kept in truth.json; sizes refer to their `limits`, if these are not None, else to those of the curves.
-    No size is larger than plausible.
+    `options` : kept in truth.json. No size is larger than plausible.
     """
     found, known, cases = result.found, catalogue(), {}
     assert found is not None
     fit = found.final.fit if found.named else found.base
-    assert result.experiment.trajectories is not None
-    releases = np.unique(result.experiment.trajectories["release"])
     curves = detection_curves(result, {name: known[name] for name in effects})
-    stated = options["limits"] or {name: curve.limit() for name, curve in corrected(curves, []).items()}
+    expected = {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
-        for k, (name, size, part) in enumerate(plan.of({n: v for n, v in stated.items() if n in curves})):
+        for k, (name, size) in enumerate(plan.of(expected)):
             effect, parameter = known[name], sized(known[name], result.setup)
             assert parameter is not None
             size = min(size, span(parameter))
             values = values_of_size(effect, size, result.setup, below=bool(k % 2))
-            film = of_releases(result.experiment, releases[part :: plan.subsets])
-            changed = injected(film, fit.model, fit.p, effect, values, plan.seed + k)
+            changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
             model, p, moved = with_cause(fit.model, fit.p, effect, values)
             at = [e.name for e in model.effects].index(name)
             before, after = (model.values(q)[at][0] for q in (p, moved))
             cases[f"{k:03d}"] = {
-                "effect": name, "size": size, "values": values, "subset": part, "releases": changed.releases,
+                "effect": name, "size": size, "values": values, "releases": changed.releases,
                 "cut": changed.cut, "expected": float(np.hypot(before, size)) if effect.scatter else after,
             }  # fmt: skip
             on_case()
@@ -160,3 +153,17 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
     curves = {name: Curve(**own) for name, own in truth["curves"].items()}
     shown = [(case["effect"], case["size"], case["seen"]) for case in cases]
     return cases, {name: curve.limit() for name, curve in corrected(curves, shown).items()}
+
+
+def case_lines(
+    cases: Sequence[Mapping[str, Any]], limits: Mapping[str, Any], tried: Sequence[str]
+) -> list[str]:
+    """What became of the cases, and which effects no plausible size shows."""
+    found = [case for case in cases if case["found"] is not None]
+    lines = [f"{sum(case['seen'] for case in cases)} of {len(cases)} known causes were seen"]
+    if found:
+        off = np.median([abs(case["found"] - case["expected"]) / case["size"] for case in found])
+        lines.append(f"their sizes are {100 * off:.0f} % off (median)")
+    lines.append(f"names that are false: {sum(len(case['false']) for case in cases)}")
+    hidden = [name for name in tried if name not in limits]
+    return lines + ([f"no plausible size would be seen of: {', '.join(hidden)}"] if hidden else [])

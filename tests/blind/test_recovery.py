@@ -13,7 +13,6 @@ from click.testing import CliRunner
 from rock2d.blind import recovery
 from rock2d.blind.recovery import Plan, read_sizes
 from rock2d.cli import cli
-from rock2d.diagnosis import diagnose as diagnosing
 from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
@@ -34,16 +33,13 @@ def diagnosed():
     return diagnose(film(world(), 10, seed=1), effects=TRIED)
 
 
-def test_a_plan_has_every_effect_size_and_subset_once_and_effects_in_turn():
+def test_a_plan_has_every_effect_and_size_once_and_effects_in_turn():
     limits = {name: {"seen50": 1.0, "seen90": 3.0} for name in "abc"}
-    plan = Plan(99, read_sizes("seen50,2*seen90"), 2, seed=1)
+    plan = Plan(99, read_sizes("seen50,2*seen90"), seed=1)
     cases = plan.of(limits)
-    assert sorted(cases) == sorted((n, s, k) for n in "abc" for s in (1.0, 6.0) for k in (0, 1))
-    assert {name for name, _, _ in cases[:3]} == set("abc") and {size for _, size, _ in cases[:3]} == {
-        1.0,
-        6.0,
-    }
-    assert Plan(4, plan.sizes, 2, 1).of(limits) == cases[:4]
+    assert sorted(cases) == sorted((name, size) for name in "abc" for size in (1.0, 6.0))
+    assert {name for name, _ in cases[:3]} == set("abc") and {size for _, size in cases[:3]} == {1.0, 6.0}
+    assert Plan(4, plan.sizes, 1).of(limits) == cases[:4]
 
 
 @pytest.mark.parametrize("text", ["", "seen95", "0*seen50", "x*seen50", "seen50;seen90", "-1*seen90"])
@@ -131,7 +127,7 @@ def test_limits_are_said_in_words():
 
 def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch):
     few = partial(diagnose, effects={"camera_tilt": TRIED["camera_tilt"]})
-    monkeypatch.setattr(diagnosing, "diagnose", few)
+    monkeypatch.setattr("rock2d.blind.record_cases.diagnose", few)
     monkeypatch.setattr(recovery, "diagnose", few)
     monkeypatch.setattr("rock2d.diagnosis.command.diagnose", few)
     write_experiment(tmp_path / "film", film(world(), 8, seed=1))

@@ -12,7 +12,7 @@ from typing import Any
 
 from rock2d.diagnosis.detection import expected_limits
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
-from rock2d.diagnosis.diagnosis_content import diagnosis_json
+from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
 from rock2d.diagnosis.diagnosis_file import read_model
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.known_causes import effects_of_size
@@ -71,7 +71,7 @@ def run_diagnosis(
     write_whole(out / DIAGNOSIS, text)
     shutil.rmtree(out / FITS, ignore_errors=True)
     report(f"written: {out / DIAGNOSIS}, {out / 'report.html'}")
-    for line in result.film.sentences() if result.film is not None else ():
+    for line in film_sentences(result):
         report(f"film: {line}")
     for line in result.sanity.remarks:
         report(f"remark: {line}")

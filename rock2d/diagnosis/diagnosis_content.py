@@ -14,6 +14,7 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import inclusion
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.visibility import SPIN_TWINS
@@ -99,9 +100,31 @@ def diagnosis_json(result: Diagnosis) -> dict[str, Any]:
         "remarks": result.sanity.remarks,
     }
     body = _faulty_json(result) if result.found is None else _found_json(result)
-    return (
-        head | body | {"film": result.film.content() if result.film is not None else None, "sanity": sanity}
-    )
+    film = None
+    if result.film is not None:
+        film = result.film.content() | {"said": film_sentences(result)}
+    return head | body | {"film": film, "sanity": sanity}
+
+
+def film_sentences(result: Diagnosis) -> list[str]:
+    """What the film says of itself, and whether the diagnosis agrees: the film alone knows neither the spin nor the
+    forces in flight nor the contacts."""
+    film, found = result.film, result.found
+    if film is None:
+        return []
+    said = film.sentences()
+    if (
+        not film.off
+        or found is None
+        or any(TWINS.keys() & {name, *found.group(name)} for name in found.named)
+    ):
+        return said
+    phases = {name: catalogue()[name].phase for name in [*found.named, *found.uncertain]}
+    acting = [name for name, phase in phases.items() if phase != "impact"]
+    learnt = [change.name for change in found.learnt.changes if change.lever == FLIGHT]
+    if acting or learnt:
+        return [*said, f"the diagnosis, which knows more, explains this by {', '.join([*acting, *learnt])}"]
+    return [*said, "the diagnosis, which knows more, finds no effect that explains this on held-out releases"]
 
 
 def _faulty_json(result: Diagnosis) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def trial_label(*, releases=100, **hidden):
     return {
         "label": "+".join([*known, *["unknown"] * (len(known) < len(hidden))]) or "none",
         "hidden": [{"name": k, "form": 0, "values": {}, "signal_to_noise": z} for k, z in hidden.items()],
-        "signal_to_noise": max(hidden.values(), default=0.0), "phases": ["flight"] if hidden else [],
+        "signal_to_noise": max(hidden.values(), default=0.0),
         "kind": "flat", "releases": releases, "fps": 500.0, "block_size_m": 0.02, "position_noise_m": 1e-4,
     }  # fmt: skip
 

@@ -22,7 +22,6 @@ from rock2d.blind.cases import Case, assign_causes, draw_case
 from rock2d.blind.filming import film_case
 from rock2d.blind.record_cases import Record, bases_of, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
-from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder
 from rock2d.files.text_files import read_json, read_text
@@ -92,7 +91,6 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
             {"name": h.name, "form": h.form, "values": h.values, "signal_to_noise": z}
             for h, z in zip(case.hidden, each, strict=True)
         ],
-        "phases": phases(case),
         "signal_to_noise": together,
         "kind": case.kind,
         "blocks": [b.name for b in case.world.blocks],
@@ -106,12 +104,6 @@ def write_case(case: Case, folder: Path) -> dict[str, Any]:
             name: float(getattr(law, name)) for name in ("k_l", "k_ul", "k_t", "mu", "k_r", "indentation")
         },
     }
-
-
-def phases(case: Case) -> list[str]:
-    """Phases in which the hidden causes of a case act."""
-    own = [reality.PHASES.get(h.name) or catalogue()[h.name].phase for h in case.hidden]
-    return ["flight", "impact"] if "all" in own else sorted(set(own))
 
 
 def _write(case: Case, folder: Path, name: str, recorded: Array, times: Array, releases: Array) -> None:

@@ -96,22 +96,26 @@ def _base_part(found: dict[str, dict[str, Any]]) -> str:
     """Made cases and those from each real record; nothing if all are made."""
     if not found:
         return ""
-    level = {low: f"{low:g} to {high:g}" for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES)}
-    clear = [level[low] for low in level if low >= CLEAR_SIGNAL_TO_NOISE]
-    rows = []
-    for base, own in found.items():
-        counts = [
-            counts[count][name] for counts in own["recall"].values() for count in counts for name in clear
-        ]
-        total = sum(share[3] for share in counts)
-        hits = sum(round(share[0] * share[3]) for share in counts if share[3])
-        rows.append((
-            base, f"{hits:.0f} of {total:.0f}", share_text(own["precision"]["all"]),
-            share_text(own["nulls_with_a_cause_named"]), f"{100 * own['sizes']['all']['median_absolute']:.0f} %",
-        ))  # fmt: skip
-    head = ("base", f"named (signal-to-noise from {CLEAR_SIGNAL_TO_NOISE:g})", "named effects right",
-            "nulls with a cause named", "median size of the error")  # fmt: skip
+    rows = [
+        (
+            base, *(_clear_text(groups) for groups in (own["recall"], {"": {"": own["first_right_single"]}})),
+            share_text(own["precision"]["all"]), share_text(own["nulls_with_a_cause_named"]),
+            f"{100 * own['sizes']['all']['median_absolute']:.0f} %",
+        )
+        for base, own in found.items()
+    ]  # fmt: skip
+    head = ("base", f"named (signal-to-noise from {CLEAR_SIGNAL_TO_NOISE:g})", "single causes of these named first",
+            "named effects right", "nulls with a cause named", "median size of the error")  # fmt: skip
     return "<h2>By base of the cases</h2>" + html_table(rows, head=head)
+
+
+def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
+    """Clear effects that were hit, of all, from shares by signal-to-noise."""
+    clear = [f"{low:g} to {high:g}" for low, high in itertools.pairwise(SIGNAL_TO_NOISE_EDGES)
+             if low >= CLEAR_SIGNAL_TO_NOISE]  # fmt: skip
+    shares = [levels[name] for counts in groups.values() for levels in counts.values() for name in clear]
+    hits = sum(round(share[0] * share[3]) for share in shares if share[3])
+    return f"{hits} of {sum(share[3] for share in shares):.0f}"
 
 
 def _prediction_part(found: dict[str, Any]) -> str:

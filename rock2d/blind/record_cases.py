@@ -124,14 +124,12 @@ def write_record_case(
     for folder, own in ((fit, chosen[:count]), (heldout, chosen[count:])):
         folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have begun
         write_experiment(folder, of_releases(film, own))
-    phases = {catalogue()[name].phase for name in causes}
     blocks = record.setup.blocks
     return {
         "label": "+".join(sorted(causes)) or "none",
         "base": whole.name,
         "of_record": record.named,
         "hidden": hidden,
-        "phases": ["flight", "impact"] if "all" in phases else sorted(phases),
         "signal_to_noise": math.hypot(*strengths),
         "kind": "record",
         "blocks": list(blocks),

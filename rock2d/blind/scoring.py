@@ -41,6 +41,7 @@ WORSE = 1.02  # times the misses of the base law, from which on a prediction is 
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
+MISSES = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # of predictions, that are compared
 MADE = "made"  # base of a case that the reality engine made
 
 
@@ -57,7 +58,7 @@ class ScoredCase:
     p : inclusion probabilities of the listed effects, most probable first
     names : each named effect with those that it shares its name with
     claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
-    missed : misses of predictions of the held-out film, see `running`; may be empty
+    missed : misses of predictions of the held-out film, see `running`; empty without those of the tail
     sizes : of named effects that are hidden, where they can be compared
     base, of_record : the real record below the case, or MADE; the effects that it holds anyway
     """
@@ -94,6 +95,17 @@ class ScoredCase:
         return "+".join(own) or "none"
 
     @property
+    def right(self) -> bool | None:
+        """Whether the verdict is; None if it is what the record holds anyway."""
+        hit = self.verdict in self.label.split("+")
+        return None if not hit and self.verdict in self.of_record else hit
+
+    @property
+    def first(self) -> str | None:
+        """The most probable effect without those that the record holds anyway."""
+        return next((effect for effect in self.p if effect not in self.of_record - self.hidden.keys()), None)
+
+    @property
     def judged(self) -> list[frozenset[str]]:
         """The names without those of what the record holds anyway."""
         return [own for own in self.names if own & self.hidden.keys() or not own & self.of_record]
@@ -125,11 +137,12 @@ def scored_case(name: str, label: Mapping[str, Any], result: Mapping[str, Any]) 
     outside = [z for cause, z in strengths.items() if cause not in hidden]
     p = {str(cause["effect"]): float(cause["p"]) for cause in diagnosis["causes"]}
     names = [frozenset([own["effect"], *own["group"]]) for own in diagnosis["causes"] if own["named"]]
+    missed = {str(key): float(miss) for key, miss in (result.get("heldout") or {}).items()}
     return ScoredCase(
         name, hidden, max(outside, default=None), float(label["signal_to_noise"]), verdict, single[verdict],
         dict(sorted(p.items(), key=lambda item: -item[1])), names, float(outside_p), int(label["releases"]),
         float(result["seconds"]), _number(diagnosis["gap"]["closure"]), _number(result.get("true_closure")),
-        result.get("heldout") or {}, size_errors(label, diagnosis["causes"]),
+        missed if missed.keys() >= MISSES else {}, size_errors(label, diagnosis["causes"]),
         str(label.get("base", MADE)), frozenset(label.get("of_record", ())),
     )  # fmt: skip
 
@@ -146,7 +159,7 @@ def table(cases: Iterable[ScoredCase]) -> pd.DataFrame:
         {
             "case": c.name, "base": c.base, "label": c.label, "signal_to_noise": c.strength, "releases": c.releases,
             "named": "+".join("|".join(sorted(own)) for own in c.names), "p_outside": c.p_outside,
-            "verdict": c.verdict, "p": c.p_verdict, "right": c.verdict in c.label.split("+"),
+            "verdict": c.verdict, "p": c.p_verdict, "right": c.right,
             "claimed": c.claimed, "true": c.true, **{f"heldout_{key}": miss for key, miss in c.missed.items()},
             "seconds": c.seconds,
         }
@@ -161,7 +174,7 @@ def summary(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     return {
         "cases": len(cases),
         **_main_numbers(cases),
-        **({"by_base": apart} if len(bases) > 1 else {}),
+        **({"by_base": apart} if set(bases) - {MADE} else {}),
         "verdict": _verdicts(cases),
         "inclusion": inclusion(cases),
         "by_releases": {
@@ -187,7 +200,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
         },
         "first_right_single": _by_strength(
             [
-                (z, next(iter(c.p), None) == effect)
+                (z, c.first == effect)
                 for c in cases
                 if c.kind == "one effect"
                 for effect, z in c.hidden.items()
@@ -201,7 +214,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
 
 
 def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
-    """Share of the single answers that are right."""
+    """Share of the single answers that are right, without those that say what a record holds anyway."""
     groups = {
         "one_clear_effect": [
             c for c in cases if c.kind == "one effect" and c.strength >= CLEAR_SIGNAL_TO_NOISE
@@ -209,9 +222,7 @@ def _verdicts(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:
         "nothing": [c for c in cases if c.kind == "nothing"],
         "outside_cause_alone": [c for c in cases if c.kind == "outside cause" and not c.hidden],
     }
-    return {
-        name: wilson_share([c.verdict in c.label.split("+") for c in own]) for name, own in groups.items()
-    }
+    return {name: wilson_share([c.right for c in own if c.right is not None]) for name, own in groups.items()}
 
 
 def inclusion_pairs(cases: Iterable[ScoredCase]) -> list[tuple[str, float, bool]]:

@@ -24,7 +24,7 @@ def trial_label(*, releases=100, **hidden):
     return {
         "label": "+".join([*known, *["unknown"] * (len(known) < len(hidden))]) or "none",
         "hidden": [{"name": k, "form": 0, "values": {}, "signal_to_noise": z} for k, z in hidden.items()],
-        "signal_to_noise": max(hidden.values(), default=0.0), "phases": ["flight"] if hidden else [],
+        "signal_to_noise": max(hidden.values(), default=0.0),
         "kind": "flat", "releases": releases, "fps": 500.0, "block_size_m": 0.02, "position_noise_m": 1e-4,
     }  # fmt: skip
 
@@ -201,12 +201,25 @@ def test_what_a_record_holds_anyway_is_neither_right_nor_wrong():
     assert found["inclusion"]["pairs"] == 2 * EFFECTS - 2
 
 
+def test_an_effect_of_the_record_does_not_take_the_place_of_the_hidden_one(tmp_path):
+    """Neither in the order of the effects nor as the verdict; a trial of real cases alone has its base, too."""
+    label = trial_label(scale_error=20.0) | {"base": "drops", "of_record": ["air_drag"]}
+    result = _result({"air_drag": 0.99, "scale_error": 0.9}, 0.0)
+    result["diagnosis"]["probabilities"] |= {"air_drag": 0.7}
+    write_trial(tmp_path, {"000": (label, result), "001": (label | {"of_record": []}, result)})
+    found = score(tmp_path, report=lambda line: None)
+    assert _counts(found["first_right_single"]["15 to 50"]) == (1, 2)
+    assert _counts(found["verdict"]["one_clear_effect"]) == (0, 1)
+    assert list(found["by_base"]) == ["drops"]
+    assert "<td>drops</td><td>2 of 2</td><td>1 of 2</td>" in (tmp_path / "score.html").read_text()
+
+
 def test_predictions_of_heldout_films_are_compared_in_the_middle_and_in_the_tail():
     miss = {"base": 4.0, "base_tail": 10.0, "diagnosed": 1.0, "diagnosed_tail": 10.1}
     worse = miss | {"diagnosed": 3.0, "diagnosed_tail": 12.0}
     cases = [
         scored_case(str(k), trial_label(air_drag=20.0), _result({}, 0.0) | {"heldout": own})
-        for k, own in enumerate([miss, worse, {}])
+        for k, own in enumerate([miss, worse, {}, {"base": 4.0, "diagnosed": 1.0}])
     ]
     found = predicted(cases)["one effect"]
     assert found["median_smaller"] == pytest.approx(0.5) and _counts(found["tail_not_worse"]) == (1, 2)

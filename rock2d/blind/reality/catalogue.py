@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 CAUSES = {**known_causes(), **outside_causes()}
 FORMS = {name: cause.forms for name, cause in known_causes().items()}  # of the effects that a diagnosis knows
 OUTSIDE = {name: cause.sentence for name, cause in outside_causes().items()}
-PHASES = {name: cause.phase for name, cause in outside_causes().items()}
 LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strength` and all of it
 
 

@@ -42,7 +42,6 @@ class Cause:
     columns : column of `parameters` in which the compiled motion finds each value
     switches : columns of `parameters` that are 1 while the cause acts
     recorded : (poses, view, values) -> poses that the camera records; None if the recording is correct
-    phase : of a cause outside the catalogue: "flight", "impact" or "all"
     sentence : of a cause outside the catalogue: what happens
     draw_order : place among the causes when a seed assigns them to cases; causes of the same place follow by name
     """
@@ -53,7 +52,6 @@ class Cause:
     columns: Mapping[str, int] = field(default_factory=dict)
     switches: tuple[int, ...] = ()
     recorded: Callable[[Array, View, Values], Array] | None = None
-    phase: str = ""
     sentence: str = ""
     draw_order: int = LAST_IN_DRAW_ORDER
 

@@ -19,6 +19,5 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 CAUSE = Cause(
     "fixed_profile",
     sizes,
-    phase="impact",
     sentence="The ground has small hills and dips that nobody surveyed; they are the same for all releases.",
 )

@@ -16,7 +16,6 @@ CAUSE = Cause(
     "ground_pull",
     sizes,
     columns={"pull_m_s2": parameters.ATTRACTION, "range_m": parameters.ATTRACTION_RANGE},
-    phase="flight",
     sentence="Close to its surface the ground attracts the block.",
     draw_order=7,
 )

@@ -26,7 +26,6 @@ CAUSE = Cause(
     "late_angle",
     sizes,
     recorded=recorded,
-    phase="impact",
     sentence="The recorded orientation lags behind the recorded position.",
     draw_order=5,
 )

@@ -16,7 +16,6 @@ CAUSE = Cause(
     "mass_shedding",
     sizes,
     columns={"share": parameters.SHED_SHARE},
-    phase="impact",
     sentence="At its first lift-off the block leaves a part of its mass behind, at rest.",
     draw_order=1,
 )

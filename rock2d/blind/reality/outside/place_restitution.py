@@ -26,6 +26,5 @@ CAUSE = Cause(
         "wave_number_rad_m": parameters.WAVE_NUMBER,
         "phase_rad": parameters.WAVE_PHASE,
     },
-    phase="impact",
     sentence="The restitution of the ground changes along the section in one slow wave.",
 )

@@ -27,7 +27,6 @@ CAUSE = Cause(
         "rate_rad_s": parameters.SHAKE_RATE,
         "phase_rad": parameters.SHAKE_PHASE,
     },
-    phase="impact",
     sentence="All ground swings up and down like a shaking table.",
     draw_order=3,
 )

@@ -21,7 +21,6 @@ CAUSE = Cause(
     "side_wind",
     sizes,
     columns={"push_m_s2": parameters.WIND, "low_m": parameters.WIND_LOW, "high_m": parameters.WIND_HIGH},
-    phase="flight",
     sentence="The block is pushed sideways while it passes a band of heights.",
     draw_order=0,
 )

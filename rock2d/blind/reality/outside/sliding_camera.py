@@ -27,7 +27,6 @@ CAUSE = Cause(
     "sliding_camera",
     sizes,
     recorded=recorded,
-    phase="all",
     sentence="The camera slides during each release, each time in another direction.",
     draw_order=6,
 )

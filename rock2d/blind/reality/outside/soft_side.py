@@ -18,7 +18,6 @@ CAUSE = Cause(
     "soft_side",
     sizes,
     columns={"log_ratio": parameters.SIDE_LOG_RATIO, "angle_rad": parameters.SIDE_ANGLE},
-    phase="impact",
     sentence="One side of the block is much softer than the others.",
     draw_order=4,
 )

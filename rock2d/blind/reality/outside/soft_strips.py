@@ -29,7 +29,6 @@ CAUSE = Cause(
         "width_m": parameters.STRIP_WIDTH,
         "period_m": parameters.STRIP_PERIOD,
     },
-    phase="impact",
     sentence="Strips of the ground are much softer than the zone they lie in.",
     draw_order=2,
 )

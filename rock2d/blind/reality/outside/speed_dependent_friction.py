@@ -17,6 +17,5 @@ CAUSE = Cause(
     "speed_dependent_friction",
     sizes,
     columns={"fall_s_m": parameters.FRICTION_FALL},
-    phase="impact",
     sentence="Friction falls with the normal speed at which a contact begins.",
 )

@@ -16,7 +16,6 @@ CAUSE = Cause(
     "spin_kick",
     sizes,
     columns={"kick": parameters.SPIN_KICK},
-    phase="impact",
     sentence="At lift-off the block gains speed off the ground in proportion to its spin.",
     draw_order=8,
 )

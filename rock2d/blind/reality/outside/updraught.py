@@ -22,7 +22,6 @@ CAUSE = Cause(
         "left_m": parameters.UPDRAUGHT_LEFT,
         "right_m": parameters.UPDRAUGHT_RIGHT,
     },
-    phase="flight",
     sentence="Air rises in a band of the set-up and carries the block.",
     draw_order=9,
 )

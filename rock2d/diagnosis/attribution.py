@@ -19,7 +19,7 @@ from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.evidence import Evidence, outside, single_answers, weigh
+from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, fit, some_releases
@@ -198,7 +198,7 @@ def _attribution(search: Search) -> Attribution:
     evidence, learnt, beside_all = _weighed(search)
     best = search.best
     p_outside = min(
-        outside(held_out_gain(data, own, beside), search.gain(beside, search.base))
+        outside(held_out_gain(data, own, beside), left_by_form(search, beside))
         for own, beside in ((learnt, best), (beside_all, whole))
     )
     learnt = best_predicting(data, learnt, beside_all)

@@ -44,7 +44,7 @@ OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 MOST_RIVALS = 2  # effects that may stand for one that is named
 NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
 # of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
-FORM_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05
+FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 FORM_STEEPNESS = 3.0
 # of the plausible range on either side: a smaller size is of no use to anybody, and one at its end fits nothing
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
@@ -194,14 +194,21 @@ def closes_nothing(search: Search, name: str) -> float:
     return min(float(np.mean(gap(less) <= gap(own))) for own, less in pairs)
 
 
-def outside(learnt: Gain, named: Gain) -> float:
-    """Probability that something outside the catalogue acts, from what is learnt beside the causes, and what these
-    gain: the form of a law that is not quite that of the ground leaves a share of it, too."""
+def left_by_form(search: Search, own: CauseSet) -> float:
+    """Log likelihood that the forms of the laws of a set may leave to be learnt; less of the camera's geometry."""
+    gains = {name: max(search.gain(own, less).total, 0.0) for name, less in search.without(own).items()}
+    shares = {name: CAMERA_SHARE if search.effects[name].camera else FORM_SHARE for name in gains}
+    left = sum(shares[name] * gain for name, gain in gains.items()) / max(sum(gains.values()), 1e-9)
+    return left * max(search.gain(own, search.base).total, 0.0)
+
+
+def outside(learnt: Gain, left: float) -> float:
+    """Probability that something outside the catalogue acts, from what is learnt beside the causes, and what the forms
+    of their laws may leave."""
     if learnt.total <= 0.0:
         return UNSEEN
-    beyond_form = learnt.total / (FORM_SHARE * max(named.total, 1e-9))
     p = against_chance(TRIED_DEPENDENCES * float(norm.sf(learnt.significance)))
-    p *= _logistic(beyond_form, FORM_STEEPNESS)
+    p *= _logistic(learnt.total / max(left, 1e-9), FORM_STEEPNESS)
     return max(p, UNSEEN)
 
 

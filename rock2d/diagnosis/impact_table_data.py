@@ -41,7 +41,7 @@ RELATIVE_PRECISION = 1e-3  # of the numbers in a table, in units of the spread o
 
 @dataclass
 class TableData(ImpactTable):
-    """Impacts of a table; see `data.Data`."""
+    """n impacts of a table, with the methods of `film_data.FilmData`."""
 
     @property
     def flight_release(self) -> Array:
@@ -56,7 +56,8 @@ class TableData(ImpactTable):
         return self
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
-        """Simulated less recorded velocities after each impact: along the ground, across it, spin.
+        """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
+        (n, 6) is added to the states before.
 
         A block that the impact does not throw off has the velocities with which it stays on the ground.
         """
@@ -74,9 +75,8 @@ class TableData(ImpactTable):
             starts[own, Y] -= gap * self.tangent[own, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
         earlier = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
-        for b, block in enumerate(
-            blocks
-        ):  # the way back of a slow block, or of one that turns into the ground
+        # the way back of a slow block, or of one that turns into the ground, may not be clear
+        for b, block in enumerate(blocks):
             own = self.impact_block == b
             clear = clearances(block_arrays(block), ground, earlier[own, POSE]) > 0.0
             starts[own] = np.where(clear[:, None], earlier[own], starts[own])
@@ -127,7 +127,7 @@ class TableData(ImpactTable):
         )
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
-        """What is known of each impact before it happens; see `incident_quantities`."""
+        """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         found = incident_quantities(
             world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
         )

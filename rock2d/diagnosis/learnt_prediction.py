@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from rock2d.diagnosis.quantities import (
 from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.kinematics.flights import clearances
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, clearances
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import (
     AT,
@@ -50,6 +50,9 @@ from rock2d.records.columns import (
 )
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
+
+if TYPE_CHECKING:
+    from rock2d.diagnosis.segment_prediction import Segments
 
 Array = np.ndarray
 
@@ -75,33 +78,6 @@ class KnownChange:
 def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
     """The changes that a diagnosis holds."""
     return [KnownChange(c["lever"], read_basis(c), np.array(c["coefficients"], float)) for c in content]
-
-
-@dataclass
-class Starts:
-    """Where the simulations of segments start: (n,) arrays.
-
-    Attributes
-    ----------
-    flight : the flight before
-    block, order : index of the block; place of the release in its series
-    number : impacts of the release before that of the segment
-    start : (n, 6) states at which the simulations start
-    start_s : their recorded instants, from the middle of the flight
-    begin_s : true instants of the starts in their releases
-    limit_s : true duration of the segment
-    least_flight_s : true duration from which on a film shows a flight
-    """
-
-    flight: Array
-    block: Array
-    order: Array
-    number: Array
-    start: Array
-    start_s: Array
-    begin_s: Array
-    limit_s: Array
-    least_flight_s: float
 
 
 class _Aloft(NamedTuple):
@@ -138,30 +114,33 @@ class _Paths(NamedTuple):
 
 
 class LearntMotion:
-    """The segments of a film with learnt changes."""
+    """The n segments of a film with learnt changes, from the states `start` (n, 6) on; they last `limit_s` (n,)."""
 
     def __init__(
-        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Starts
-    ) -> None:
-        self._changes, self._segments, self._world = changes, segments, world
-        touch = self._run(world, segments.start, impact_limit=1, impact_room=1)
+        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Segments, start: Array,
+        limit_s: Array,
+    ) -> None:  # fmt: skip
+        self._changes, self._segments, self._world, self._limit_s = changes, segments, world, limit_s
+        self._begin_s = segments.began_s * world.view.time_scale
+        # from which on a film shows a flight
+        self._least_flight_s = FEWEST_FLIGHT_FRAMES * segments.frame_s * world.view.time_scale
+        touch = self._run(world, start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
         at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, AT])
         facet = nearest_facets(np.ascontiguousarray(at[:, POSITION]), world.cross_section.points_m)
         self._tangent = world.cross_section.tangents[facet]
         zone = world.cross_section.zone_ids[facet]
         self._history = {
-            SERIES: segments.order.astype(float),
+            SERIES: world.order.astype(float),
             HISTORY: np.minimum(segments.number, MOST_COUNTED_IMPACTS).astype(float),
         }
         ended = touch.impacts[:, 0, I_TIME_AFTER]  # NaN where there is no impact, or the segment ends in it
-        lasts = np.where(np.isfinite(ended), ended, segments.limit_s)
-        self._history[TIME_S] = segments.begin_s + lasts
-        self._quantities = self._history | incident_quantities(
-            world, segments.block, zone, self._tangent, segments.start
-        )
+        lasts = np.where(np.isfinite(ended), ended, limit_s)
+        self._history[TIME_S] = self._begin_s + lasts
+        before = incident_quantities(world, segments.block, zone, self._tangent, start)
+        self._quantities = self._history | before
         self._pivot, self._slope = at[:, POSITION], np.zeros(len(at))
-        self._start, self._frame = segments.start.copy(), np.zeros_like(segments.start)
+        self._start, self._frame = start.copy(), np.zeros_like(start)
         for change in changes:
             if change.lever == FLIGHT:
                 self._start += self._flown(change, data)
@@ -178,19 +157,19 @@ class LearntMotion:
 
     def _run(self, world: World, start: Array, which: Array | None = None, **more: Any) -> BatchResult:
         """The segments `which` (default: all), simulated from their states `start`."""
-        s = self._segments
-        own = np.arange(len(s.block)) if which is None else which
+        block = self._segments.block
+        own = np.arange(len(block)) if which is None else which
         ensemble, tables = world_ensemble(world)
         return run_batch(
-            ensemble, start, block_ids=s.block[own], table_ids=tables if len(tables) == 1 else tables[own],
-            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": s.limit_s[own], **more},
+            ensemble, start, block_ids=block[own], table_ids=tables if len(tables) == 1 else tables[own],
+            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": self._limit_s[own], **more},
         )  # fmt: skip
 
     def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
         """(n, 6) what an acceleration changes in the states at the starts."""
-        s = self._segments
+        flight = self._segments.flight
         answer = response(data, self._world, flight_paths(data, self._world), change.basis)
-        place, rate = answer.state_change(s.flight, s.start_s * self._world.view.time_scale)
+        place, rate = answer.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
         return np.column_stack([place @ change.coefficients.T, rate @ change.coefficients.T])
 
     def samples(self, t_s: Array) -> Array:
@@ -216,8 +195,8 @@ class LearntMotion:
 
     def _aloft(self, begins: Array) -> _Aloft:
         """The first flight of each segment after an impact that a film shows, from the states `begins` (n, 6)."""
-        least = self._segments.least_flight_s
-        longer = self._segments.limit_s + least  # only then it shows whether a flight follows
+        least = self._least_flight_s
+        longer = self._limit_s + least  # only then it shows whether a flight follows
         found = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
         impacts = found.impacts
         following = np.append(impacts[:, 1:, I_TIME], np.full((len(impacts), 1), np.nan), axis=1)
@@ -266,17 +245,18 @@ class LearntMotion:
 
     def _path(self, aloft: _Aloft) -> _Paths:
         """The flights with all changes, until the blocks touch the ground or their segments end."""
-        s, own, states = self._segments, aloft.segment, self._leaving(aloft)
+        own, states = aloft.segment, self._leaving(aloft)
+        block = self._segments.block[own]
         radius = min(block.radius_m for block in self._world.blocks.values())
         fastest = max(float(np.hypot(*states[:, LINEAR_VELOCITY].T).max()), 1e-9)
-        step = min(s.least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
+        step = min(self._least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
         path, pushes = [states], [self._acceleration(aloft, states, 0.0)]
-        last, left_s = np.zeros(len(own), np.int64), s.limit_s[own] - aloft.clear_s
+        last, left_s = np.zeros(len(own), np.int64), self._limit_s[own] - aloft.clear_s
         # without learnt accelerations the engine simulates the flight, too
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
-            states = drift(self._world, s.block[own], states, np.full(len(own), step))
+            states = drift(self._world, block, states, np.full(len(own), step))
             states[:, POSE] += 0.5 * step**2 * pushes[-1]
             states[:, RATES] += step * pushes[-1]
             flies &= self._clear(own, states) & (now < left_s)
@@ -288,18 +268,18 @@ class LearntMotion:
     def _onward(self, aloft: _Aloft, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on as the engine says."""
-        s, own, path = self._segments, aloft.segment, self._path(aloft)
+        own, path = aloft.segment, self._path(aloft)
         m, resumed_s = np.arange(len(own)), path.last * path.step_s
         rest = self._run(
             self._world, path.states[path.last, m], own,
-            time_limit_s=np.maximum(s.limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
+            time_limit_s=np.maximum(self._limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
         aloft_s = np.clip(since_s, 0.0, resumed_s[:, None])
         step = np.minimum(aloft_s // path.step_s, path.last[:, None]).astype(int)
         beyond = (aloft_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
-        block = np.repeat(s.block[own], since_s.shape[1])
+        block = np.repeat(self._segments.block[own], since_s.shape[1])
         flown = drift(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
@@ -322,7 +302,7 @@ class LearntMotion:
                 BLOCK: s.block[own].astype(float),
                 SERIES: self._history[SERIES][own],
                 HISTORY: np.minimum(s.number[own] + 1.0, MOST_COUNTED_IMPACTS),
-                TIME_S: s.begin_s[own] + aloft.clear_s + since_s,
+                TIME_S: self._begin_s[own] + aloft.clear_s + since_s,
             }
             for change in changes:
                 found += change.of(quantities)

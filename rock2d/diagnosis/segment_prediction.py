@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion, Starts
+from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.records.columns import POSE, THETA, X
 from rock2d.scene.world import World
@@ -94,11 +93,7 @@ def predicted_poses(
     times = segments.instants_s * scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     if changes:
-        known = Starts(
-            segments.flight, block, world.order, segments.number, starts, data.start_s[segments.flight],
-            segments.began_s * scale, limits, FEWEST_FLIGHT_FRAMES * segments.frame_s * scale,
-        )  # fmt: skip
-        samples = LearntMotion(changes, world, data, known).samples(times)
+        samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
     else:
         ensemble, tables = world_ensemble(world)
         samples = run_batch(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +13,10 @@ from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
-from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.checks_section import checks_section
-from rock2d.diagnosis.report.figures import section_figure, segment_figure
+from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
 from rock2d.diagnosis.report.limits_section import limits_section
 from rock2d.diagnosis.report.practical_indicators import (
@@ -35,11 +32,9 @@ from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
+from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = np.ndarray
 Progress = Callable[[str], None]
@@ -147,7 +142,7 @@ def _sections(
     }
     context |= _where(result, content, models)
     context["learnt"] = [
-        {"name": described(change), "image": _inline(learnt_figure(result, change)),
+        {"name": described(change), "image": embedded(learnt_figure(result, change), "svg"),
          "gain": text.plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
@@ -195,8 +190,8 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     misses = tables.misses_of(result, models.base_out)
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
-        "section": _inline(section_figure(*parts)),
-        "narrow_section": _inline(section_figure(*parts, narrow=True)),
+        "section": embedded(section_figure(*parts), "svg"),
+        "narrow_section": embedded(section_figure(*parts, narrow=True), "svg"),
         "section_alt": section_alt(misses, len(flights), shares),
         "section_data": downloads.section_data(misses, list(experiment.blocks)),
         "flights_data": downloads.flights_data(flights) if flights else None,
@@ -306,7 +301,7 @@ def _film(
         "repetitions": repetitions,
         "segments": [
             {
-                "image": _inline(segment_figure(experiment.cross_section, s)),
+                "image": embedded(segment_figure(experiment.cross_section, s), "svg"),
                 "alt": segment_alt(s, labels),
                 "data": downloads.segment_data(s, i, labels),
             }
@@ -360,13 +355,3 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
         "data": downloads.quantity_data(quantity, labels),
     }  # fmt: skip
-
-
-def _inline(figure: Figure) -> str:
-    """A figure as SVG for the data URI of an img element. Its text is drawn as paths, so no font is needed."""
-    import matplotlib
-
-    image = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
-        figure.savefig(image, format="svg", dpi=150, metadata={"Date": None})
-    return base64.b64encode(image.getvalue()).decode()

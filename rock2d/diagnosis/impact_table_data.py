@@ -20,7 +20,7 @@ from rock2d.diagnosis.features import (
     moving_quantities,
 )
 from rock2d.diagnosis.quantities import SERIES
-from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.engines.batch import run_world
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.flights import clearances
@@ -80,15 +80,11 @@ class TableData(ImpactTable):
             own = self.impact_block == b
             clear = clearances(block_arrays(block), ground, earlier[own, POSE]) > 0.0
             starts[own] = np.where(clear[:, None], earlier[own], starts[own])
-        ensemble, tables = world_ensemble(world)
-        limit = (
-            LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
-            + 10 * START_GAP_RADII * size / pace
+        lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
+        limit = lasts + 10 * START_GAP_RADII * size / pace
+        result = run_world(
+            world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1
         )
-        result = run_batch(
-            ensemble, starts, block_ids=self.impact_block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limit, impact_limit=1, impact_room=1,
-        )  # fmt: skip
         touch = result.impacts[:, 0]
         leaves = np.isfinite(touch[:, AFTER])
         stays = np.isfinite(touch[:, BEFORE]) & ~leaves

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion
-from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.records.columns import POSE, THETA, X
@@ -85,7 +85,7 @@ def predicted_poses(
 ) -> Array:
     """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
 
-    `shift` (n, 6) is added to the states at the starts. Where a block has left the cross-section its last pose stays.
+    `shift` (n, 6) is added to the states at the starts.
     """
     scale, block = world.view.time_scale, segments.block
     before = data.states(world).middle[segments.flight]
@@ -95,12 +95,13 @@ def predicted_poses(
     if changes:
         samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
     else:
-        ensemble, tables = world_ensemble(world)
-        samples = run_batch(
-            ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limits, times_s=times,
-        ).samples  # fmt: skip
-    last = starts[:, POSE]
+        samples = run_world(world, starts, block, time_limit_s=limits, times_s=times).samples
+    return recorded_poses(world, block, samples, starts[:, POSE])
+
+
+def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> Array:
+    """(n, k, 3) poses as the camera records them, of simulated ones (n, k, 3). Where a block has left the cross-section
+    its last pose stays; before the first one it is `last` (n, 3)."""
     for k in range(samples.shape[1]):  # also of a block that starts deep in the ground
         gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = last[gone]

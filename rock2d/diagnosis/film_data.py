@@ -7,15 +7,16 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import (
+from rock2d.diagnosis.impact_prediction import outcomes
+from rock2d.diagnosis.quantities import (
+    SERIES,
+    TIME_S,
     history_quantities,
     incident_features,
     incident_quantities,
     moving_quantities,
 )
-from rock2d.diagnosis.impact_prediction import outcomes
-from rock2d.diagnosis.quantities import SERIES, TIME_S
+from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import BATCH_STEP_FRACTION
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.states import drift

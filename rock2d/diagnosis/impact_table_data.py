@@ -12,14 +12,14 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import (
+from rock2d.diagnosis.quantities import (
+    SERIES,
     history_quantities,
     incident_features,
     incident_quantities,
     moving_quantities,
 )
-from rock2d.diagnosis.quantities import SERIES
+from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import run_world
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE

@@ -1,4 +1,4 @@
-"""Learnt changes in a prediction: every segment of another film, from one flight to the next.
+"""Prediction of every segment of another film, from one flight to the next, with learnt changes.
 
 A learnt change needs to know where the block will touch the ground. So the segment is simulated once without it; that
 gives the place. Then the segment is simulated with the changed law and the changed state before the impact.
@@ -12,25 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.features import incident_quantities, moving_quantities
+from rock2d.diagnosis import quantities as q
 from rock2d.diagnosis.flight_fields import flight_paths, path_quantities, response
 from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.quantities import (
-    BLOCK,
-    HISTORY,
-    MOST_COUNTED_IMPACTS,
-    SERIES,
-    TIME_S,
-    Basis,
-    read_basis,
-)
-from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
+from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
+from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, clearances
@@ -51,15 +43,11 @@ from rock2d.records.columns import (
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
 
-if TYPE_CHECKING:
-    from rock2d.diagnosis.segment_prediction import Segments
-
 Array = np.ndarray
 
 COUNTED_IMPACTS = 16  # of a segment, among which a flight is looked for
 STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
 LONGEST_STEP_RADII = 0.25  # of the smallest block, so that no step leads through an edge of the ground
-END_MARGIN_S = 1e-9  # the last frame is inside
 
 
 @dataclass
@@ -67,7 +55,7 @@ class KnownChange:
     """A learnt change of a diagnosis: lever, basis and coefficients (numbers of the lever, functions), in SI."""
 
     lever: str
-    basis: Basis
+    basis: q.Basis
     coefficients: Array
 
     def of(self, quantities: Mapping[str, Array]) -> Array:
@@ -77,7 +65,30 @@ class KnownChange:
 
 def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
     """The changes that a diagnosis holds."""
-    return [KnownChange(c["lever"], read_basis(c), np.array(c["coefficients"], float)) for c in content]
+    return [KnownChange(c["lever"], q.read_basis(c), np.array(c["coefficients"], float)) for c in content]
+
+
+def predicted_poses(
+    data: FilmSegments,
+    segments: Segments,
+    world: World,
+    changes: Sequence[KnownChange] = (),
+    shift: Array | float = 0.0,
+) -> Array:
+    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
+
+    `shift` (n, 6) is added to the states at the starts.
+    """
+    scale, block = world.view.time_scale, segments.block
+    before = data.states(world).middle[segments.flight]
+    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
+    times = segments.instants_s * scale
+    limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
+    if changes:
+        samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
+    else:
+        samples = run_world(world, starts, block, time_limit_s=limits, times_s=times).samples
+    return recorded_poses(world, block, samples, starts[:, POSE])
 
 
 class _Aloft(NamedTuple):
@@ -131,13 +142,13 @@ class LearntMotion:
         self._tangent = world.cross_section.tangents[facet]
         zone = world.cross_section.zone_ids[facet]
         self._history = {
-            SERIES: world.order.astype(float),
-            HISTORY: np.minimum(segments.number, MOST_COUNTED_IMPACTS).astype(float),
+            q.SERIES: world.order.astype(float),
+            q.HISTORY: np.minimum(segments.number, q.MOST_COUNTED_IMPACTS).astype(float),
         }
         ended = touch.impacts[:, 0, I_TIME_AFTER]  # NaN where there is no impact, or the segment ends in it
         lasts = np.where(np.isfinite(ended), ended, limit_s)
-        self._history[TIME_S] = self._begin_s + lasts
-        before = incident_quantities(world, segments.block, zone, self._tangent, start)
+        self._history[q.TIME_S] = self._begin_s + lasts
+        before = q.incident_quantities(world, segments.block, zone, self._tangent, start)
         self._quantities = self._history | before
         self._pivot, self._slope = at[:, POSITION], np.zeros(len(at))
         self._start, self._frame = start.copy(), np.zeros_like(start)
@@ -237,7 +248,7 @@ class LearntMotion:
                     change[:, first + 2] += along[:, first + 2]
             elif learnt.lever == FRAME:
                 known = {name: values[own] for name, values in self._history.items()}
-                change[:, FRAME_COLUMNS] -= learnt.of(moving_quantities(left) | known)
+                change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
         change[:, POSE] += (aloft.clear_s - aloft.left_s)[:, None] * change[:, RATES]
         # the change of a pose could put the block into the ground, where it cannot be
         change[~self._clear(own, aloft.state + change), POSE] = 0.0
@@ -299,10 +310,10 @@ class LearntMotion:
         changes = [change for change in self._changes if change.lever == FLIGHT]
         if changes:
             quantities = path_quantities(self._world, states) | {
-                BLOCK: s.block[own].astype(float),
-                SERIES: self._history[SERIES][own],
-                HISTORY: np.minimum(s.number[own] + 1.0, MOST_COUNTED_IMPACTS),
-                TIME_S: self._begin_s[own] + aloft.clear_s + since_s,
+                q.BLOCK: s.block[own].astype(float),
+                q.SERIES: self._history[q.SERIES][own],
+                q.HISTORY: np.minimum(s.number[own] + 1.0, q.MOST_COUNTED_IMPACTS),
+                q.TIME_S: self._begin_s[own] + aloft.clear_s + since_s,
             }
             for change in changes:
                 found += change.of(quantities)

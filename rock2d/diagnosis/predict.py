@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.learnt_prediction import KnownChange, read_changes
+from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
 from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, OUTCOME, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.segment_prediction import Segments, as_rows, predicted_poses
+from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment

@@ -13,7 +13,7 @@ import numpy as np
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
-from rock2d.diagnosis.segment_prediction import END_MARGIN_S, recorded_poses
+from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses
 from rock2d.engines.batch import run_world
 from rock2d.kinematics.states import drift
 from rock2d.scene.world import World

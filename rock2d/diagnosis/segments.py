@@ -1,23 +1,22 @@
-"""Segments of a film: each from the end of one flight to the end of the next, or of the film, and its simulation.
+"""Segments of a film: each from the end of one flight to the end of the next, or of the film.
 
 The simulation of a segment starts in the flight before, from its measured state, a little above the ground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion
-from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import POSE, THETA, X
+from rock2d.kinematics.states import centroid_poses
+from rock2d.records.columns import THETA, X
 from rock2d.scene.world import World
 
 Array = np.ndarray
+
+END_MARGIN_S = 1e-9  # the last frame is inside
 
 
 @dataclass
@@ -74,29 +73,6 @@ class Segments:
             number=self.number[keep], frames=[self.frames[i] for i in np.flatnonzero(keep)],
             instants_s=self.instants_s[keep], began_s=self.began_s[keep],
         )  # fmt: skip
-
-
-def predicted_poses(
-    data: FilmSegments,
-    segments: Segments,
-    world: World,
-    changes: Sequence[KnownChange] = (),
-    shift: Array | float = 0.0,
-) -> Array:
-    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
-
-    `shift` (n, 6) is added to the states at the starts.
-    """
-    scale, block = world.view.time_scale, segments.block
-    before = data.states(world).middle[segments.flight]
-    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
-    times = segments.instants_s * scale
-    limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
-    if changes:
-        samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
-    else:
-        samples = run_world(world, starts, block, time_limit_s=limits, times_s=times).samples
-    return recorded_poses(world, block, samples, starts[:, POSE])
 
 
 def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> Array:

@@ -79,7 +79,8 @@ def report_page(
 
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
-    chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
+    effect = models.fits.get("effect") if models is not None else None
+    chain = [e.name for e in effect.model.effects] if effect is not None else []
     context |= _verdict(result, content, chain) | budget_section(content) | checks_section(result.checks)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
@@ -167,9 +168,7 @@ def _sections(
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
-        residuals = {"base": models.base_out.residuals.impacts}
-        if models.effect_out is not None:
-            residuals["effect"] = models.effect_out.residuals.impacts
+        residuals = {name: out.residuals.impacts for name, out in models.held_out.items()}
         quantities = table_quantities(result.experiment, result.data, residuals)
         context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
     return context
@@ -187,7 +186,7 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     flights = []
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
-    misses = tables.misses_of(result, models.base_out)
+    misses = tables.misses_of(result, models.held_out["base"])
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
         "section": embedded(section_figure(*parts), "svg"),

@@ -123,14 +123,9 @@ class FilmData(FilmSegments):
 
     def impact_features(self, world: World) -> Array:
         """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
-        impacts, before = self.impacts, self.incident(world)
-        return np.column_stack(
-            [
-                incident_features(world, impacts.block, impacts.zone, impacts.tangent, before),
-                impacts.order,
-                impacts.wait_s,
-            ]
-        )
+        impacts = self.impacts
+        known = incident_features(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        return np.column_stack([known, impacts.order, impacts.wait_s])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""

@@ -21,9 +21,8 @@ from rock2d.diagnosis.quantities import (
 )
 from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import run_world
-from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
-from rock2d.kinematics.flights import clearances
+from rock2d.kinematics.flights import heights
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
@@ -64,22 +63,15 @@ class TableData(ImpactTable):
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
-        blocks = list(world.blocks.values())
-        size = np.array([b.radius_m for b in blocks])[self.impact_block]
-        ground = ground_arrays(world.cross_section)
-        starts = true.copy()
-        for b, block in enumerate(blocks):
-            own = self.impact_block == b
-            gap = clearances(block_arrays(block), ground, starts[own, POSE])
-            starts[own, X] += gap * self.tangent[own, Y]  # along the normal until it just touches
-            starts[own, Y] -= gap * self.tangent[own, X]
+        size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
+        starts, gap = true.copy(), heights(world, self.impact_block, true[:, POSE])
+        starts[:, X] += gap * self.tangent[:, Y]  # along the normal until it just touches
+        starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
         earlier = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
         # the way back of a slow block, or of one that turns into the ground, may not be clear
-        for b, block in enumerate(blocks):
-            own = self.impact_block == b
-            clear = clearances(block_arrays(block), ground, earlier[own, POSE]) > 0.0
-            starts[own] = np.where(clear[:, None], earlier[own], starts[own])
+        clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
+        starts = np.where(clear[:, None], earlier, starts)
         lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
         limit = lasts + 10 * START_GAP_RADII * size / pace
         result = run_world(
@@ -115,12 +107,8 @@ class TableData(ImpactTable):
 
     def impact_features(self, world: World) -> Array:
         """(n, features) of impacts."""
-        return np.column_stack(
-            [
-                incident_features(world, self.impact_block, self.impact_zone, self.tangent, self.before),
-                self.impact_order,
-            ]
-        )
+        known = incident_features(world, self.impact_block, self.impact_zone, self.tangent, self.before)
+        return np.column_stack([known, self.impact_order])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
         """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""

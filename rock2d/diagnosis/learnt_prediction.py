@@ -23,9 +23,8 @@ from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, 
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
-from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, clearances
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import (
     AT,
@@ -297,11 +296,7 @@ class LearntMotion:
 
     def _clear(self, own: Array, states: Array) -> Array:
         """(m,) whether blocks in these states (m, 6) are clear of the ground."""
-        ground, block = ground_arrays(self._world.cross_section), self._segments.block[own]
-        clear = np.empty(len(own), bool)
-        for b, shape in enumerate(self._world.blocks.values()):
-            clear[block == b] = clearances(block_arrays(shape), ground, states[block == b, POSE]) > 0.0
-        return clear
+        return heights(self._world, self._segments.block[own], states[:, POSE]) > 0.0
 
     def _acceleration(self, aloft: _Aloft, states: Array, since_s: float) -> Array:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), a time after they are clear."""

@@ -156,26 +156,23 @@ def budget(
     floor = draws.floor(floors, [with_learnt, with_named])
     open_gap = base - floor
 
-    def share(closed: Array, spread: tuple[Array, Array] | None = None) -> Share:
-        """`closed` (1 + draws,) with the smallest and largest over the orders."""
-        if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
-            return Share(0.0, (0.0, 0.0), (0.0, 0.0))
-        of = closed / np.maximum(open_gap, 1e-12)
-        low, high = np.quantile(of[1:], [0.025, 0.975])
-        ends = (closed, closed) if spread is None else spread
-        return Share(
-            float(of[0]),
-            (float(low), float(high)),
-            (float(ends[0][0] / open_gap[0]), float(ends[1][0] / open_gap[0])),
-        )
-
-    causes = {name: share(*closed) for name, closed in _order_free(gaps, named).items()}
+    causes = {name: share(own, open_gap, ends) for name, (own, ends) in _order_free(gaps, named).items()}
     predicted = np.minimum(with_learnt, floors[0])
     return Budget(
         float(base[0]), float(with_named[0]), float(with_learnt[0]), float(floors[0][0]), float(floors[1][0]),
-        float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0)), share(with_named - with_learnt),
-        share(base - with_learnt),
+        float(floor[0]), causes, share(np.maximum(with_named - predicted, 0.0), open_gap),
+        share(with_named - with_learnt, open_gap), share(base - with_learnt, open_gap),
     )  # fmt: skip
+
+
+def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = None) -> Share:
+    """Of the gap (1 + draws,) that which is `closed` (1 + draws,), with the smallest and largest over the orders."""
+    if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
+        return Share(0.0, (0.0, 0.0), (0.0, 0.0))
+    of = closed / np.maximum(open_gap, 1e-12)
+    low, high = np.quantile(of[1:], [0.025, 0.975])
+    least, most = (float(end[0] / open_gap[0]) for end in spread or (closed, closed))
+    return Share(float(of[0]), (float(low), float(high)), (least, most))
 
 
 def _order_free(gaps: Mapping[Names, Array], named: Names) -> dict[str, tuple[Array, tuple[Array, Array]]]:

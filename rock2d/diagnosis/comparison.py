@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
@@ -15,15 +14,6 @@ from rock2d.files.fitted_keys import FittedParameter
 FEWEST_PROBABILITY = 0.05  # of an effect whose parameters are of interest
 AGREEMENT = 1.0  # largest difference over the half width of its 95 % interval
 PLACE_KEYS = ("phase", "zone", "block", "channel")
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A quantity of A and of B; None where a diagnosis does not have it."""
-
-    name: str
-    a: Any
-    b: Any
 
 
 def agree(a: FittedParameter, b: FittedParameter) -> bool | None:
@@ -54,9 +44,9 @@ def comparison(a: DiagnosisFile, b: DiagnosisFile) -> dict[str, Any]:
         "verdict": {**each(lambda d: d.verdict), "same": a.verdict == b.verdict},
         "group": {**each(lambda d: d.group), "common": [name for name in a.group if name in b.group]},
         "beside": each(lambda d: [found.effect for found in d.beside]),
-        "probabilities": [vars(pair) for pair in _probabilities(a, b)],
+        "probabilities": _probabilities(a, b),
         "parameters": _parameters(a, b),
-        "base": [vars(pair) for pair in _paired(BASE_NAMES, _law(a), _law(b))],
+        "base": _paired(BASE_NAMES, _law(a), _law(b)),
         "gap": each(lambda d: d.gap.model_dump()),
         "closures": _closures(a, b),
         "where": _places(a, b),
@@ -130,15 +120,16 @@ def _one_sided(what: str, a: Iterable[str], b: Iterable[str], why: str) -> list[
     return [f"Some {what} {why}. Only in {'; only in '.join(parts)}."] if parts else []
 
 
-def _paired(names: Iterable[str], a: Mapping[str, Any], b: Mapping[str, Any]) -> list[Pair]:
-    return [Pair(name, a.get(name), b.get(name)) for name in names]
+def _paired(names: Iterable[str], a: Mapping[str, Any], b: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A quantity of A and of B in each row; None where a diagnosis does not have it."""
+    return [{"name": name, "a": a.get(name), "b": b.get(name)} for name in names]
 
 
-def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[Pair]:
+def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     """Of every answer, that with the largest probability in either first."""
     names = list(dict.fromkeys([*a.probabilities, *b.probabilities]))
     pairs = _paired(names, a.probabilities, b.probabilities)
-    return sorted(pairs, key=lambda pair: -max(pair.a or 0.0, pair.b or 0.0))
+    return sorted(pairs, key=lambda pair: -max(pair["a"] or 0.0, pair["b"] or 0.0))
 
 
 def _of_interest(own: DiagnosisFile) -> set[str]:
@@ -148,7 +139,7 @@ def _of_interest(own: DiagnosisFile) -> set[str]:
 
 def _parameters(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     """Parameters of every effect that was tried in both or in one; those of interest first."""
-    ranks = {pair.name: i for i, pair in enumerate(_probabilities(a, b))}
+    ranks = {pair["name"]: i for i, pair in enumerate(_probabilities(a, b))}
     wanted = _of_interest(a) | _of_interest(b)
     names = sorted({*a.effects, *b.effects}, key=lambda n: (n not in wanted, ranks.get(n, len(ranks)), n))
     rows = []
@@ -171,7 +162,7 @@ def _value(own: FittedParameter | None) -> dict[str, Any] | None:
 
 def _closures(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
     """Share of the gap that each effect closes alone, in the order of the probabilities."""
-    names = [pair.name for pair in _probabilities(a, b) if pair.name in {*a.effects, *b.effects}]
+    names = [pair["name"] for pair in _probabilities(a, b) if pair["name"] in {*a.effects, *b.effects}]
 
     def closed(own: DiagnosisFile, name: str) -> dict[str, Any] | None:
         tried = own.effects.get(name)

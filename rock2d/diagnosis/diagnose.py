@@ -14,16 +14,7 @@ from rock2d.diagnosis.budget import Budget
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import some_releases
-from rock2d.diagnosis.gap import (
-    FLIGHT_CHANNELS,
-    Cell,
-    Gap,
-    Gaps,
-    Part,
-    flight_part,
-    impact_part,
-    where,
-)
+from rock2d.diagnosis.gap import Cell, Gap, Gaps, Part, flight_part, impact_part, where
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.noise_free_film import with_camera_noise
@@ -216,30 +207,19 @@ def locate(
     if isinstance(data, FilmData):
         flights = data.segmentation.flights
         best = found.final.fit
-        fitted = best.model.world(
-            best.p, data.impact_order
-        )  # the stated set-up would put a mirrored film on the wrong side
+        # the stated set-up would put a mirrored film on the wrong side
+        fitted = best.model.world(best.p, data.impact_order)
         below = _zone_below(cross_section, data.states(fitted).middle[:, X])
         parts.append(flight_part(found, below, flights.block, flights.release))
         rests = find_rests(data)
         if len(rests.flight) and len(data.impacts):
             variance = rest_variance(data, rests, best)
-            before, after = (rest_squares(data, rests, fit, variance) for fit in (found.base, best))
-            own = _zone_below(cross_section, rests.pose[:, X])
-            columns = ([0], [1], [2])
-            parts.append(
-                Part(
-                    "rest",
-                    before - after,
-                    before,
-                    after,
-                    own,
-                    flights.block[rests.flight],
-                    flights.release[rests.flight],
-                    FLIGHT_CHANNELS,
-                    columns,
-                )
+            before, after = (
+                rest_squares(data, rests, fit, variance)[..., None] for fit in (found.base, best)
             )
+            zone, block = _zone_below(cross_section, rests.pose[:, X]), flights.block[rests.flight]
+            release = flights.release[rests.flight]
+            parts.append(Part("rest", before - after, before, after, zone, block, release))
     return where(parts, cross_section.zone_names, blocks)
 
 

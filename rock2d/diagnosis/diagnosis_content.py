@@ -17,6 +17,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT
 from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects import air_drag, catalogue
 from rock2d.effects.effect import Effect
@@ -28,6 +29,7 @@ LEAST_LISTED_PROBABILITY = 0.05  # of an effect among the causes
 # of the size of an effect, 1 standard deviation: no law is exactly that of the ground, the air or the camera; measured
 # on films whose effects are known (`blind.size_errors`)
 MODEL_ERROR = 0.01
+NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # of a cause
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 
 
@@ -148,7 +150,6 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
     known, film = catalogue(), result.film
     if film is None:
         return []
-    nothing = dict.fromkeys(("closes", "closes_ci95", "closes_range"))
     return [
         {
             "effect": name,
@@ -158,7 +159,7 @@ def _film_causes_json(result: Diagnosis, probabilities: dict[str, float]) -> lis
             "group": [other for other in film.suspects if other != name],
             "named": False,
         }
-        | nothing
+        | NO_SHARE
         for name in film.suspects
     ]
 
@@ -179,14 +180,9 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "group": [found.verdict, *found.group(found.verdict)] if found.verdict in names else [],
         "probabilities": dict.fromkeys(names, 0.0) | {k: float(v) for k, v in found.probabilities.items()},
         "effects": {
-            name: {
-                "parameters": effect_values(c.fit)[name],
-                "base": base_values(c.fit),
-                "heldout_score_gain": c.total,
-                "heldout_score_gain_se": c.error,
-                "closure": result.gaps[name].share_closed,
-                "closure_ci95": list(result.gaps[name].ci95),
-            }
+            name: {"parameters": effect_values(c.fit)[name], "base": base_values(c.fit)}
+            | _gain_json(c)
+            | {"closure": result.gaps[name].share_closed, "closure_ci95": list(result.gaps[name].ci95)}
             for name, c in found.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],
@@ -199,10 +195,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
             "used": result.budget.used,
         },
         "next_release": next_release(data, result.setup, found, result.cells, zones),
-        "unexplained": [
-            {"dependence": d.name, "heldout_score_gain": d.total, "heldout_score_gain_se": d.error}
-            for d in found.unexplained
-        ],
+        "unexplained": [{"dependence": d.name} | _gain_json(d) for d in found.unexplained],
         "beside": _chain_json(found) if found.verdict == found.best else [],
         "model": _model_json(found),
         "predicted": result.predicted.content(result.seed or 0) if result.predicted is not None else None,
@@ -217,6 +210,15 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "unseen": result.unseen,
         "assumptions": [reading_sentence(found.base)],
     }
+
+
+def _gain_json(own: OverReleases) -> dict[str, float]:
+    return {"heldout_score_gain": own.total, "heldout_score_gain_se": own.error}
+
+
+def _law_json(fit: Fit) -> dict[str, Any]:
+    """The base law with all effects of a fit."""
+    return {"base": base_values(fit), "parameters": effect_values(fit)}
 
 
 def _gap_json(budget: Budget) -> dict[str, Any]:
@@ -242,11 +244,7 @@ def _causes_json(found: Attribution, budget: Budget, unseen: Collection[str]) ->
         if name not in found.named and chances[name] < LEAST_LISTED_PROBABILITY:
             continue
         own = joint[name] if name in joint else effect_values(found.candidates[name].fit)[name]
-        share = (
-            _share_json(budget.causes[name])
-            if name in budget.causes
-            else dict.fromkeys(("closes", "closes_ci95", "closes_range"))
-        )
+        share = _share_json(budget.causes[name]) if name in budget.causes else NO_SHARE
         out.append(
             {
                 "effect": name,
@@ -326,39 +324,19 @@ def _model_json(found: Attribution) -> dict[str, Any] | None:
     if not (found.named or learnt.changes):
         return None
     plain = found.final.fit if found.named else found.base
-    changed = {
-        "base": base_values(learnt.fit),
-        "parameters": effect_values(learnt.fit),
-        "changes": [
-            change.basis.content()
-            | {
-                "lever": change.lever,
-                "coefficients": change.coefficients.tolist(),
-                "heldout_score_gain": change.total,
-                "heldout_score_gain_se": change.error,
-            }
-            for change in learnt.changes
-        ],
-    }
-    return {
-        "base": base_values(plain),
-        "parameters": effect_values(plain),
-        "learnt": changed if learnt.changes else None,
-    }
+    changes = [
+        own.basis.content()
+        | {"lever": own.lever, "coefficients": own.coefficients.tolist()}
+        | _gain_json(own)
+        for own in learnt.changes
+    ]
+    changed = _law_json(learnt.fit) | {"changes": changes} if changes else None
+    return _law_json(plain) | {"learnt": changed}
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:
     """The effects beside the verdict, each with the parameters of all effects."""
-    return [
-        {
-            "effect": c.effect.name,
-            "base": base_values(c.fit),
-            "parameters": effect_values(c.fit),
-            "heldout_score_gain": c.total,
-            "heldout_score_gain_se": c.error,
-        }
-        for c in found.chain[1:]
-    ]
+    return [{"effect": c.effect.name} | _law_json(c.fit) | _gain_json(c) for c in found.chain[1:]]
 
 
 def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:

@@ -22,12 +22,9 @@ WIDE_SCAN = 10.0  # factor on the variance of the second scan
 SCAN_VALUES = 9  # values of a parameter that a scan tries
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
-COARSE_CONVERGED_GAIN = (
-    8.0  # of a step, below which a fit has converged whose effect gained nothing on some releases
-)
-EXPLORED_GAIN = (
-    1.0  # log likelihood that an effect must gain on some releases for the fit to start from there
-)
+# of a step, below which a fit has converged whose effect gained nothing on some releases
+COARSE_CONVERGED_GAIN = 8.0
+EXPLORED_GAIN = 1.0  # log likelihood of an effect on some releases for the fit to start from there
 REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are searched again
 LARGEST_BASE_STEP = 0.5  # largest change of a parameter of the known fit that follows a step of the scan
 
@@ -81,9 +78,8 @@ def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: flo
     fitted = fit(model, data, found.p, old=base, enough=Enough(rival=rival) if found.useful else coarse)
     if fitted.total() < base.total():
         # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
-        fitted = max(
-            (fitted, fit(model, data, extended(base, model), old=base, enough=coarse)), key=Fit.total
-        )
+        other = fit(model, data, extended(base, model), old=base, enough=coarse)
+        fitted = max((fitted, other), key=Fit.total)
     return fitted
 
 
@@ -156,9 +152,8 @@ def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Arr
     for k, parameter in enumerate(parameters, first):
         if k in scatters(model):
             continue
-        grid = [to_scale(parameter, v) for v in parameter.choices] or np.linspace(
-            low[k], high[k], SCAN_VALUES
-        )
+        choices = [to_scale(parameter, v) for v in parameter.choices]
+        grid = choices or np.linspace(low[k], high[k], SCAN_VALUES)
         trials = [np.where(np.arange(model.size) == k, z, p) for z in grid]
         followed: list[tuple[float, Array]] = []
         for trial in trials:

@@ -7,15 +7,16 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import (
+from rock2d.diagnosis.impact_prediction import outcomes
+from rock2d.diagnosis.quantities import (
+    SERIES,
+    TIME_S,
     history_quantities,
     incident_features,
     incident_quantities,
     moving_quantities,
 )
-from rock2d.diagnosis.impact_prediction import outcomes
-from rock2d.diagnosis.quantities import SERIES, TIME_S
+from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import BATCH_STEP_FRACTION
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.states import drift
@@ -30,7 +31,15 @@ COARSE_STEPS = 2.0  # times as long: the residuals change by 0.01 of the noise (
 
 @dataclass
 class FilmData(FilmSegments):
-    """Flights and impacts of a film; see `data.Data`. `step_fraction`: of the simulated impacts, see `run_batch`."""
+    """n impacts and m flights of a film. `step_fraction`: of the simulated impacts, see `run_batch`.
+
+    Attributes
+    ----------
+    impact_release, impact_block, impact_zone : (n,) index of release, block and zone of each impact
+    impact_order : (n,) place of each impact's release in its block's series
+    tangent : (n, 2) direction of the ground at each impact
+    flight_release, flight_block : (m,) index of release and block of each flight
+    """
 
     step_fraction: float = BATCH_STEP_FRACTION
 
@@ -72,7 +81,8 @@ class FilmData(FilmSegments):
         return self.impacts.tangent
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
-        """Residuals in a world, in the camera's units."""
+        """Residuals in a world, in the camera's units; `shift` (6,) or (n, 6) is added to the states before the
+        impacts."""
         states = self.states(world)
         difference = outcomes(world, self.impacts, states, shift, self.step_fraction)
         at, along = states.middle[self.impacts.after], self.impacts.tangent
@@ -107,22 +117,18 @@ class FilmData(FilmSegments):
         return turn @ after @ turn.transpose(0, 2, 1)
 
     def extra_scatter(self) -> Array:
-        """None: the noise of a film is estimated from its flights."""
+        """(n, 6, 0) directions of noise whose size is fitted with the soil's scatter: none, it is estimated from the
+        flights."""
         return np.empty((len(self.impacts), STATE_SIZE, 0))
 
     def impact_features(self, world: World) -> Array:
         """(n, features) of impacts: velocities along and across the facet, spin, orientation, place, order."""
-        impacts, before = self.impacts, self.incident(world)
-        return np.column_stack(
-            [
-                incident_features(world, impacts.block, impacts.zone, impacts.tangent, before),
-                impacts.order,
-                impacts.wait_s,
-            ]
-        )
+        impacts = self.impacts
+        known = incident_features(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
+        return np.column_stack([known, impacts.order, impacts.wait_s])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
-        """What is known of each impact before it happens; see `incident_quantities`."""
+        """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         impacts = self.impacts
         began = self.basis.middle[impacts.before] + impacts.start_s
         found = incident_quantities(world, impacts.block, impacts.zone, impacts.tangent, self.incident(world))
@@ -130,7 +136,7 @@ class FilmData(FilmSegments):
         return found
 
     def outcome_quantities(self, world: World) -> dict[str, Array]:
-        """The same of the flights after."""
+        """The same of the flights after, as far as it is known then."""
         impacts = self.impacts
         begin = impacts.begin_s * world.view.time_scale
         after = drift(world, impacts.block, self.states(world).middle[impacts.after], begin)

@@ -31,9 +31,8 @@ MOST_UPDATES = 4  # of derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 BEHIND_SHARE = 0.02  # the same, of the log likelihood by which a rival is ahead
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
-DERIVATIVES_REUSE_CHANGE = (
-    0.03  # largest change of the parameters for which the derivatives at the start are used
-)
+# largest change of the parameters for which the derivatives at the start are used
+DERIVATIVES_REUSE_CHANGE = 0.03
 EXPLORED_IMPACTS = 100  # impacts with which parameters are explored
 
 
@@ -63,9 +62,8 @@ class Fit:
 
     def scores(self) -> tuple[Array, Array]:
         """Log likelihoods of impacts (n,) and flights (m,)."""
-        return log_likelihood(self.residuals.impacts, self.covariance()), flight_log_likelihood(
-            self.residuals.flights
-        )
+        flights = flight_log_likelihood(self.residuals.flights)
+        return log_likelihood(self.residuals.impacts, self.covariance()), flights
 
     def total(self) -> float:
         """Log likelihood of everything."""
@@ -76,11 +74,8 @@ class Fit:
         """The fit as it is on some impacts and flights, given as masks."""
         s = self.slope
         slope = Slopes(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
-        return replace(
-            self,
-            slope=slope,
-            residuals=Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights]),
-        )
+        residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
+        return replace(self, slope=slope, residuals=residuals)
 
 
 def some_releases(data: Data) -> Array:
@@ -141,18 +136,9 @@ def fit(
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
             noise = None if slope is None or renew else slope.covariance
             noise_known = noise_known or moved
-            near = old is not None and (
-                keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
-            )
-            slope = slopes(
-                model,
-                at.p,
-                data,
-                at.residuals,
-                scatter,
-                noise,
-                old.slope if old is not None and near else None,
-            )
+            near = keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
+            known = old.slope if old is not None and near else None
+            slope = slopes(model, at.p, data, at.residuals, scatter, noise, known)
             updates = 0
         assert slope is not None
         scatter = fit_scatter(at.residuals.impacts, slope, np.maximum(scatter, SMALLEST_START_SCATTER))
@@ -239,16 +225,12 @@ def _updated(slope: Slopes, before: _Point, after: _Point) -> Slopes:
     577-593)."""
     step = after.p - before.p
     along = step / (step @ step)
-    missed = [
-        np.nan_to_num(now - then - own @ step)
+    impacts, flights = (
+        own + np.nan_to_num(now - then - own @ step)[..., None] * along
         for now, then, own in (
             (after.residuals.impacts, before.residuals.impacts, slope.impacts),
             (after.residuals.flights, before.residuals.flights, slope.flights),
         )
-    ]
-    impacts, flights = (
-        slope.impacts + missed[0][..., None] * along,
-        slope.flights + missed[1][..., None] * along,
     )
     return replace(slope, impacts=impacts, flights=flights)
 

@@ -12,25 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.diagnosis.quantities import (
-    BLOCK,
-    CLEARANCE_M,
-    DRAG_X_M2_S2,
-    DRAG_Y_M2_S2,
-    HEIGHT_M,
-    HISTORY,
-    MOST_COUNTED_IMPACTS,
-    OMEGA_RAD_S,
-    PLACE_M,
-    SERIES,
-    SPIN_VX_M_S2,
-    SPIN_VY_M_S2,
-    THETA_RAD,
-    TIME_S,
-    VX_M_S,
-    VY_M_S,
-    Basis,
-)
+from rock2d.diagnosis import quantities as q
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
@@ -69,10 +51,10 @@ def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
         number[i] = number[flights.follows[i]] + 1
     quantities = path_quantities(world, path)
     quantities |= {
-        BLOCK: flights.block[own].astype(float),
-        SERIES: data.order[release].astype(float),
-        TIME_S: (data.film.t_s[basis.frames] - began) * world.view.time_scale,
-        HISTORY: np.minimum(number, MOST_COUNTED_IMPACTS)[own],
+        q.BLOCK: flights.block[own].astype(float),
+        q.SERIES: data.order[release].astype(float),
+        q.TIME_S: (data.film.t_s[basis.frames] - began) * world.view.time_scale,
+        q.HISTORY: np.minimum(number, q.MOST_COUNTED_IMPACTS)[own],
     }
     return FlightPaths(basis.start, t_s, quantities)
 
@@ -83,17 +65,17 @@ def path_quantities(world: World, states: Array) -> dict[str, Array]:
     vx, vy, omega = states[:, VX], states[:, VY], states[:, OMEGA]
     speed = np.hypot(vx, vy)
     return {
-        PLACE_M: states[:, X],
-        HEIGHT_M: states[:, Y],
-        CLEARANCE_M: states[:, Y] - np.interp(states[:, X], points[:, X], points[:, Y]),
-        THETA_RAD: states[:, THETA],
-        VX_M_S: vx,
-        VY_M_S: vy,
-        DRAG_X_M2_S2: speed * vx,
-        DRAG_Y_M2_S2: speed * vy,
-        OMEGA_RAD_S: omega,
-        SPIN_VX_M_S2: omega * vx,
-        SPIN_VY_M_S2: omega * vy,
+        q.PLACE_M: states[:, X],
+        q.HEIGHT_M: states[:, Y],
+        q.CLEARANCE_M: states[:, Y] - np.interp(states[:, X], points[:, X], points[:, Y]),
+        q.THETA_RAD: states[:, THETA],
+        q.VX_M_S: vx,
+        q.VY_M_S: vy,
+        q.DRAG_X_M2_S2: speed * vx,
+        q.DRAG_Y_M2_S2: speed * vy,
+        q.OMEGA_RAD_S: omega,
+        q.SPIN_VX_M_S2: omega * vx,
+        q.SPIN_VY_M_S2: omega * vy,
     }
 
 
@@ -127,7 +109,7 @@ class Response:
         ]
 
 
-def response(data: FilmSegments, world: World, paths: FlightPaths, basis: Basis) -> Response:
+def response(data: FilmSegments, world: World, paths: FlightPaths, basis: q.Basis) -> Response:
     """The answers of a film's flights to accelerations that follow a basis."""
     begin = paths.start[:-1]
     moving = integral(paths.t_s, basis.features(paths.quantities), begin)

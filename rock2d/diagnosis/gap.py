@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution
-from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget
+from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget, share
 from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.replicates import replicate_ratio
@@ -23,16 +24,9 @@ Array = np.ndarray
 SIGNIFICANT_CELL_Z = 2.0
 
 
-@dataclass
-class Gap:
-    """Gap of the base, of the model with the effect (`augmented`), and the floor.
+class Gap(NamedTuple):
+    """Share of the gap that a model closes, with its 95 % interval."""
 
-    share_closed = (base - augmented) / (base - floor), with its 95 % interval.
-    """
-
-    base: float
-    augmented: float
-    floor: float
     share_closed: float
     ci95: tuple[float, float]
 
@@ -58,18 +52,8 @@ class Gaps:
     def of(self, candidate: Candidate) -> Gap:
         """What a candidate closes."""
         augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
-        return _gap(self._base, augmented, np.minimum(self._floor, augmented))
-
-
-def _gap(base: Array, augmented: Array, floor: Array) -> Gap:
-    """The gap from values of the releases as they are (first) and of bootstrap draws."""
-    low, high, share = 0.0, 0.0, 0.0
-    open_gap = base - floor
-    if np.quantile(open_gap[1:], 0.025) > 0.0 and open_gap[0] > 0.0:  # else there is no gap to close
-        closed = (base - augmented) / np.maximum(open_gap, 1e-12)
-        low, high = np.quantile(closed[1:], [0.025, 0.975])
-        share = closed[0]
-    return Gap(float(base[0]), float(augmented[0]), float(floor[0]), float(share), (float(low), float(high)))
+        own = share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
+        return Gap(own.closes, own.ci95)
 
 
 @dataclass
@@ -94,13 +78,12 @@ class Cell:
 
 @dataclass
 class Part:
-    """Squares of residuals (n, channels) and where each row belongs.
+    """Squares of residuals (n, 3 channels, squares of each) and where each row belongs.
 
     Attributes
     ----------
     taken : by which the best explanation reduces those of the base
     base, augmented : of the base law and of the best model
-    columns : of these, for each of the `channels`
     """
 
     phase: str
@@ -110,12 +93,14 @@ class Part:
     zone: Array
     block: Array
     release: Array
-    channels: tuple[str, ...]
-    columns: tuple[list[int], ...]
 
 
-IMPACT_CHANNELS = ("tangential", "normal", "spin")
-FLIGHT_CHANNELS = ("x", "y", "theta")
+IMAGE_CHANNELS = ("x", "y", "theta")
+CHANNELS = {
+    "impact": ("tangential", "normal", "spin"),
+    "flight": IMAGE_CHANNELS,
+    "rest": IMAGE_CHANNELS,
+}
 
 
 def explained(found: Attribution) -> tuple[Array, Array]:
@@ -145,9 +130,10 @@ def impact_part(
         covariance = found.final.fit.covariance()
         scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
         taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
-    columns = tuple(list(range(c, taken.shape[1], 3)) for c in range(3))
-    base, left = found.base_regressed.impacts**2, found.left_regressed.impacts**2
-    return Part("impact", taken, base, left, zone, block, release, IMPACT_CHANNELS, columns)
+    squares = np.stack([taken, found.base_regressed.impacts**2, found.left_regressed.impacts**2])
+    n, d = taken.shape
+    taken, base, left = squares.reshape(3, n, d // 3, 3).swapaxes(2, 3)
+    return Part("impact", taken, base, left, zone, block, release)
 
 
 def _spread_stated(found: Attribution) -> Array:
@@ -165,9 +151,9 @@ def _spread_stated(found: Attribution) -> Array:
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
     """Flights, by coordinate."""
     _, taken = explained(found)
-    columns = tuple(list(range(FLIGHT_DEGREES * c, FLIGHT_DEGREES * (c + 1))) for c in range(3))
-    base, left = found.base_regressed.flights**2, found.left_regressed.flights**2
-    return Part("flight", taken, base, left, zone, block, release, FLIGHT_CHANNELS, columns)
+    squares = np.stack([taken, found.base_regressed.flights**2, found.left_regressed.flights**2])
+    taken, base, left = squares.reshape(3, len(taken), 3, FLIGHT_DEGREES)
+    return Part("flight", taken, base, left, zone, block, release)
 
 
 def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) -> list[Cell]:
@@ -181,11 +167,11 @@ def where(parts: Sequence[Part], zones: Sequence[str], blocks: Sequence[str]) ->
         for z in np.unique(part.zone):
             for b in np.unique(part.block):
                 own = (part.zone == z) & (part.block == b)
-                for channel, columns in zip(part.channels, part.columns, strict=True):
-                    amount = part.taken[own][:, columns].sum(axis=1)
+                for c, channel in enumerate(CHANNELS[part.phase]):
+                    amount = part.taken[own, c].sum(axis=1)
                     if amount.size and amount.sum() > 0:
                         sigma = _significance(amount, part.release[own])
-                        typical = [_typical(v[own][:, columns]) for v in (part.base, part.augmented)]
+                        typical = [_typical(v[own, c]) for v in (part.base, part.augmented)]
                         place = part.phase, zones[int(z)], blocks[int(b)], channel
                         cells.append(Cell(*place, float(amount.sum()), sigma, *typical))
     significant = [cell for cell in cells if cell.z > SIGNIFICANT_CELL_Z]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rock2d.engines.batch import BATCH_STEP_FRACTION, run_batch, world_ensemble
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.impacts import Impacts, ground_axes
 from rock2d.kinematics.states import States, drift
@@ -31,15 +31,14 @@ def simulate(
 
     NaN where a start is not finite, which happens when a flight is traced back with an impossible drag.
     """
-    ensemble, tables = world_ensemble(world)
     possible = np.isfinite(starts).all(axis=1)
     starts, times_s = np.where(possible[:, None], starts, 0.0), np.where(possible[:, None], times_s, 0.0)
-    result = run_batch(
-        ensemble, starts, block_ids=impacts.block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-        time_limit_s=times_s[:, -1] + 1e-9, times_s=times_s, step_fraction=step_fraction,
-    )  # fmt: skip
-    result.samples[~possible] = np.nan
-    return result.samples
+    limits = times_s[:, -1] + 1e-9
+    samples = run_world(
+        world, starts, impacts.block, time_limit_s=limits, times_s=times_s, step_fraction=step_fraction
+    ).samples
+    samples[~possible] = np.nan
+    return samples
 
 
 def outcomes(

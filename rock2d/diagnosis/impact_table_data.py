@@ -12,18 +12,17 @@ from typing import Self
 
 import numpy as np
 
-from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.features import (
+from rock2d.diagnosis.quantities import (
+    SERIES,
     history_quantities,
     incident_features,
     incident_quantities,
     moving_quantities,
 )
-from rock2d.diagnosis.quantities import SERIES
-from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.diagnosis.residuals import Residuals
+from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
-from rock2d.kinematics.flights import clearances
+from rock2d.kinematics.flights import heights
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
@@ -41,7 +40,7 @@ RELATIVE_PRECISION = 1e-3  # of the numbers in a table, in units of the spread o
 
 @dataclass
 class TableData(ImpactTable):
-    """Impacts of a table; see `data.Data`."""
+    """n impacts of a table, with the methods of `film_data.FilmData`."""
 
     @property
     def flight_release(self) -> Array:
@@ -56,39 +55,28 @@ class TableData(ImpactTable):
         return self
 
     def residuals(self, world: World, shift: Array | None = None) -> Residuals:
-        """Simulated less recorded velocities after each impact: along the ground, across it, spin.
+        """Simulated less recorded velocities after each impact: along the ground, across it, spin. `shift` (6,) or
+        (n, 6) is added to the states before.
 
         A block that the impact does not throw off has the velocities with which it stays on the ground.
         """
         true = _true_states(world, self.before)
         if shift is not None:
             true = true + shift
-        blocks = list(world.blocks.values())
-        size = np.array([b.radius_m for b in blocks])[self.impact_block]
-        ground = ground_arrays(world.cross_section)
-        starts = true.copy()
-        for b, block in enumerate(blocks):
-            own = self.impact_block == b
-            gap = clearances(block_arrays(block), ground, starts[own, POSE])
-            starts[own, X] += gap * self.tangent[own, Y]  # along the normal until it just touches
-            starts[own, Y] -= gap * self.tangent[own, X]
+        size = np.array([b.radius_m for b in world.blocks.values()])[self.impact_block]
+        starts, gap = true.copy(), heights(world, self.impact_block, true[:, POSE])
+        starts[:, X] += gap * self.tangent[:, Y]  # along the normal until it just touches
+        starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
         earlier = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
-        for b, block in enumerate(
-            blocks
-        ):  # the way back of a slow block, or of one that turns into the ground
-            own = self.impact_block == b
-            clear = clearances(block_arrays(block), ground, earlier[own, POSE]) > 0.0
-            starts[own] = np.where(clear[:, None], earlier[own], starts[own])
-        ensemble, tables = world_ensemble(world)
-        limit = (
-            LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
-            + 10 * START_GAP_RADII * size / pace
+        # the way back of a slow block, or of one that turns into the ground, may not be clear
+        clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
+        starts = np.where(clear[:, None], earlier, starts)
+        lasts = LONGEST_IMPACT * np.sqrt(size / max(world.gravity_m_s2, 1e-3))
+        limit = lasts + 10 * START_GAP_RADII * size / pace
+        result = run_world(
+            world, starts, self.impact_block, time_limit_s=limit, impact_limit=1, impact_room=1
         )
-        result = run_batch(
-            ensemble, starts, block_ids=self.impact_block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limit, impact_limit=1, impact_room=1,
-        )  # fmt: skip
         touch = result.impacts[:, 0]
         leaves = np.isfinite(touch[:, AFTER])
         stays = np.isfinite(touch[:, BEFORE]) & ~leaves
@@ -119,15 +107,11 @@ class TableData(ImpactTable):
 
     def impact_features(self, world: World) -> Array:
         """(n, features) of impacts."""
-        return np.column_stack(
-            [
-                incident_features(world, self.impact_block, self.impact_zone, self.tangent, self.before),
-                self.impact_order,
-            ]
-        )
+        known = incident_features(world, self.impact_block, self.impact_zone, self.tangent, self.before)
+        return np.column_stack([known, self.impact_order])
 
     def impact_quantities(self, world: World) -> dict[str, Array]:
-        """What is known of each impact before it happens; see `incident_quantities`."""
+        """Name -> (n,): what is known of each impact before it happens; see `incident_quantities`."""
         found = incident_quantities(
             world, self.impact_block, self.impact_zone, self.tangent, self.incident(world)
         )

@@ -1,4 +1,4 @@
-"""Learnt changes in a prediction: every segment of another film, from one flight to the next.
+"""Prediction of every segment of another film, from one flight to the next, with learnt changes.
 
 A learnt change needs to know where the block will touch the ground. So the segment is simulated once without it; that
 gives the place. Then the segment is simulated with the changed law and the changed state before the impact.
@@ -16,24 +16,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.features import incident_quantities, moving_quantities
+from rock2d.diagnosis import quantities as q
 from rock2d.diagnosis.flight_fields import flight_paths, path_quantities, response
 from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
-from rock2d.diagnosis.quantities import (
-    BLOCK,
-    HISTORY,
-    MOST_COUNTED_IMPACTS,
-    SERIES,
-    TIME_S,
-    Basis,
-    read_basis,
-)
-from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
-from rock2d.engines.geometry import block_arrays, ground_arrays
+from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
+from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
-from rock2d.kinematics.flights import clearances
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import (
     AT,
@@ -56,7 +47,6 @@ Array = np.ndarray
 COUNTED_IMPACTS = 16  # of a segment, among which a flight is looked for
 STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
 LONGEST_STEP_RADII = 0.25  # of the smallest block, so that no step leads through an edge of the ground
-END_MARGIN_S = 1e-9  # the last frame is inside
 
 
 @dataclass
@@ -64,7 +54,7 @@ class KnownChange:
     """A learnt change of a diagnosis: lever, basis and coefficients (numbers of the lever, functions), in SI."""
 
     lever: str
-    basis: Basis
+    basis: q.Basis
     coefficients: Array
 
     def of(self, quantities: Mapping[str, Array]) -> Array:
@@ -74,34 +64,30 @@ class KnownChange:
 
 def read_changes(content: Sequence[Mapping[str, Any]]) -> list[KnownChange]:
     """The changes that a diagnosis holds."""
-    return [KnownChange(c["lever"], read_basis(c), np.array(c["coefficients"], float)) for c in content]
+    return [KnownChange(c["lever"], q.read_basis(c), np.array(c["coefficients"], float)) for c in content]
 
 
-@dataclass
-class Starts:
-    """Where the simulations of segments start: (n,) arrays.
+def predicted_poses(
+    data: FilmSegments,
+    segments: Segments,
+    world: World,
+    changes: Sequence[KnownChange] = (),
+    shift: Array | float = 0.0,
+) -> Array:
+    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
 
-    Attributes
-    ----------
-    flight : the flight before
-    block, order : index of the block; place of the release in its series
-    number : impacts of the release before that of the segment
-    start : (n, 6) states at which the simulations start
-    start_s : their recorded instants, from the middle of the flight
-    begin_s : true instants of the starts in their releases
-    limit_s : true duration of the segment
-    least_flight_s : true duration from which on a film shows a flight
+    `shift` (n, 6) is added to the states at the starts.
     """
-
-    flight: Array
-    block: Array
-    order: Array
-    number: Array
-    start: Array
-    start_s: Array
-    begin_s: Array
-    limit_s: Array
-    least_flight_s: float
+    scale, block = world.view.time_scale, segments.block
+    before = data.states(world).middle[segments.flight]
+    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
+    times = segments.instants_s * scale
+    limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
+    if changes:
+        samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)
+    else:
+        samples = run_world(world, starts, block, time_limit_s=limits, times_s=times).samples
+    return recorded_poses(world, block, samples, starts[:, POSE])
 
 
 class _Aloft(NamedTuple):
@@ -138,30 +124,33 @@ class _Paths(NamedTuple):
 
 
 class LearntMotion:
-    """The segments of a film with learnt changes."""
+    """The n segments of a film with learnt changes, from the states `start` (n, 6) on; they last `limit_s` (n,)."""
 
     def __init__(
-        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Starts
-    ) -> None:
-        self._changes, self._segments, self._world = changes, segments, world
-        touch = self._run(world, segments.start, impact_limit=1, impact_room=1)
+        self, changes: Sequence[KnownChange], world: World, data: FilmSegments, segments: Segments, start: Array,
+        limit_s: Array,
+    ) -> None:  # fmt: skip
+        self._changes, self._segments, self._world, self._limit_s = changes, segments, world, limit_s
+        self._begin_s = segments.began_s * world.view.time_scale
+        # from which on a film shows a flight
+        self._least_flight_s = FEWEST_FLIGHT_FRAMES * segments.frame_s * world.view.time_scale
+        touch = self._run(world, start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
         at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, AT])
         facet = nearest_facets(np.ascontiguousarray(at[:, POSITION]), world.cross_section.points_m)
         self._tangent = world.cross_section.tangents[facet]
         zone = world.cross_section.zone_ids[facet]
         self._history = {
-            SERIES: segments.order.astype(float),
-            HISTORY: np.minimum(segments.number, MOST_COUNTED_IMPACTS).astype(float),
+            q.SERIES: world.order.astype(float),
+            q.HISTORY: np.minimum(segments.number, q.MOST_COUNTED_IMPACTS).astype(float),
         }
         ended = touch.impacts[:, 0, I_TIME_AFTER]  # NaN where there is no impact, or the segment ends in it
-        lasts = np.where(np.isfinite(ended), ended, segments.limit_s)
-        self._history[TIME_S] = segments.begin_s + lasts
-        self._quantities = self._history | incident_quantities(
-            world, segments.block, zone, self._tangent, segments.start
-        )
+        lasts = np.where(np.isfinite(ended), ended, limit_s)
+        self._history[q.TIME_S] = self._begin_s + lasts
+        before = q.incident_quantities(world, segments.block, zone, self._tangent, start)
+        self._quantities = self._history | before
         self._pivot, self._slope = at[:, POSITION], np.zeros(len(at))
-        self._start, self._frame = segments.start.copy(), np.zeros_like(segments.start)
+        self._start, self._frame = start.copy(), np.zeros_like(start)
         for change in changes:
             if change.lever == FLIGHT:
                 self._start += self._flown(change, data)
@@ -178,19 +167,19 @@ class LearntMotion:
 
     def _run(self, world: World, start: Array, which: Array | None = None, **more: Any) -> BatchResult:
         """The segments `which` (default: all), simulated from their states `start`."""
-        s = self._segments
-        own = np.arange(len(s.block)) if which is None else which
+        block = self._segments.block
+        own = np.arange(len(block)) if which is None else which
         ensemble, tables = world_ensemble(world)
         return run_batch(
-            ensemble, start, block_ids=s.block[own], table_ids=tables if len(tables) == 1 else tables[own],
-            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": s.limit_s[own], **more},
+            ensemble, start, block_ids=block[own], table_ids=tables if len(tables) == 1 else tables[own],
+            gravity_m_s2=world.gravity_m_s2, **{"time_limit_s": self._limit_s[own], **more},
         )  # fmt: skip
 
     def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
         """(n, 6) what an acceleration changes in the states at the starts."""
-        s = self._segments
+        flight = self._segments.flight
         answer = response(data, self._world, flight_paths(data, self._world), change.basis)
-        place, rate = answer.state_change(s.flight, s.start_s * self._world.view.time_scale)
+        place, rate = answer.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
         return np.column_stack([place @ change.coefficients.T, rate @ change.coefficients.T])
 
     def samples(self, t_s: Array) -> Array:
@@ -216,8 +205,8 @@ class LearntMotion:
 
     def _aloft(self, begins: Array) -> _Aloft:
         """The first flight of each segment after an impact that a film shows, from the states `begins` (n, 6)."""
-        least = self._segments.least_flight_s
-        longer = self._segments.limit_s + least  # only then it shows whether a flight follows
+        least = self._least_flight_s
+        longer = self._limit_s + least  # only then it shows whether a flight follows
         found = self._run(self._world, begins, time_limit_s=longer, impact_room=COUNTED_IMPACTS)
         impacts = found.impacts
         following = np.append(impacts[:, 1:, I_TIME], np.full((len(impacts), 1), np.nan), axis=1)
@@ -258,7 +247,7 @@ class LearntMotion:
                     change[:, first + 2] += along[:, first + 2]
             elif learnt.lever == FRAME:
                 known = {name: values[own] for name, values in self._history.items()}
-                change[:, FRAME_COLUMNS] -= learnt.of(moving_quantities(left) | known)
+                change[:, FRAME_COLUMNS] -= learnt.of(q.moving_quantities(left) | known)
         change[:, POSE] += (aloft.clear_s - aloft.left_s)[:, None] * change[:, RATES]
         # the change of a pose could put the block into the ground, where it cannot be
         change[~self._clear(own, aloft.state + change), POSE] = 0.0
@@ -266,17 +255,18 @@ class LearntMotion:
 
     def _path(self, aloft: _Aloft) -> _Paths:
         """The flights with all changes, until the blocks touch the ground or their segments end."""
-        s, own, states = self._segments, aloft.segment, self._leaving(aloft)
+        own, states = aloft.segment, self._leaving(aloft)
+        block = self._segments.block[own]
         radius = min(block.radius_m for block in self._world.blocks.values())
         fastest = max(float(np.hypot(*states[:, LINEAR_VELOCITY].T).max()), 1e-9)
-        step = min(s.least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
+        step = min(self._least_flight_s / STEPS_OF_LEAST_FLIGHT, LONGEST_STEP_RADII * radius / fastest)
         path, pushes = [states], [self._acceleration(aloft, states, 0.0)]
-        last, left_s = np.zeros(len(own), np.int64), s.limit_s[own] - aloft.clear_s
+        last, left_s = np.zeros(len(own), np.int64), self._limit_s[own] - aloft.clear_s
         # without learnt accelerations the engine simulates the flight, too
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
-            states = drift(self._world, s.block[own], states, np.full(len(own), step))
+            states = drift(self._world, block, states, np.full(len(own), step))
             states[:, POSE] += 0.5 * step**2 * pushes[-1]
             states[:, RATES] += step * pushes[-1]
             flies &= self._clear(own, states) & (now < left_s)
@@ -288,29 +278,25 @@ class LearntMotion:
     def _onward(self, aloft: _Aloft, since_s: Array) -> Array:
         """(m, k, 3) poses at times since_s (m, k) after the blocks are clear of the ground: along their paths, and from
         the last clear state on as the engine says."""
-        s, own, path = self._segments, aloft.segment, self._path(aloft)
+        own, path = aloft.segment, self._path(aloft)
         m, resumed_s = np.arange(len(own)), path.last * path.step_s
         rest = self._run(
             self._world, path.states[path.last, m], own,
-            time_limit_s=np.maximum(s.limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
+            time_limit_s=np.maximum(self._limit_s[own] - aloft.clear_s - resumed_s, 0.0) + END_MARGIN_S,
             times_s=np.maximum(since_s - resumed_s[:, None], 0.0),
         ).samples  # fmt: skip
         aloft_s = np.clip(since_s, 0.0, resumed_s[:, None])
         step = np.minimum(aloft_s // path.step_s, path.last[:, None]).astype(int)
         beyond = (aloft_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
-        block = np.repeat(s.block[own], since_s.shape[1])
+        block = np.repeat(self._segments.block[own], since_s.shape[1])
         flown = drift(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 
     def _clear(self, own: Array, states: Array) -> Array:
         """(m,) whether blocks in these states (m, 6) are clear of the ground."""
-        ground, block = ground_arrays(self._world.cross_section), self._segments.block[own]
-        clear = np.empty(len(own), bool)
-        for b, shape in enumerate(self._world.blocks.values()):
-            clear[block == b] = clearances(block_arrays(shape), ground, states[block == b, POSE]) > 0.0
-        return clear
+        return heights(self._world, self._segments.block[own], states[:, POSE]) > 0.0
 
     def _acceleration(self, aloft: _Aloft, states: Array, since_s: float) -> Array:
         """(m, 3) learnt accelerations of blocks in these states (m, 6), a time after they are clear."""
@@ -319,10 +305,10 @@ class LearntMotion:
         changes = [change for change in self._changes if change.lever == FLIGHT]
         if changes:
             quantities = path_quantities(self._world, states) | {
-                BLOCK: s.block[own].astype(float),
-                SERIES: self._history[SERIES][own],
-                HISTORY: np.minimum(s.number[own] + 1.0, MOST_COUNTED_IMPACTS),
-                TIME_S: s.begin_s[own] + aloft.clear_s + since_s,
+                q.BLOCK: s.block[own].astype(float),
+                q.SERIES: self._history[q.SERIES][own],
+                q.HISTORY: np.minimum(s.number[own] + 1.0, q.MOST_COUNTED_IMPACTS),
+                q.TIME_S: self._begin_s[own] + aloft.clear_s + since_s,
             }
             for change in changes:
                 found += change.of(quantities)

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
-from rock2d.diagnosis.learnt_prediction import KnownChange, read_changes
-from rock2d.diagnosis.levers import FRAME, LAW, OUTCOME, STATE
-from rock2d.diagnosis.segment_prediction import Segments, as_rows, predicted_poses
-from rock2d.diagnosis.table_prediction import predicted_velocities
+from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
+from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, OUTCOME, STATE
+from rock2d.diagnosis.model import with_changed_law
+from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
-from rock2d.kinematics.film_segments import FilmSegments
+from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU, ContactParameters
+from rock2d.records.columns import X, Y
 from rock2d.scene.world import View, World
 
 if TYPE_CHECKING:
@@ -154,10 +155,31 @@ def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -
                 "impacts does not show; predict with --base-only, or diagnose a table"
             )
             raise InputError(message, experiment.folder, code="wrong_kind")
-    velocities = predicted_velocities(data, world, changes)
+    velocities = _velocities(data, world, changes)
     found = given[["release", "block"]].reset_index(drop=True)
     found["segment"] = found.groupby("release").cumcount()
     return found.assign(**dict(zip(AFTER_COLUMNS, velocities.T, strict=True)))[list(TABLE_COLUMNS)]
+
+
+def _velocities(data: TableData, world: World, changes: Sequence[KnownChange]) -> Array:
+    """(n, 3) velocities after the impacts in the image: vx, vy in m/s, omega in rad/s."""
+    quantities = data.impact_quantities(world)
+    shift = np.zeros((len(data.before), STATE_SIZE))
+    added, unframed = np.zeros_like(data.after), np.zeros_like(data.after)
+    for change in changes:
+        own = change.of(quantities)
+        if change.lever == LAW:
+            world = with_changed_law(world, own)
+        elif change.lever == STATE:
+            shift += own
+        elif change.lever == OUTCOME:
+            added += own
+        elif change.lever == FRAME:
+            shift[:, FRAME_COLUMNS] += own
+            unframed += change.of(data.outcome_quantities(world))[:, :-1]
+    along, across, spin = (data.residuals(world, shift).impacts + added).T
+    tx, ty = data.tangent[:, X], data.tangent[:, Y]
+    return data.after + np.column_stack([tx * along - ty * across, ty * along + tx * across, spin]) - unframed
 
 
 def _readable(experiment: Experiment, film: Film, world: World) -> World:

@@ -16,9 +16,9 @@ from rock2d.diagnosis.cross_validation import fold_fits, folds
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt
-from rock2d.diagnosis.learnt_prediction import KnownChange
+from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses
 from rock2d.diagnosis.replay import varied
-from rock2d.diagnosis.segment_prediction import Segments, predicted_poses
+from rock2d.diagnosis.segments import Segments
 from rock2d.kinematics.states import drift
 from rock2d.records.columns import THETA
 
@@ -27,9 +27,9 @@ Array = np.ndarray
 TAIL_PERCENTILE = 95.0  # of the misses
 REPLICATES = 4  # of each segment, for the floor
 DRAWS = 400  # of the bootstrap over releases
-HARMFUL_TAIL = (
-    1.02  # times the tail without a change: more than the tail of other draws of the releases differs
-)
+# times the tail without a change: more than the tail of other draws of the releases differs
+HARMFUL_TAIL = 1.02
+TINY = 1e-18  # variance that keeps a covariance of states positive definite
 
 
 @dataclass
@@ -174,7 +174,8 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     starts = drift(
         world, segments.block, data.states(world).middle[segments.flight], dt * world.view.time_scale
     )
-    root = np.linalg.cholesky(data.true_covariance(world, segments.flight, dt, starts) + _tiny(starts))
+    covariance = data.true_covariance(world, segments.flight, dt, starts)
+    root = np.linalg.cholesky(covariance + TINY * np.eye(starts.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     found = []
     for _ in range(REPLICATES):
@@ -184,8 +185,3 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
         poses += rng.normal(size=poses.shape) * data.film.noise
         found.append(misses(data, poses, seen))
     return np.array(found)
-
-
-def _tiny(starts: Array) -> Array:
-    """What keeps a covariance of states (n, 6) positive definite."""
-    return np.eye(starts.shape[1]) * 1e-18

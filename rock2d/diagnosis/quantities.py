@@ -1,4 +1,5 @@
-"""What an impact or a flight may depend on: measured quantities, and smooth functions of few coefficients of them.
+"""What an impact or a flight may depend on: measured quantities, and smooth functions of few coefficients of them. And
+the features of impacts for the regression of the residuals.
 
 A *basis* is additive over its quantities. Splines follow any smooth curve, harmonics an angle, a line
 passes through zero; a kind has one value for each of its members.
@@ -11,6 +12,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+
+from rock2d.kinematics.impacts import ground_axes
+from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, RATES, THETA, X, Y
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -35,10 +40,12 @@ DRAG_X_M2_S2, DRAG_Y_M2_S2 = "speed_times_vx_m2_s2", "speed_times_vy_m2_s2"
 SPIN_VX_M_S2, SPIN_VY_M_S2 = "omega_times_vx_m_s2", "omega_times_vy_m_s2"
 
 MOST_COUNTED_IMPACTS = 2  # later impacts of a release count as one kind
+# the orientation at the touch is extrapolated over this time: radii over the normal velocity, which counts at least as
+TOUCH_RADII, SLOWEST_TOUCH_M_S = 0.3, 0.1
 
 # name of a dependence -> its quantities and how they enter
 Entries = Mapping[str, tuple[tuple[str, str], ...]]
-IMPACT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+IMPACT_DEPENDENCES: Entries = {
     CONSTANT: (),
     "block": ((BLOCK, KINDS),),
     "zone": ((ZONE, KINDS),),
@@ -53,7 +60,7 @@ IMPACT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     "series": ((SERIES, SPLINE),),
     "history": ((HISTORY, KINDS),),
 }
-FLIGHT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+FLIGHT_DEPENDENCES: Entries = {
     CONSTANT: (),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE), (DRAG_X_M2_S2, LINE), (DRAG_Y_M2_S2, LINE)),
     "spin": ((OMEGA_RAD_S, LINE), (SPIN_VX_M_S2, LINE), (SPIN_VY_M_S2, LINE)),
@@ -67,14 +74,14 @@ FLIGHT_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
     "history": ((HISTORY, KINDS),),
 }
 # of what the camera or the ground adds to the motion before and after an impact alike
-FRAME_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+FRAME_DEPENDENCES: Entries = {
     CONSTANT: (),
     "spin": ((OMEGA_RAD_S, LINE),),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
     "series": ((SERIES, LINE),),
 }
 # of a slope of the ground that the survey does not show
-SLOPE_DEPENDENCES: dict[str, tuple[tuple[str, str], ...]] = {
+SLOPE_DEPENDENCES: Entries = {
     "zone": ((ZONE, KINDS),),
     "place": ((PLACE_M, SPLINE),),
     "place in detail": ((PLACE_M, FINE),),
@@ -110,14 +117,12 @@ class Curve:
     def features(self, values: Array) -> Array:
         """(n, k) functions of the values (n,): of a spline a line and B-splines, which keep their last value beyond its
         breakpoints."""
-        if self.kind == HARMONICS:
+        if self.kind in (HARMONICS, WAVES):
             return np.column_stack([f(k * values) for k in self.numbers for f in (np.sin, np.cos)])
         if self.kind == KINDS:
             return np.asarray(values[:, None] == np.array(self.numbers), float)
         if self.kind == LINE:
             return (values / self.numbers[0])[:, None]
-        if self.kind == WAVES:
-            return np.column_stack([f(w * values) for w in self.numbers for f in (np.sin, np.cos)])
         from scipy.interpolate import BSpline
 
         ends = np.array(self.numbers)
@@ -201,3 +206,62 @@ def _curve(quantity: str, kind: str, values: Array) -> Curve | None:
         return None
     ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, max(pieces, 1) + 1)))
     return Curve(quantity, SPLINE, tuple(map(float, ends)))
+
+
+# --- measured quantities --------------------------------------------------------------------------------
+
+
+def incident_features(world: World, block: Array, zone: Array, tangent: Array, before: Array) -> Array:
+    """(n, features) of impacts from the states `before` them (n, 6)."""
+    size = np.array([b.radius_m for b in world.blocks.values()])[block]
+    along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
+    spin = before[:, OMEGA] * size
+    lean = _lean(size, tangent, before, across)
+    angles = [f(k * lean) for k in (1, 2, 4) for f in (np.sin, np.cos)]
+    kinds = [block == b for b in range(len(world.blocks))] + [zone == z for z in np.unique(zone)]
+    return np.column_stack(
+        [along, across, spin, along + spin, before[:, X], before[:, Y], along * across, *angles, *kinds,
+         *[k * across for k in kinds], *[k * along for k in kinds]]
+    )  # fmt: skip
+
+
+def incident_quantities(
+    world: World, block: Array, zone: Array, tangent: Array, before: Array
+) -> dict[str, Array]:
+    """Name -> (n,): what the states `before` the impacts (n, 6) say."""
+    size = np.array([b.radius_m for b in world.blocks.values()])[block]
+    along, across = ground_axes(tangent, before[:, LINEAR_VELOCITY])
+    spin = before[:, OMEGA] * size
+    return {
+        BLOCK: block.astype(float),
+        ZONE: zone.astype(float),
+        PLACE_M: before[:, X],
+        LEAN_RAD: _lean(size, tangent, before, across),
+        THETA_RAD: before[:, THETA],
+        NORMAL_SPEED_M_S: -across,
+        TANGENTIAL_SPEED_M_S: along,
+        SLIDING_SPEED_M_S: along + spin,
+        SPIN_M_S: spin,
+        **moving_quantities(before[:, RATES]),
+    }
+
+
+def moving_quantities(rates: Array) -> dict[str, Array]:
+    """Name -> (n,): velocities in the image (n, 3), before or after an impact."""
+    return {VX_M_S: rates[:, 0], VY_M_S: rates[:, 1], OMEGA_RAD_S: rates[:, 2]}
+
+
+def _lean(size: Array, tangent: Array, before: Array, across: Array) -> Array:
+    """(n,) orientation of the blocks to the ground at the touch, in rad."""
+    closing = np.maximum(np.abs(across), SLOWEST_TOUCH_M_S)
+    slope = np.arctan2(tangent[:, Y], tangent[:, X])
+    return np.asarray(before[:, THETA] + before[:, OMEGA] * TOUCH_RADII * size / closing - slope)
+
+
+def history_quantities(release: Array, order: Array, began: Array) -> dict[str, Array]:
+    """What happened before an impact: `order` of its release in the series, instant at which it `began`."""
+    number = np.zeros(len(release))
+    for r in np.unique(release):
+        own = release == r
+        number[own] = np.argsort(np.argsort(began[own]))
+    return {SERIES: order.astype(float), HISTORY: np.minimum(number, MOST_COUNTED_IMPACTS)}

@@ -13,9 +13,9 @@ import numpy as np
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
-from rock2d.engines.batch import run_batch, world_ensemble
-from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import X
+from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses
+from rock2d.engines.batch import run_world
+from rock2d.kinematics.states import drift
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -94,13 +94,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     block = data.segmentation.flights.block[flights]
     starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
     times = (t_s - start_s[:, None]) * scale
-    ensemble, tables = world_ensemble(world)
-    samples = run_batch(
-        ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-        time_limit_s=np.nanmax(times, axis=1) + 1e-9, times_s=np.where(np.isfinite(times), times, np.inf),
-    ).samples  # fmt: skip
-    for k in range(1, samples.shape[1]):
-        gone = ~np.isfinite(samples[:, k, X])
-        samples[gone, k] = samples[gone, k - 1]
-    poses = world.view.record(centroid_poses(world, block, samples)) * signs
+    limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)
+    samples = run_world(world, starts, block, time_limit_s=limits, times_s=instants).samples
+    poses = recorded_poses(world, block, samples, samples[:, 0]) * signs
     return np.where(np.isfinite(t_s)[..., None], poses, np.nan)

@@ -14,7 +14,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.residual_regression import clipped
-from rock2d.engines.batch import run_batch, world_ensemble
+from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.rest_heights import REST_FRAMES
 from rock2d.kinematics.states import centroid_poses, drift
@@ -55,14 +55,14 @@ def rest_squares(data: FilmData, rests: Rests, fit: Fit, covariance: Array) -> A
 
 def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
     """(n, 3) variances of the ends, from the noise of the last flights and the soil's scatter."""
-    at = _residuals(data, rests, _world(data, rests, fit, fit.p))
+    world = _world(data, rests, fit, fit.p)
+    at = _residuals(data, rests, world)
     variance = np.repeat(data.film.long_noise[None] ** 2, len(rests.flight), axis=0)
     for k, sigma in enumerate(fit.scatter[: len(BASE_WIDTH)]):
-        ahead = _residuals(
-            data, rests, _world(data, rests, fit, fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k))
-        )
+        p = fit.p + SCATTER_STEP * (np.arange(len(fit.p)) == k)
+        ahead = _residuals(data, rests, _world(data, rests, fit, p))
         variance += np.nan_to_num((ahead - at) * sigma / SCATTER_STEP) ** 2
-    world, start = _world(data, rests, fit, fit.p), data.start_s[rests.flight]
+    start = data.start_s[rests.flight]
     block = data.segmentation.flights.block[rests.flight]
     states = drift(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
     noise = data.true_covariance(world, rests.flight, start, states)
@@ -85,9 +85,6 @@ def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float 
         drift(world, block, data.states(world).middle[rests.flight], data.start_s[rests.flight] * scale)
         + shift
     )
-    ensemble, tables = world_ensemble(world)
-    result = run_batch(
-        ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-        time_limit_s=rests.wait_s * scale + 1e-9, times_s=rests.wait_s[:, None] * scale,
-    )  # fmt: skip
-    return world.view.record(centroid_poses(world, block, result.samples))[:, 0] - rests.pose
+    wait_s = rests.wait_s * scale
+    samples = run_world(world, starts, block, time_limit_s=wait_s + 1e-9, times_s=wait_s[:, None]).samples
+    return world.view.record(centroid_poses(world, block, samples))[:, 0] - rests.pose

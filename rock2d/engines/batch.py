@@ -246,6 +246,14 @@ def run_batch(
     return BatchResult(*written[:6], balances, held)
 
 
+def run_world(world: World, states: Array, blocks: Array, **options: Any) -> BatchResult:
+    """`run_batch` of releases in a world, from `states` (n, 6), with the `blocks` (n,) of these numbers. The world has
+    parameters for all of them, or for each."""
+    ensemble, tables = world_ensemble(world)
+    gravity = world.gravity_m_s2
+    return run_batch(ensemble, states, block_ids=blocks, table_ids=tables, gravity_m_s2=gravity, **options)
+
+
 def run_batch_track(
     block: Block,
     cross_section: CrossSection,

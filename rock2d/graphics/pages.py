@@ -22,6 +22,7 @@ PAGE_STYLE = (
     ".wide{overflow-x:auto}img,video{max-width:100%}p,li,code{overflow-wrap:anywhere}"
 )
 PAGE_FIGURE_DPI = 110  # of embedded PNG pictures
+SVG_DPI = 150  # of the parts of an SVG that are pixels
 
 
 def html_page(title: str, body: str) -> str:
@@ -67,7 +68,7 @@ def embedded(figure: Figure, image_format: str = "png") -> str:
         figure.savefig(buffer, format="png", dpi=PAGE_FIGURE_DPI)
         return _data_uri(buffer, "png")
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        figure.savefig(buffer, format="svg", dpi=SVG_DPI, metadata={"Date": None})
     return _data_uri(buffer, "svg+xml")
 
 

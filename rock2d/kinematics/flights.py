@@ -345,6 +345,14 @@ def clearances(block, ground, pose: Array) -> Array:
     return _clearances(block, ground, np.ascontiguousarray(pose))
 
 
+def heights(world: World, block: Array, pose: Array) -> Array:
+    """(n,) the same of several blocks, with the number `block` (n,) of each, in a world."""
+    ground, out = ground_arrays(world.cross_section), np.empty(len(pose))
+    for b, shape in enumerate(world.blocks.values()):
+        out[block == b] = clearances(block_arrays(shape), ground, pose[block == b])
+    return out
+
+
 @njit
 def _clearances(block, ground, pose):
     out = np.empty(pose.shape[0])

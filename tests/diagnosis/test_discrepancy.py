@@ -7,13 +7,12 @@ import pytest
 
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.discrepancy import discrepancies
-from rock2d.diagnosis.features import history_quantities
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.learnt import LEAST_GAIN
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
-from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases
+from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import setup_world

@@ -54,7 +54,7 @@ def _parts(
             tuple(cause["closes_ci95"]),
             "effect",
         )
-        for cause in sorted(acting(content), key=lambda cause: -cause["closes"])
+        for cause in sorted(text.acting(content), key=lambda cause: -cause["closes"])
     ]
     learnt = outside["learnt"]
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
@@ -72,7 +72,7 @@ def _parts(
 
 def _size(cause: Mapping[str, Any]) -> str:
     """Its first parameter, unless that is a pure number."""
-    first = next(p for p in catalogue()[cause["effect"]].parameters)
+    first = catalogue()[cause["effect"]].parameters[0]
     pure = first.unit == "1" and not is_factor(first)
     return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
 
@@ -80,11 +80,6 @@ def _size(cause: Mapping[str, Any]) -> str:
 def _ends(part: Mapping[str, Any]) -> tuple[float, float]:
     low, high = part["closes_ci95"]
     return low, high
-
-
-def acting(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The causes that are a part of the model."""
-    return [cause for cause in content.get("causes", []) if cause["closes"] is not None]
 
 
 def _step(axis: Axis, start: float, end: float, model: str, name: str) -> Markup:

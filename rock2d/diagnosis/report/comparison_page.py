@@ -49,24 +49,23 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
 def comparison_lines(content: Mapping[str, Any]) -> list[str]:
     """The comparison as lines for a terminal: verdicts, gap, probabilities, parameters, places, what cannot be "
     "compared."""
-    both = ("a", "b")
     rows: list[tuple[str, ...]] = [
         ("", "A", "B"),
-        ("experiment", *(content["experiment"][side] for side in both)),
-        ("verdict", *(_verdict(content, side) for side in both)),
-        ("group", *(", ".join(content["group"][side]) or NOTHING for side in both)),
-        ("gap closed", *(_gap(content["gap"][side])["closed"] for side in both)),
+        ("experiment", *(content["experiment"][side] for side in SIDES)),
+        ("verdict", *(_verdict(content, side) for side in SIDES)),
+        ("group", *(", ".join(content["group"][side]) or NOTHING for side in SIDES)),
+        ("gap closed", *(_gap(content["gap"][side])["closed"] for side in SIDES)),
     ]
     for pair in content["probabilities"]:
         if _largest(pair) >= TERMINAL_PROBABILITY:
-            rows.append((f"p({pair['name']})", *(_chance(pair[side]) for side in both)))
+            rows.append((f"p({pair['name']})", *(_chance(pair[side]) for side in SIDES)))
     for row in content["parameters"]:
         if row["of_interest"]:
             shown = _parameter_row(row)
             rows.append((f"{row['effect']}.{row['parameter']}", shown["a"], shown["b"], JUDGED[row["agree"]]))
     for place in content["where"][:TERMINAL_PLACES]:
         name = ", ".join(place[key] for key in ("phase", "zone", "block", "channel"))
-        rows.append((name, *(f"{100 * place[side]:.0f} %" for side in both)))
+        rows.append((name, *(f"{100 * place[side]:.0f} %" for side in SIDES)))
     cells = [[_printable(cell) for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in cells) for i in range(3)]
     lines = [
@@ -161,11 +160,9 @@ def _ratio(pair: Mapping[str, Any]) -> str:
 def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:
     """The tables of the page as CSV."""
 
-    def fitted(own: Mapping[str, Any] | None) -> tuple[Any, ...]:
-        return (None, None, None) if own is None else (own["value"], *own["ci95"])
-
-    def closed(own: Mapping[str, Any] | None) -> tuple[Any, ...]:
-        return (None, None, None) if own is None else (own["closure"], *own["ci95"])
+    def cells(row: Mapping[str, Any], key: str) -> list[Any]:
+        known = [row[side] or {key: None, "ci95": (None, None)} for side in SIDES]
+        return [cell for own in known for cell in (own[key], *own["ci95"])]
 
     ends = ("a", "a_low95", "a_high95", "b", "b_low95", "b_high95")
     places = ("phase", "zone", "block", "channel", "a", "b")
@@ -173,10 +170,9 @@ def _downloads(content: Mapping[str, Any]) -> dict[str, Download]:
         "probabilities": download("probabilities.csv", ("answer", "a", "b"), [
             (p["name"], p["a"], p["b"]) for p in content["probabilities"]]),
         "parameters": download("parameters.csv", ("effect", "parameter", *ends, "agree"), [
-            (r["effect"], r["parameter"], *fitted(r["a"]), *fitted(r["b"]), r["agree"])
-            for r in content["parameters"]]),
+            (r["effect"], r["parameter"], *cells(r, "value"), r["agree"]) for r in content["parameters"]]),
         "base": download("law.csv", ("parameter", "a", "b"), [(p["name"], p["a"], p["b"]) for p in content["base"]]),
         "closures": download("closures.csv", ("effect", *ends), [
-            (r["effect"], *closed(r["a"]), *closed(r["b"])) for r in content["closures"]]),
+            (r["effect"], *cells(r, "closure")) for r in content["closures"]]),
         "places": download("where.csv", places, [[place[key] for key in places] for place in content["where"]]),
     }  # fmt: skip

@@ -1,4 +1,5 @@
-"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts before and after."""
+"""Figures of a diagnosis: the cross-section with the residuals of all impacts, and single impacts before and after;
+and what they show, in words, for who cannot see them."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from rock2d.diagnosis.report.text import length, spoken
 from rock2d.graphics.canvas import fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
@@ -106,6 +108,22 @@ def section_figure(
     return figure
 
 
+def section_alt(misses: Misses, flights: int, shares: Mapping[str, float]) -> str:
+    """The cross-section in words: how many impacts have which residuals, and the zones with the largest shares of the
+    gap."""
+    bounds = [*(least for least, _, _ in MISS_CLASSES), np.inf]
+    counts = np.histogram(misses.sigma, bounds)[0]
+    words = [
+        f"{n} from {low:g} to {high:g} σ" for n, low, high in zip(counts, bounds, bounds[1:], strict=False)
+    ]
+    words[-1] = f"{counts[-1]} above {bounds[-2]:g} σ"
+    drawn = f"{flights} measured flights and " if flights else ""
+    said = f"The cross-section with {drawn}{len(misses.sigma)} impacts. Residuals of the base law: {', '.join(words)}."
+    largest = sorted(shares.items(), key=lambda item: -item[1])[:3]
+    parts = [f"{spoken(zone)} {100 * share:.0f} %" for zone, share in largest if share >= 0.005]
+    return f"{said} Shares of the gap: {', '.join(parts)}." if parts else said
+
+
 def _section_legend(figure: Figure, blocks: Mapping[str, Block]) -> None:
     bounds = [c[0] for c in MISS_CLASSES[1:]]
     words = [f"residual < {bounds[0]:g} σ", f"{bounds[0]:g} to {bounds[1]:g} σ", f"> {bounds[1]:g} σ"]
@@ -195,6 +213,21 @@ def segment_figure(cross_section: CrossSection, segment: Segment) -> Figure:
     angle.grid(color="#e4e4e4", lw=0.6)
     finish(figure)
     return figure
+
+
+def segment_alt(segment: Segment, labels: Mapping[str, str]) -> str:
+    """One impact in words: how far each model is from the film at the last measured frame."""
+    seen = segment.measured[np.isfinite(segment.measured).all(axis=1)]
+    t_s, *pose = seen[-1]
+    parts = []
+    for name, rows in segment.models.items():
+        x, y, theta = (float(np.interp(t_s, rows[:, 0], rows[:, i])) for i in (1, 2, 3))
+        away, turn = float(np.hypot(x - pose[0], y - pose[1])), abs(float(np.rad2deg(theta - pose[2])))
+        parts.append(f"{labels[name]} {length(away)} and {turn:.1f}°")
+    return (
+        f"{segment.title.replace(chr(10), ', ')}. Path and angle of {len(seen)} measured frames and of the "
+        f"predictions; distance from the film at the last frame: {', '.join(parts)}."
+    )
 
 
 def _outline(

@@ -53,6 +53,10 @@ class Fitted:
             setup_world(self.experiment), [values[p.name] for p in self.effect.parameters]
         )
 
+    def number(self, name: str, factor: float = 1.0) -> str:
+        """A parameter times a factor, as text."""
+        return text.number(factor * self.values[name], factor * self.half[name])
+
     def propagated(self, of_world: Callable[[World], Array]) -> tuple[Array, Array]:
         """What a function makes of the world, and half the width of its 95 % interval (parameters independent)."""
         value = of_world(self.world())

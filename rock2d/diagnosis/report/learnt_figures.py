@@ -21,22 +21,24 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-NUMBERS = {  # what the numbers of a lever are called, and their units
+# lever -> its numbers: name, unit, and a typical size, as angles and lengths differ by orders of magnitude
+NUMBERS = {
     LAW: (
-        ("k_l", "factor"),
-        ("k_ul / k_l", "factor"),
-        ("k_t", "factor"),
-        ("tan φ", "factor"),
-        ("k_r", "factor"),
+        ("k_l", "factor", 1.0), ("k_ul / k_l", "factor", 1.0), ("k_t", "factor", 1.0), ("tan φ", "factor", 1.0),
+        ("k_r", "factor", 1.0),
     ),
-    SLOPE: (("slope of the ground", "rad"),),
-    FRAME: (("v_x", "m/s"), ("v_y", "m/s"), ("ω", "rad/s"), ("θ", "rad")),
-    FLIGHT: (("along x", "m/s²"), ("along y", "m/s²"), ("angular", "rad/s²")),
-}
-STATE_NUMBERS = (("x", "m"), ("y", "m"), ("θ", "rad"), ("v_x", "m/s"), ("v_y", "m/s"), ("ω", "rad/s"))
-OUTCOME_NUMBERS = (
-    ("tangential", "m"), ("normal", "m"), ("θ", "rad"), ("tangential", "m/s"), ("normal", "m/s"), ("ω", "rad/s"),
-)  # fmt: skip
+    STATE: (
+        ("x", "m", 0.001), ("y", "m", 0.001), ("θ", "rad", 0.05), ("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1),
+        ("ω", "rad/s", 5.0),
+    ),
+    OUTCOME: (  # the last three alone in a table of impacts
+        ("tangential", "m", 0.001), ("normal", "m", 0.001), ("θ", "rad", 0.05), ("tangential", "m/s", 0.1),
+        ("normal", "m/s", 0.1), ("ω", "rad/s", 5.0),
+    ),
+    SLOPE: (("slope of the ground", "rad", 1.0),),
+    FRAME: (("v_x", "m/s", 0.1), ("v_y", "m/s", 0.1), ("ω", "rad/s", 5.0), ("θ", "rad", 0.05)),
+    FLIGHT: (("along x", "m/s²", 1.0), ("along y", "m/s²", 1.0), ("angular", "rad/s²", 100.0)),
+}  # fmt: skip
 LEVER_WORDS = {
     LAW: "parameters of the law", STATE: "measured state before the impact", OUTCOME: "outcome of the impact",
     FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", FRAME: "motion of the camera or the ground",
@@ -74,12 +76,12 @@ def _draw(axis: Axes, result: Diagnosis, lever: str, curve: Curve, coefficients:
     """The numbers of a lever that change most, over one quantity."""
     at = _points(curve)
     values = curve.features(at) @ coefficients.T
-    units = _numbers(lever, len(coefficients))
+    numbers = NUMBERS[lever][-len(coefficients) :]
     values = np.exp(values - values.mean(axis=0)) if lever == LAW else values
-    swing = np.ptp(values, axis=0) / _typical(lever, len(coefficients))
+    swing = np.ptp(values, axis=0) / [typical for _, _, typical in numbers]
     drawn = [k for k in np.argsort(-swing)[:MOST_DRAWN] if swing[k] >= LEAST_SWING * swing.max()]
     for i, k in enumerate(drawn):
-        name, unit = units[k]
+        name, unit, _ = numbers[k]
         style: dict[str, Any] = {"color": BLOCK_COLOURS[i % len(BLOCK_COLOURS)], "label": f"{name} ({unit})"}
         if curve.kind == KINDS:
             axis.plot(np.arange(len(at)), values[:, k], linestyle="none", marker="os^"[i], **style)
@@ -117,23 +119,6 @@ def _points(curve: Curve) -> Array:
     if curve.kind == "waves":
         return np.linspace(0.0, 2.0 * np.pi / curve.numbers[0], POINTS)
     return np.linspace(-np.pi, np.pi, POINTS)
-
-
-def _numbers(lever: str, count: int) -> tuple[tuple[str, str], ...]:
-    if lever in NUMBERS:
-        return NUMBERS[lever]
-    return OUTCOME_NUMBERS[-count:] if lever == OUTCOME else STATE_NUMBERS
-
-
-def _typical(lever: str, count: int) -> Array:
-    """Sizes that make the numbers of a lever comparable: angles and lengths differ by orders of magnitude."""
-    if lever in (LAW, SLOPE):
-        return np.ones(count)
-    if lever == FRAME:
-        return np.array([0.1, 0.1, 5.0, 0.05])
-    if lever == FLIGHT:
-        return np.array([1.0, 1.0, 100.0])
-    return np.array([0.001, 0.001, 0.05, 0.1, 0.1, 5.0])[-count:]
 
 
 def _members(result: Diagnosis, curve: Curve) -> list[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rock2d.diagnosis.known_causes import sized, span
 from rock2d.diagnosis.report.text import in_degrees, number, spoken
 from rock2d.effects import catalogue
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
 from rock2d.scene.world import World
 
 if TYPE_CHECKING:
@@ -43,8 +44,6 @@ def limit_lines(limits: Limits) -> list[str]:
 def limits_figure(limits: Limits, world: World) -> Figure:
     """Bars from the size that is seen in 5 of 10 films to that in 9 of 10, and a mark at the upper limit, all over the
     largest plausible size."""
-    from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes
-
     figure, (axis,) = blank_axes(7.0, 0.8 + 0.24 * len(limits))
     for row, (name, limit) in enumerate(limits.items()):
         own = sized(catalogue()[name], world)
@@ -66,13 +65,10 @@ def limits_figure(limits: Limits, world: World) -> Figure:
 
 def limits_section(content: Mapping[str, Any], world: World) -> dict[str, Any]:
     """What the template shows of the limits of diagnosis.json."""
-    from rock2d.graphics.pages import embedded
-
     own = content.get("limits") or {}
-    figure = embedded(limits_figure(own, world), "svg") if own else ""
     return {
         "limit_lines": limit_lines(own),
         "limit_head": HEAD,
         "limit_rows": limit_rows(own),
-        "limits_figure": figure,
+        "limits_figure": embedded(limits_figure(own, world), "svg") if own else "",
     }

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +13,10 @@ from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
-from rock2d.diagnosis.report.alt_texts import section_alt, segment_alt
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.checks_section import checks_section
-from rock2d.diagnosis.report.figures import section_figure, segment_figure
+from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
 from rock2d.diagnosis.report.limits_section import limits_section
 from rock2d.diagnosis.report.practical_indicators import (
@@ -35,11 +32,9 @@ from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
+from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Array = np.ndarray
 Progress = Callable[[str], None]
@@ -84,7 +79,8 @@ def report_page(
 
     context: dict[str, Any] = {"content": content, "sanity": content["sanity"], "made": made}
     models = tables.compared_models(result) if result.found is not None else None
-    chain = [] if models is None or models.effect is None else [e.name for e in models.effect.model.effects]
+    effect = models.fits.get("effect") if models is not None else None
+    chain = [e.name for e in effect.model.effects] if effect is not None else []
     context |= _verdict(result, content, chain) | budget_section(content) | checks_section(result.checks)
     if models is not None:
         with matplotlib.rc_context({"text.parse_math": False}):  # a name may hold a dollar
@@ -147,7 +143,7 @@ def _sections(
     }
     context |= _where(result, content, models)
     context["learnt"] = [
-        {"name": described(change), "image": _inline(learnt_figure(result, change)),
+        {"name": described(change), "image": embedded(learnt_figure(result, change), "svg"),
          "gain": text.plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
@@ -172,9 +168,7 @@ def _sections(
     if isinstance(result.data, FilmData):
         context |= _film(result, content, result.data, models, labels, folder, on_progress)
     else:
-        residuals = {"base": models.base_out.residuals.impacts}
-        if models.effect_out is not None:
-            residuals["effect"] = models.effect_out.residuals.impacts
+        residuals = {name: out.residuals.impacts for name, out in models.held_out.items()}
         quantities = table_quantities(result.experiment, result.data, residuals)
         context |= {"practice": [_practice_chart(q, labels) for q in quantities]}
     return context
@@ -192,11 +186,11 @@ def _where(result: Diagnosis, content: dict[str, Any], models: tables.Models) ->
     flights = []
     if isinstance(result.data, FilmData):
         flights = tables.flight_paths(result.data, tables.signs_of(result))
-    misses = tables.misses_of(result, models.base_out)
+    misses = tables.misses_of(result, models.held_out["base"])
     parts = (experiment.cross_section, experiment.blocks, flights, misses, shares)
     return {
-        "section": _inline(section_figure(*parts)),
-        "narrow_section": _inline(section_figure(*parts, narrow=True)),
+        "section": embedded(section_figure(*parts), "svg"),
+        "narrow_section": embedded(section_figure(*parts, narrow=True), "svg"),
         "section_alt": section_alt(misses, len(flights), shares),
         "section_data": downloads.section_data(misses, list(experiment.blocks)),
         "flights_data": downloads.flights_data(flights) if flights else None,
@@ -306,7 +300,7 @@ def _film(
         "repetitions": repetitions,
         "segments": [
             {
-                "image": _inline(segment_figure(experiment.cross_section, s)),
+                "image": embedded(segment_figure(experiment.cross_section, s), "svg"),
                 "alt": segment_alt(s, labels),
                 "data": downloads.segment_data(s, i, labels),
             }
@@ -360,13 +354,3 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
         "data": downloads.quantity_data(quantity, labels),
     }  # fmt: skip
-
-
-def _inline(figure: Figure) -> str:
-    """A figure as SVG for the data URI of an img element. Its text is drawn as paths, so no font is needed."""
-    import matplotlib
-
-    image = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "rock2d"}):
-        figure.savefig(image, format="svg", dpi=150, metadata={"Date": None})
-    return base64.b64encode(image.getvalue()).decode()

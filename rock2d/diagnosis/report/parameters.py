@@ -69,10 +69,8 @@ def _law_values(fit: Fit) -> list[Value]:
     law, covariance = fit.model.law(fit.p), fit.p_covariance
     sd = np.sqrt(np.diagonal(covariance)[: len(LAW)])
     undetermined = sd > UNDETERMINED_WIDTH * BASE_WIDTH
-    sd, k, r = sd.copy(), BASE_K_L, BASE_RATIO
-    sd[BASE_RATIO] = np.sqrt(
-        max(covariance[k, k] + covariance[r, r] + 2.0 * covariance[k, r], 0.0)
-    )  # k_ul = k_l × ratio
+    k, r = BASE_K_L, BASE_RATIO  # k_ul = k_l × ratio
+    sd[r] = np.sqrt(max(covariance[k, k] + covariance[r, r] + 2.0 * covariance[k, r], 0.0))
     out = []
     for i, value in enumerate(law):
         low, high = value * np.exp([-1.96 * sd[i], 1.96 * sd[i]])
@@ -93,14 +91,12 @@ def scatter_rows(models: Models) -> list[tuple[str, dict[str, str]]]:
 
 def effect_rows(models: Models) -> list[EffectRow]:
     """Parameters of the effects in the model."""
-    if models.effect is None:
+    if (fit := models.fits.get("effect")) is None:
         return []
-    rows = []
-    model = models.effect.model
+    rows, model, values = [], fit.model, effect_values(fit)
     for effect, parameters in zip(model.effects, model.parameters, strict=True):
-        fitted = effect_values(models.effect)[effect.name]
         for k, parameter in enumerate(parameters):
-            own, meaning, remark = fitted[parameter.name], parameter.meaning, ""
+            own, meaning, remark = values[effect.name][parameter.name], parameter.meaning, ""
             if model.of_each(effect):
                 block = model.flown[k // len(effect.parameters)]
                 own, meaning = own["by_block"][block], f"{spoken(block)}, {meaning}"
@@ -141,6 +137,6 @@ def noise_rows(result: Diagnosis, models: Models) -> tuple[tuple[str, ...], list
         return ("1 sigma", "stated", "found", "found, in averages", ""), rows
     assert data is not None
     spread = np.diagonal(data.extra_scatter()[0])
-    noise = models.base.scatter[-len(spread) :] * spread
+    noise = models.fits["base"].scatter[-len(spread) :] * spread
     names = ("along the ground (m/s)", "across it (m/s)", "spin (rad/s)")
     return ("1 sigma", "fitted"), [(name, f"{v:.3g}") for name, v in zip(names, noise, strict=True)]

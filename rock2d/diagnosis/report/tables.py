@@ -36,16 +36,10 @@ MODEL_COLOURS = {"measured": MEASURED_COLOUR, "base": SIMULATED_COLOUR, "effect"
 
 @dataclass
 class Models:
-    """The models that a report compares: the base law and, if there is a gap to explain, the law with an effect."""
+    """The models that a report compares: the law, "base", and with an "effect" if there is a gap to explain."""
 
-    base: Fit
-    base_out: HeldOut
-    effect: Fit | None = None
-    effect_out: HeldOut | None = None
-
-    @property
-    def fits(self) -> dict[str, Fit]:
-        return {"base": self.base} | ({"effect": self.effect} if self.effect is not None else {})
+    fits: dict[str, Fit]
+    held_out: dict[str, HeldOut]
 
 
 def compared_models(result: Diagnosis) -> Models:
@@ -56,11 +50,12 @@ def compared_models(result: Diagnosis) -> Models:
     """
     found = result.found
     assert found is not None
-    if found.verdict == "none" or (found.verdict == "unknown" and not found.named):
-        return Models(found.base, found.base_held_out)
-    name = reported_effect(found)
-    best = found.final if name == found.best else found.candidates[name]
-    return Models(found.base, found.base_held_out, best.fit, best.held_out)
+    models = Models({"base": found.base}, {"base": found.base_held_out})
+    if found.verdict != "none" and (found.verdict != "unknown" or found.named):
+        name = reported_effect(found)
+        best = found.final if name == found.best else found.candidates[name]
+        models.fits["effect"], models.held_out["effect"] = best.fit, best.held_out
+    return models
 
 
 def signs_of(result: Diagnosis) -> Signs:
@@ -115,8 +110,8 @@ def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segme
     """The impacts that the effect improves most or, unless it `improves`, those with the largest residuals."""
     data = result.data
     assert isinstance(data, FilmData)
-    base = impact_squares(result, models.base_out)
-    effect = impact_squares(result, models.effect_out) if models.effect_out is not None else None
+    squares = {name: impact_squares(result, out) for name, out in models.held_out.items()}
+    base, effect = squares["base"], squares.get("effect")
     chosen: list[int] = []
     for i in np.argsort(effect - base if improves and effect is not None else -base, kind="stable"):
         if data.impacts.release[i] not in data.impacts.release[chosen]:  # different releases show more

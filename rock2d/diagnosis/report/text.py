@@ -110,9 +110,14 @@ class Tile(NamedTuple):
     note: str
 
 
+def acting(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The causes that are a part of the model."""
+    return [cause for cause in content.get("causes", []) if cause["closes"] is not None]
+
+
 def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
     """What the best model has that the base law has not: its effects and what was learnt."""
-    named = [cause["effect"] for cause in content.get("causes", []) if cause["closes"] is not None]
+    named = [cause["effect"] for cause in acting(content)]
     learnt = bool(content.get("outside") and content["outside"]["learnt"])
     return listed([*named, *["what was learnt"] * learnt] or chain)
 
@@ -143,9 +148,7 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     known = verdict in effects
     cause = effects[verdict].summary if known else "an effect outside the catalogue"
     origin = f" It comes from the {effects[verdict].origin}." if known else ""
-    beside = [
-        c["effect"] for c in content.get("causes", []) if c["closes"] is not None and c["effect"] != verdict
-    ]
+    beside = [cause["effect"] for cause in acting(content) if cause["effect"] != verdict]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
     others = f"{listed(rivals, 'or')}{common_words(content, verdict)}"
@@ -183,8 +186,8 @@ def explained_part(content: Mapping[str, Any]) -> str:
     do."""
     parts = [
         f"{spoken(cause['effect'])} ({share_closed(cause['closes'], cause['closes_ci95'])} of the gap)"
-        for cause in content.get("causes", [])
-        if cause["closes"] is not None and cause["closes_ci95"][0] >= LEAST_PART
+        for cause in acting(content)
+        if cause["closes_ci95"][0] >= LEAST_PART
     ]
     return listed(parts)
 

@@ -9,14 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.diagnosis.report.camera_instructions import CAMERA_INSTRUCTIONS
 from rock2d.diagnosis.report.fitted import Fitted
-from rock2d.diagnosis.report.physical_instructions import PHYSICAL_INSTRUCTIONS
+from rock2d.diagnosis.report.instructions import INSTRUCTIONS
 from rock2d.effects import catalogue
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
 
-INSTRUCTIONS = {**CAMERA_INSTRUCTIONS, **PHYSICAL_INSTRUCTIONS}
 LEAST_PROBABILITY = 0.5  # of a verdict on which one should act
 UNIT_FAULTS = {
     sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.CONSTANT_ANGLE, sanity.NO_MOTION,
@@ -96,7 +94,7 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             "cause at a time, and diagnose again after each: these numbers hold only together."
         )
         lines += [instruction(name, content["beside"][-1], experiment) for name in beside]
-    if not all(name in CAMERA_INSTRUCTIONS for name in (verdict, *beside)):
+    if not all(catalogue()[name].camera for name in (verdict, *beside)):
         lines.append(
             "Until then, `rock2d predict OTHER --diagnosis diagnosis.json --out predictions.csv` predicts other "
             "films of this set-up with the effect."

@@ -1,24 +1,22 @@
-"""Segments of a film: each from the end of one flight to the end of the next, or of the film, and its simulation.
+"""Segments of a film: each from the end of one flight to the end of the next, or of the film.
 
 The simulation of a segment starts in the flight before, from its measured state, a little above the ground.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rock2d.diagnosis.learnt_prediction import END_MARGIN_S, KnownChange, LearntMotion, Starts
-from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES
-from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import POSE, THETA, X
+from rock2d.kinematics.states import centroid_poses
+from rock2d.records.columns import THETA, X
 from rock2d.scene.world import World
 
 Array = np.ndarray
+
+END_MARGIN_S = 1e-9  # the last frame is inside
 
 
 @dataclass
@@ -77,35 +75,9 @@ class Segments:
         )  # fmt: skip
 
 
-def predicted_poses(
-    data: FilmSegments,
-    segments: Segments,
-    world: World,
-    changes: Sequence[KnownChange] = (),
-    shift: Array | float = 0.0,
-) -> Array:
-    """(n, k, 3) poses of the segments as the camera records them; the rows of `world` are those of the segments.
-
-    `shift` (n, 6) is added to the states at the starts. Where a block has left the cross-section its last pose stays.
-    """
-    scale, block = world.view.time_scale, segments.block
-    before = data.states(world).middle[segments.flight]
-    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
-    times = segments.instants_s * scale
-    limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
-    if changes:
-        known = Starts(
-            segments.flight, block, world.order, segments.number, starts, data.start_s[segments.flight],
-            segments.began_s * scale, limits, FEWEST_FLIGHT_FRAMES * segments.frame_s * scale,
-        )  # fmt: skip
-        samples = LearntMotion(changes, world, data, known).samples(times)
-    else:
-        ensemble, tables = world_ensemble(world)
-        samples = run_batch(
-            ensemble, starts, block_ids=block, table_ids=tables, gravity_m_s2=world.gravity_m_s2,
-            time_limit_s=limits, times_s=times,
-        ).samples  # fmt: skip
-    last = starts[:, POSE]
+def recorded_poses(world: World, block: Array, samples: Array, last: Array) -> Array:
+    """(n, k, 3) poses as the camera records them, of simulated ones (n, k, 3). Where a block has left the cross-section
+    its last pose stays; before the first one it is `last` (n, 3)."""
     for k in range(samples.shape[1]):  # also of a block that starts deep in the ground
         gone = ~np.isfinite(samples[:, k, X])
         samples[gone, k] = last[gone]

@@ -183,8 +183,7 @@ class Search:
             seen.add(self.best.names)
             found = self._additions(self.best, self.best.names, ADDED_AT_ONCE)
             if self.best.names:
-                always = [*self._scatters(), *self._choices()]
-                found += self._with([name for name in always if name not in self.best.names], self.best)
+                found += self._with([n for n in self._scatters() if n not in self.best.names], self.best)
             gains = [(self.gain(own, self.best), own) for own in found]
             better = [(gain.total, own) for gain, own in gains if gain.significant]
             if not better:
@@ -240,13 +239,8 @@ class Search:
             if self.effects[name].scatter and self.gain(found, self.base).total > LEAST_SCATTER_GAIN
         ]  # fmt: skip
 
-    def _choices(self) -> list[str]:
-        """Effects that must choose: a law that was refitted without the choice hides what they gain."""
-        return [name for name, effect in self.effects.items() if effect.parameters[0].must_choose]
-
     def _start(self, own: CauseSet, name: str) -> Array | None:
-        effect = self.effects[name]
-        return None if effect.scatter or effect.parameters[0].must_choose else self.beside(own)[name].p
+        return None if self.effects[name].scatter else self.beside(own)[name].p
 
     def _fit(self, steps: Sequence[_Addition | Reduction], ahead: float = 0.0) -> None:
         """Fit models that differ from known ones in one effect. The additions that gain most are fitted again with

@@ -98,9 +98,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
             starts.append(p)
     found = [_short(tried, p, base) for p in starts]
     if any(q.must_choose for own in model.parameters for q in own):
-        law = len(BASE_WIDTH)
-        stated = np.concatenate([model.start()[:law], start[law:]])
-        p = scan(tried, stated, WIDE_SCAN * base.covariance(), None)
+        p = scan(tried, model.start(), WIDE_SCAN * base.covariance(), None)
         found.append(fit(model, data, p, rounds=EXPLORING_ITERATIONS))
     best = max(found, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):

@@ -18,7 +18,8 @@ def record_poses(poses: Array, times_s: Array, camera: Camera, hidden: Sequence[
     """
     record = np.array(poses, float)
     view = View(np.array(times_s, float), np.asarray(camera.centre_m, float), camera.extent_m, seed)
-    for cause in sorted(hidden, key=lambda own: own.name == "mirrored_axis"):  # after the lens: software mirrors
+    # software mirrors an axis, after the lens
+    for cause in sorted(hidden, key=lambda own: own.name == "mirrored_axis"):
         recorded = CAUSES[cause.name].recorded
         if recorded is not None:
             record = recorded(record, view, cause.values)

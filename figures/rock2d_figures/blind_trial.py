@@ -18,7 +18,7 @@ from rock2d.blind.scoring import CALIBRATION_BINS, SIGNAL_TO_NOISE_EDGES
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
 from rock2d.statistics import wilson_interval
 
-ONE_EFFECT, TWO_EFFECTS = "one effect", "two effects, one named"
+ONE_EFFECT, TWO_EFFECTS = "one effect", "several effects, one named"
 OUTSIDE_CAUSE, NO_CAUSE = "outside the catalogue", "nothing"
 STYLES = {
     ONE_EFFECT: ("#0072b2", "o"),

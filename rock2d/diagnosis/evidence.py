@@ -62,7 +62,8 @@ class Evidence:
     ----------
     alone : what it gains beside all others
     instead : what is gained by what is learnt in its place; nothing in that of a scatter
-    others : log likelihood that those other members gain whose laws may have another form
+    others : log likelihood that is gained by what is learnt beside all, and by other members whose laws may have
+        another form
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     """
@@ -123,11 +124,10 @@ def weigh(search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Ba
     found = dict[str, Evidence]()
     best = search.best
     gains = {name: search.gain(best, less).total for name, less in search.without(best).items()}
+    unnamed = max(held_out_gain(search.data, learnt, best).total, 0.0) if learnt.changes else 0.0
+    formed = {name: gain for name, gain in gains.items() if not search.effects[name].camera}
     for name in sorted(best.names):
-        # the camera's geometry has no other form
-        others = sum(
-            gain for other, gain in gains.items() if other != name and not search.effects[other].camera
-        )
+        others = unnamed + sum(gain for other, gain in formed.items() if other != name)
         found[name] = _evidence(search, learnt, name, others, known.get(name))
         bar.step(name)
     return found

@@ -115,18 +115,20 @@ def film_sentences(result: Diagnosis) -> list[str]:
     if film is None:
         return []
     said = film.sentences()
-    if (
-        not film.off
-        or found is None
-        or any(TWINS.keys() & {name, *found.group(name)} for name in found.named)
-    ):
+    if found is None:
+        return said
+    names = {own for name in found.named for own in (name, *found.group(name))}
+    if not ((film.off and not TWINS.keys() & names) or (film.turned and "camera_tilt" not in names)):
         return said
     phases = {name: catalogue()[name].phase for name in [*found.named, *found.uncertain]}
     acting = [name for name, phase in phases.items() if phase != "impact"]
     learnt = [change.name for change in found.learnt.changes if change.lever == FLIGHT]
     if acting or learnt:
-        return [*said, f"the diagnosis, which knows more, explains this by {', '.join([*acting, *learnt])}"]
-    return [*said, "the diagnosis, which knows more, finds no effect that explains this on held-out releases"]
+        return [
+            *said,
+            f"the diagnosis, which knows more, explains gravity in the flights by {', '.join([*acting, *learnt])}",
+        ]
+    return [*said, "the diagnosis, which knows more, finds nothing that explains gravity in the flights"]
 
 
 def _faulty_json(result: Diagnosis) -> dict[str, Any]:

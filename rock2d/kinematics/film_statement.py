@@ -84,6 +84,11 @@ class FilmStatement:
         return max(rest - self.spin - LOCAL_GRAVITY, 0.0) <= 2.0 * ratio.error
 
     @property
+    def turned(self) -> bool:
+        """Whether blocks do not fall straight down in the picture, by more than the air explains."""
+        return bool(self._tilt_sentence())
+
+    @property
     def spin_hides(self) -> bool:
         """Whether the lift of an unmeasured spin may do what a wrong scale or frame rate does, if these are wrong."""
         return (ratio := self.ratio) is not None and not self.off and self.spin > ratio.error

@@ -155,9 +155,18 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     doubt = f" These data cannot separate it from {others}." if rivals else ""
     return (
         spoken(verdict).capitalize(),
-        f"This explains {'most of ' if _outside(content) else ''}the gap between film and simulation: {cause}."
+        f"This explains {_share(content, verdict)}the gap between film and simulation: {cause}."
         f"{origin}{together}{doubt}{_outside(content)}",
     )
+
+
+def _share(content: Mapping[str, Any], effect: str) -> str:
+    """How much of the gap an effect explains, as words before "the gap"; "" for all of it."""
+    causes = {cause["effect"]: cause["closes"] for cause in content.get("causes", [])}
+    own, others = causes.pop(effect, None), [share for share in causes.values() if share is not None]
+    if own is not None and others:
+        return f"{round(100 * own)} % of "
+    return "most of " if _outside(content) else ""
 
 
 def common_words(content: Mapping[str, Any], effect: str) -> str:
@@ -235,12 +244,15 @@ def key_figures(
     second = next((name for name in ranked if not effects[name].scatter), None)
     if second is not None:
         tiles.append(Tile("Runner-up", _closed(content, second), f"of the gap closed by {spoken(second)}"))
-    beside = content.get("beside", [])
+    beside = [c for c in content.get("causes", []) if c["closes"] is not None and c["effect"] != verdict]
     if not beside:
         tiles.append(
             Tile("Second effect", "none needed", "no other effect gains significantly beside this one")
         )
-    tiles += [Tile("Further effect", spoken(part["effect"]), _gain(part)) for part in beside]
+    tiles += [
+        Tile("Further effect", spoken(c["effect"]), f"closes {share_closed(c['closes'], c['closes_ci95'])}")
+        for c in beside
+    ]
     return [
         *tiles,
         *_predicted_tile(content),

@@ -88,7 +88,7 @@ def inject(
     if not (out / TRUTH).is_file():
         if out.is_dir() and any(out.iterdir()) and not (out / FITS).is_dir():
             raise InputError("exists and is no study; choose another folder", out, code="not_a_result")
-        result = diagnosed_film(experiment, processes, progress, out / FITS)
+        result = diagnosed_film(read, experiment, processes, progress, out / FITS)
         with Bars(progress).stage("known causes", 0, "cases") as bar:
             make_cases(result, names, plan, out, own, bar.update)
         shutil.rmtree(out / FITS, ignore_errors=True)

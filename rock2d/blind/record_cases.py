@@ -48,10 +48,11 @@ class Record:
     curves: dict[str, Curve]
 
 
-def diagnosed_film(folder: Path, workers: int, progress: bool, fits: Path | None = None) -> Diagnosis:
-    """The diagnosis of a film into which causes can be put; `fits` keeps finished fits. Raises InputError if it is no
-    film, or cannot be diagnosed."""
-    experiment = load_experiment(folder)
+def diagnosed_film(
+    experiment: Experiment, folder: Path, workers: int, progress: bool, fits: Path | None = None
+) -> Diagnosis:
+    """The diagnosis of the film in a folder, into which causes can be put; `fits` keeps finished fits. Raises
+    InputError if it is no film, or cannot be diagnosed."""
     if experiment.trajectories is None:
         message = "a cause can be put into a film, not into a table of impacts"
         raise InputError(message, folder, code="wrong_kind")
@@ -68,7 +69,7 @@ def diagnosed_film(folder: Path, workers: int, progress: bool, fits: Path | None
 def read_record(folder: Path, workers: int, progress: bool) -> Record:
     """Diagnose a film, so that it can be the base of cases. Raises InputError if it cannot be diagnosed, or has too few
     releases to divide."""
-    result = diagnosed_film(folder, workers, progress)
+    result = diagnosed_film(load_experiment(folder), folder, workers, progress)
     table, found = result.experiment.trajectories, result.found
     assert table is not None and found is not None
     fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)

@@ -15,7 +15,6 @@ from rock2d.files.folders import make_folder, temporary_folder, write_whole
 from rock2d.processes import as_finished
 
 RESULTS = "results"
-TAIL = 0.95  # quantile of the misses of segments
 LEAST_NOISE = 1e-9  # m and rad, of a camera that states none
 
 
@@ -100,6 +99,7 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
     import numpy as np
 
     from rock2d.diagnosis.predict import predict
+    from rock2d.diagnosis.predicted_gap import TAIL_PERCENTILE
     from rock2d.errors import InputError
     from rock2d.files.experiment import load_experiment
 
@@ -122,5 +122,8 @@ def _heldout(folder: Path, content: dict[str, Any]) -> dict[str, float]:
         segments = np.sqrt((square / 3.0).groupby([both["release"], both["segment"]]).mean())
         if segments.empty:
             return {}
-        out |= {name: float(segments.median()), f"{name}_tail": float(segments.quantile(TAIL))}
+        out |= {
+            name: float(segments.median()),
+            f"{name}_tail": float(segments.quantile(TAIL_PERCENTILE / 100.0)),
+        }
     return out

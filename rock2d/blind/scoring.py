@@ -18,6 +18,7 @@ import numpy as np
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
 from rock2d.blind.size_errors import SizeError, size_errors, size_summary
+from rock2d.diagnosis.predicted_gap import HARMFUL_TAIL
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
@@ -37,7 +38,6 @@ SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
 # them as undecidable
 ABSENT_SIGNAL_TO_NOISE, PRESENT_SIGNAL_TO_NOISE = 0.5, 2.0
 CLOSURE_MARGIN = 0.15  # share of the gap by which a claimed closure may miss the true one
-WORSE = 1.02  # times the misses of the base law, from which on a prediction is worse
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
@@ -358,7 +358,7 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
             "median_smaller": float(np.median([1.0 - m["diagnosed"] / m["base"] for m in known]))
             if known
             else float("nan"),
-            "tail_not_worse": wilson_share([m["diagnosed_tail"] <= WORSE * m["base_tail"] for m in known]),
+            "tail_not_worse": wilson_share([m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]),
         }
     return out
 

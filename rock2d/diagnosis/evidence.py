@@ -34,9 +34,7 @@ Array = np.ndarray
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films makes an effect as probable as not
 LEAST_CHANCE = 1e-6
 EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
-SAME_GAIN = (
-    0.2  # share by which a gain may change before what is learnt in place of an effect is learnt again
-)
+SAME_GAIN = 0.2  # share by which a gain may change before what is learnt in its place is learnt again
 RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
 # An effect of many parameters takes on what another does in a form that is not the catalogue's.

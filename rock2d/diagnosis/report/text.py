@@ -115,6 +115,11 @@ def acting(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [cause for cause in content.get("causes", []) if cause["closes"] is not None]
 
 
+def _beside(content: Mapping[str, Any], effect: str) -> list[Mapping[str, Any]]:
+    """The other causes that are a part of the model."""
+    return [cause for cause in acting(content) if cause["effect"] != effect]
+
+
 def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
     """What the best model has that the base law has not: its effects and what was learnt."""
     named = [cause["effect"] for cause in acting(content)]
@@ -148,7 +153,7 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
     known = verdict in effects
     cause = effects[verdict].summary if known else "an effect outside the catalogue"
     origin = f" It comes from the {effects[verdict].origin}." if known else ""
-    beside = [cause["effect"] for cause in acting(content) if cause["effect"] != verdict]
+    beside = [cause["effect"] for cause in _beside(content, verdict)]
     together = f" Also found: {listed(beside)}." if beside else ""
     rivals = [name for name in content["group"] if name != verdict]
     others = f"{listed(rivals, 'or')}{common_words(content, verdict)}"
@@ -162,9 +167,8 @@ def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) 
 
 def _share(content: Mapping[str, Any], effect: str) -> str:
     """How much of the gap an effect explains, as words before "the gap"; "" for all of it."""
-    causes = {cause["effect"]: cause["closes"] for cause in content.get("causes", [])}
-    own, others = causes.pop(effect, None), [share for share in causes.values() if share is not None]
-    if own is not None and others:
+    own = next((cause["closes"] for cause in acting(content) if cause["effect"] == effect), None)
+    if own is not None and _beside(content, effect):
         return f"{round(100 * own)} % of "
     return "most of " if _outside(content) else ""
 
@@ -244,7 +248,7 @@ def key_figures(
     second = next((name for name in ranked if not effects[name].scatter), None)
     if second is not None:
         tiles.append(Tile("Runner-up", _closed(content, second), f"of the gap closed by {spoken(second)}"))
-    beside = [c for c in content.get("causes", []) if c["closes"] is not None and c["effect"] != verdict]
+    beside = _beside(content, verdict)
     if not beside:
         tiles.append(
             Tile("Second effect", "none needed", "no other effect gains significantly beside this one")

@@ -358,7 +358,9 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
             "median_smaller": float(np.median([1.0 - m["diagnosed"] / m["base"] for m in known]))
             if known
             else float("nan"),
-            "tail_not_worse": wilson_share([m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]),
+            "tail_not_worse": wilson_share(
+                [m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]
+            ),
         }
     return out
 

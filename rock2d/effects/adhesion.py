@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 
 ONSET_M_S = 0.02  # of the leaving speed: a pull that sprang up at rest would make a lying block chatter
@@ -32,6 +33,16 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "adhesion_N", values[0] * mean_mass_kg(world) * STANDARD_GRAVITY_M_S2)
 
 
+def remedy(fitted: Fitted) -> str:
+    """The pull in N."""
+    pull = fitted.number("pull_per_weight", fitted.mass_kg * STANDARD_GRAVITY_M_S2)
+    return (
+        "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
+        f"{pull} N is expected. Dry the soil or clean the blocks and film again, or add "
+        "the pull to the contact law while the block leaves."
+    )
+
+
 EFFECT = Effect(
     name="adhesion",
     summary="wet soil pulls on a leaving block until the block is clear of the ground",
@@ -42,6 +53,7 @@ EFFECT = Effect(
         Parameter("pull_per_weight", "1", 0.0, 0.0, 12.0, "pull divided by the blocks' mean weight"),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("adhesion_N",),
     normal=normal,
     damping=damping,

@@ -9,8 +9,10 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
+from rock2d.wording import interval, number, spoken
 
 AIR_DENSITY_KG_M3 = 1.2
 
@@ -31,6 +33,26 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "drag_kg_m", values[0])
 
 
+def remedy(fitted: Fitted) -> str:
+    """c / m: the share of the speed that is lost on a metre."""
+    value = fitted.values["drag_per_mass_1_m"]
+    blocks, each = fitted.setup.blocks, fitted.each.get("drag_per_mass_1_m", {})
+    drag = {name: number(coefficient(block, value)) for name, block in blocks.items()}
+    differ = ""
+    if each:
+        found = {name: own["drag_coefficient"] for name, own in each.items()}
+        drag = {b: f"{number(c['value'])} ({interval(*c['ci95'])})" for b, c in found.items()}
+        low, high = np.array([c["ci95"] for c in found.values()]).T
+        differ = " (surely not the same)" if low.max() > high.min() else ""
+    listed = ", ".join(f"{spoken(name)} {c}" for name, c in drag.items())
+    return (
+        f"Blocks lose {fitted.number('drag_per_mass_1_m', 100)} % of their speed on a metre of flight. In air this is "
+        f"a drag coefficient of {listed}{differ}; 0.5 of a ball and 1 to 2 of a body with edges is usual. If it is, "
+        "the model lacks the air. If it is larger, look for what else brakes: a wire, dust, wind. Film a long free "
+        "fall, and a heavier block of the same shape, which air slows less."
+    )
+
+
 EFFECT = Effect(
     name="air_drag",
     summary="drag of the air, with the square of the velocity",
@@ -44,6 +66,7 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("drag_kg_m",),
     flight=flight,
 )

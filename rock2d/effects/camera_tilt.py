@@ -4,15 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from rock2d.effects.changes import CENTRE, with_view
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import AGAIN, Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number, plain
 
 
 def apply(world: World, values: Sequence[float]) -> World:
     """(x, y) recorded = c + R(tilt) ((x, y) - c), θ recorded = θ + tilt: R turns counter-clockwise, c is the
     point that the camera aims at."""
     return with_view(world, values[1:], tilt_rad=world.view.tilt_rad + values[0])
+
+
+def remedy(fitted: Fitted) -> str:
+    """θ recorded = θ + tilt; the tracker turns the picture back by `tilt_deg`."""
+    value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
+    turn, width = np.rad2deg([value, half])
+    way = "counter-clockwise" if value > 0 else "clockwise"
+    x, y = fitted.world().view.axis_m
+    turned = (
+        f"turn every position by {plain(-turn, width)}° about ({plain(x)}, {plain(y)}) m, counter-clockwise "
+        f"positive, and add {plain(-value, half)} to every `theta_rad`"
+    )
+    return (
+        f"The picture is turned by {number(abs(turn), width)}° {way} against the vertical. Set `tilt_deg: "
+        f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {fitted.origin()} "
+        f"{AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the next "
+        "film."
+    )
 
 
 EFFECT = Effect(
@@ -26,4 +48,5 @@ EFFECT = Effect(
         *CENTRE,
     ),
     apply=apply,
+    remedy=remedy,
 )

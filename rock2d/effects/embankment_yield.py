@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.cross_section import embankment_facets, facet_zones
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 @kernel
@@ -24,6 +26,15 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "recoil_1_kg", values[0] / mean_mass_kg(world), zones)
 
 
+def remedy(fitted: Fitted) -> str:
+    """The mass ratio gives the mass that moves."""
+    moving = fitted.mass_kg / max(fitted.values["mass_ratio"], 1e-9)
+    return (
+        f"Look whether the embankment slides: film a mark on its crest. A moving mass of {number(moving)} kg is "
+        "expected. Fix the embankment to its base and film again, or weigh it and state that it moves."
+    )
+
+
 EFFECT = Effect(
     name="embankment_yield",
     summary="the embankment slides on its base as a body while it is hit",
@@ -36,6 +47,7 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("recoil_1_kg",),
     recoil=recoil,
 )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 
 
@@ -21,6 +22,15 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "damping_kg_s", values[0])
 
 
+def remedy(fitted: Fitted) -> str:
+    """Share of velocity and spin that is lost in a second."""
+    return (
+        f"Velocity and spin decay by {fitted.number('rate_1_s', 100)} % a second in flight. If the film was "
+        "simulated, switch off the global damping of that program. If not, film a spinning block in a long flight: "
+        "only this effect slows the spin, too."
+    )
+
+
 EFFECT = Effect(
     name="flight_damping",
     summary="drag linear in velocity, on translation and rotation alike",
@@ -31,6 +41,7 @@ EFFECT = Effect(
         Parameter("rate_1_s", "1/s", 0.0, 0.0, 2.0, "share of velocity and spin lost per second", time=-1),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("damping_kg_s",),
     flight=flight,
 )

@@ -6,12 +6,29 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import AGAIN, Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number, plain
 
 
 def apply(world: World, values: Sequence[float]) -> World:
     """t recorded = t true / time_scale."""
     return with_view(world, time_scale=world.view.time_scale * values[0])
+
+
+def remedy(fitted: Fitted) -> str:
+    """true duration = time_scale × recorded duration; the true rate is the stated one over time_scale."""
+    value, half = fitted.values["time_scale"], fitted.half["time_scale"]
+    stated = fitted.fps
+    true, width = stated / value, stated * half / value**2
+    film = (
+        f"multiply every `t_s` by {plain(value, half)} and set `fps: {plain(true, width)}` in experiment.yaml"
+    )
+    table = f"divide all velocities and spins by {plain(value, half)}"
+    return (
+        f"The film was taken with {number(true, width)} frames/s, not with {stated:g}. Set `fps: "
+        f"{plain(true, width)}` in the set-up file. {AGAIN}{fitted.by_hand(film, table)} Film a clock to check."
+    )
 
 
 EFFECT = Effect(
@@ -26,4 +43,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.cross_section import CrossSection, ditch_facets
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 STEEPEST_RAD = np.deg2rad(170.0)  # of a facing; beyond the vertical it overhangs
 CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
@@ -55,6 +57,26 @@ def as_built(
     return CrossSection(points, cross_section.zones, cross_section.measure_lines)
 
 
+def remedy(fitted: Fitted) -> str:
+    """The cross-section as built, from the fitted turn and rise."""
+    built = fitted.world().cross_section
+    turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])
+    more, less = "steeper", "flatter"
+    rise = fitted.setup.cross_section.embankment
+    height = 1e3 * (rise.height_m if rise is not None else fitted.size_m)
+    level, fine = height * fitted.values["ditch_level"], height * fitted.half["ditch_level"]
+    what = "the facing", "the ditch"
+    if rise is None:
+        what, more, less = ("the ground", "it"), "turned, up to the right", "turned, down to the right"
+    points = ", ".join(f"[{x:.4g}, {y:.4g}]" for x, y in built.points_m)
+    return (
+        f"Survey the cross-section again. Expected: {what[0]} is {number(abs(turn), width)}° "
+        f"{more if turn > 0 else less} and {what[1]} lies {number(abs(level), fine)} mm "
+        f"{'higher' if level > 0 else 'lower'} than stated. If the survey confirms it, set `points_m: [{points}]` in "
+        "the cross-section and diagnose again."
+    )
+
+
 EFFECT = Effect(
     name="geometry_error",
     summary="the built cross-section differs from the surveyed one in the facing's angle and the ditch's level",
@@ -75,4 +97,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import CENTRE, image, with_view
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import AGAIN, Fitted
 from rock2d.scene.world import World
+from rock2d.wording import plain
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -14,6 +16,22 @@ def apply(world: World, values: Sequence[float]) -> World:
     width of embankment and ditch."""
     return with_view(
         world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / image(world.cross_section)[1] ** 2
+    )
+
+
+def remedy(fitted: Fitted) -> str:
+    """d recorded = d (1 + edge |d|² / W²); the set-up file's k refers to half the picture's diagonal instead of W."""
+    value, half = fitted.values["edge"], fitted.half["edge"]
+    view = fitted.world().view
+    per_m2 = view.lens_per_m2
+    width = abs(per_m2 / value) * half if value else 0.0
+    way = "outward" if value > 0 else "inward"
+    x, y = view.axis_m
+    return (
+        f"The lens moves points {way}. Set `distortion: {{k: K}}` in the set-up file with K = "
+        f"{plain(per_m2, width or None)} × D², where D is half the picture's diagonal in m; `centre_px` is the pixel "
+        f"that shows ({plain(x)}, {plain(y)}) m. {AGAIN} Better: film a checkerboard at the edge of the picture and "
+        "measure k."
     )
 
 
@@ -35,4 +53,5 @@ EFFECT = Effect(
         *CENTRE,
     ),
     apply=apply,
+    remedy=remedy,
 )

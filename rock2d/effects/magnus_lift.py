@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 @kernel
@@ -22,6 +24,17 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "lift_kg", values[0])
 
 
+def remedy(fitted: Fitted) -> str:
+    """The path turns at this share of the spin."""
+    value, half = fitted.values["lift_per_mass"], fitted.half["lift_per_mass"]
+    way = "counter-clockwise" if value > 0 else "clockwise"
+    return (
+        f"The path of a block with counter-clockwise spin turns {way}, at {number(abs(value), half)} times the "
+        "spin. Film the same throw with forward spin and with backspin: the paths must bend to opposite sides. If "
+        "they do not, look for wind."
+    )
+
+
 EFFECT = Effect(
     name="magnus_lift",
     summary="force of the air across the velocity, proportional to the spin",
@@ -33,6 +46,7 @@ EFFECT = Effect(
         Parameter("lift_per_mass", "1", 0.0, -0.03, 0.03, "c / m: turning rate of the path over the spin"),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("lift_kg",),
     flight=flight,
 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
@@ -31,6 +32,16 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_blocks(world, displaced)
 
 
+def remedy(fitted: Fitted) -> str:
+    """Centre of mass less centroid, in the block's own axes."""
+    along, across = (fitted.number(key, 1e3 * fitted.size_m) for key in ("along", "across"))
+    return (
+        f"Balance the blocks on an edge: the centre of mass should lie {along} mm along the block's own x and "
+        f"{across} mm along its own y from the centroid. No key of experiment.yaml states it. Make the blocks of one "
+        "material, or track the centre of mass instead of the centroid."
+    )
+
+
 EFFECT = Effect(
     name="mass_eccentricity",
     summary="the centre of mass is not the centroid that is tracked: flights wobble, impacts turn the block",
@@ -46,4 +57,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

@@ -6,9 +6,15 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 
 MIRROR_NONE, MIRROR_X, MIRROR_Y, MIRROR_THETA = range(4)
+COLUMNS = {
+    MIRROR_X: ("x_m", "vx_m_s"),
+    MIRROR_Y: ("y_m", "vy_m_s"),
+    MIRROR_THETA: ("theta_rad", "omega_rad_s"),
+}
 
 
 def apply(world: World, values: Sequence[float]) -> World:
@@ -18,6 +24,23 @@ def apply(world: World, values: Sequence[float]) -> World:
     if axis != MIRROR_NONE:
         mirror[axis - 1] *= -1.0
     return with_view(world, mirror=tuple(mirror))
+
+
+def remedy(fitted: Fitted) -> str:
+    """x, y or θ recorded with the other sign."""
+    if round(fitted.values["axis"]) not in COLUMNS:
+        return "No axis is mirrored: correct nothing."
+    place, speed = COLUMNS[round(fitted.values["axis"])]
+    column = (
+        f"`{place}` and of every `{speed}` and `{speed.replace('_', '_after_', 1)}`"
+        if fitted.impacts_only
+        else f"`{place}`"
+    )
+    return (
+        f"Change the sign of every {column} and diagnose again. Then look for the cause: y grows upward, x to the "
+        "right, angles counter-clockwise. In the set-up file, `up` turns y and the angle together; in `rock2d "
+        "import`, so does `--y`."
+    )
 
 
 EFFECT = Effect(
@@ -39,4 +62,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

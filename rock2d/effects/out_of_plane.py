@@ -9,7 +9,9 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_column
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 @kernel
@@ -23,6 +25,16 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "out_of_plane_rad", values[0])
 
 
+def remedy(fitted: Fitted) -> str:
+    """cos(angle) of the horizontal velocity stays in the plane."""
+    lost = 1 - np.cos(fitted.values["angle_rad"])
+    return (
+        "Film from above as well: the horizontal velocity should turn by about "
+        f"{fitted.number('angle_rad', np.rad2deg(1))}° at an impact, which takes {number(100 * lost)} % of it out "
+        "of the plane. Guide the blocks between two plates, use cylinders, or leave out releases that swerve."
+    )
+
+
 EFFECT = Effect(
     name="out_of_plane",
     summary="motion leaves the plane at impacts: the horizontal velocity turns away",
@@ -33,6 +45,7 @@ EFFECT = Effect(
         Parameter("angle_rad", "rad", 0.0, 0.0, 1.0, "turn of the horizontal velocity at each impact"),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("out_of_plane_rad",),
     departure=departure,
 )

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 @kernel
@@ -24,6 +26,16 @@ def damping(c):
 def apply(world: World, values: Sequence[float]) -> World:
     size = world.mean_size_m
     return with_column(world, "ploughing_Ns_m2", values[0] * mean_mass_kg(world) / size)
+
+
+def remedy(fitted: Fitted) -> str:
+    """The drag coefficient of the ploughed front."""
+    drag = fitted.values["rate_1_s"] * fitted.mass_kg / fitted.size_m
+    return (
+        "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "
+        f"Then add a tangential force F = c δ u against the slip u, with c = {number(drag)} N s/m² and the "
+        "depth δ. Shallow throws at two speeds separate it from friction, which does not grow with the speed."
+    )
 
 
 EFFECT = Effect(
@@ -44,6 +56,7 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("ploughing_Ns_m2",),
     tangential=tangential,
     damping=damping,

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 
 
@@ -16,6 +17,16 @@ def apply(world: World, values: Sequence[float]) -> World:
     most = min((b.largest_rounding_m for b in world.blocks.values() if not b.smooth), default=0.0)
     radius = values[0] * most
     return with_blocks(world, lambda block: block if block.smooth else replace(block, rounding_m=radius))
+
+
+def remedy(fitted: Fitted) -> str:
+    """The radius is a share of the largest that fits into every block with corners."""
+    sizes = [b.largest_rounding_m for b in fitted.setup.blocks.values() if not b.smooth]
+    radius = fitted.number("radius", 1e3 * min(sizes, default=0.0))
+    return (
+        f"Measure the corners with a radius gauge: {radius} mm are expected. Then state blocks as `shape: polygon` "
+        "with `vertices_m` along the rounded outline, four or more to a corner, and diagnose again."
+    )
 
 
 EFFECT = Effect(
@@ -28,4 +39,5 @@ EFFECT = Effect(
         Parameter("radius", "1", 0.0, 0.0, 0.95, "radius over half the width of the narrowest block"),
     ),
     apply=apply,
+    remedy=remedy,
 )

@@ -9,7 +9,9 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_column
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 LEAST = 0.05  # of tan φ: friction never vanishes
 
@@ -25,6 +27,18 @@ def apply(world: World, values: Sequence[float]) -> World:
     if change == 0.0:
         return world
     return with_column(with_column(world, "friction_change", change), "friction_speed_m_s", speed)
+
+
+def remedy(fitted: Fitted) -> str:
+    """The friction angle at rest and at high speed."""
+    change, speed = fitted.values["change"], fitted.values["speed_m_s"]
+    rest = float(fitted.law["friction_angle_deg"])
+    fast = np.rad2deg(np.arctan(np.tan(np.deg2rad(rest)) * max(0.05, 1.0 + change)))
+    return (
+        f"Drag a block over the soil at speeds well below and above {number(speed)} m/s: the friction angle "
+        f"should {'grow' if change > 0 else 'fall'} from {number(rest)}° to {number(float(fast))}°. If it "
+        "does, make the friction of the contact law depend on the sliding speed."
+    )
 
 
 EFFECT = Effect(
@@ -47,6 +61,7 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("friction_change", "friction_speed_m_s"),
     friction=friction,
 )

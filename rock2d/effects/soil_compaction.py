@@ -12,6 +12,7 @@ import numpy as np
 
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.laws.contact import K_L, K_UL
 from rock2d.scene.world import World
 
@@ -24,6 +25,15 @@ def apply(world: World, values: Sequence[float]) -> World:
     world = with_scaled_columns(world, (K_UL,), np.maximum(1.0 + values[1] * order, 0.05))
     world.contact[..., K_UL] = np.maximum(world.contact[..., K_UL], world.contact[..., K_L])
     return world
+
+
+def remedy(fitted: Fitted) -> str:
+    """Growth of the stiffness with each release of the same block."""
+    return (
+        f"The stiffness grows by {fitted.number('rate', 100)} % of its first value with each "
+        "release of the same block. Loosen and level the soil before every release, and film the blocks in random "
+        "order. To check, repeat the first release at the end of the series: it should rebound otherwise."
+    )
 
 
 EFFECT = Effect(
@@ -39,4 +49,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

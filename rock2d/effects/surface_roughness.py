@@ -8,13 +8,25 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 def apply(world: World, values: Sequence[float]) -> World:
     """The normal of the ground turns by β from impact to impact, β normally distributed with mean 0 and standard
     deviation `sd_rad`. `values[0]` is one β for all releases, or one for each."""
     return replace(world, slope_rad=np.atleast_1d(np.asarray(values[0], float)))
+
+
+def remedy(fitted: Fitted) -> str:
+    """A scatter: no mean to correct."""
+    slope = np.rad2deg(fitted.values["sd_rad"])
+    return (
+        "There is no mean to correct. Survey the surface at distances of a block's size: a standard deviation of "
+        f"the slope of {number(slope)}° is expected. Level it before every release, or count the scatter as "
+        "part of the soil and film more releases."
+    )
 
 
 EFFECT = Effect(
@@ -25,5 +37,6 @@ EFFECT = Effect(
     origin="ground",
     parameters=(Parameter("sd_rad", "rad", 0.0, 0.0, 0.3, "standard deviation of the local slope"),),
     apply=apply,
+    remedy=remedy,
     scatter=True,
 )

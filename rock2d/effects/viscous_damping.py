@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
+from rock2d.wording import number
 
 
 @kernel
@@ -27,6 +29,17 @@ def apply(world: World, values: Sequence[float]) -> World:
     mass = mean_mass_kg(world)
     world = with_column(world, "viscous_Ns_m", values[0] * mass)
     return with_column(world, "viscous_Ns_m2", values[1] * mass / size)
+
+
+def remedy(fitted: Fitted) -> str:
+    """Dashpots, the same for every block, so that light blocks feel them more."""
+    constant = fitted.values["rate_1_s"] * fitted.mass_kg
+    deep = fitted.values["deep_rate_1_s"] * fitted.mass_kg / fitted.size_m
+    return (
+        "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
+        "one should rebound less. If so, add a dashpot beside the normal spring: F = (c + h δ) dδ/dt with c = "
+        f"{number(constant)} N s/m and h = {number(deep)} N s/m²."
+    )
 
 
 EFFECT = Effect(
@@ -50,6 +63,7 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
     columns=("viscous_Ns_m", "viscous_Ns_m2"),
     normal=normal,
     damping=damping,

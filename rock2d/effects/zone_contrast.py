@@ -8,9 +8,11 @@ import numpy as np
 
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
+from rock2d.effects.fitted import Fitted
 from rock2d.laws.contact import K_L, K_UL, MU
 from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
 from rock2d.scene.world import World
+from rock2d.wording import plain
 
 EMBANKMENT, FACE = range(2)
 
@@ -26,6 +28,27 @@ def apply(world: World, values: Sequence[float]) -> World:
     world = with_scaled_columns(world, (MU,), friction, zones)
     world.contact[..., K_UL] = np.maximum(world.contact[..., K_UL], world.contact[..., K_L])
     return world
+
+
+def remedy(fitted: Fitted) -> str:
+    """The law of the embankment's zones, or of its face alone, as a scenario states it."""
+    stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
+    section, law = fitted.setup.cross_section, fitted.law
+    where, facets = "embankment", embankment_facets
+    if round(fitted.values["place"]) == FACE:
+        where, facets = "face of the embankment", face_facets
+    differ = facet_zones(section, facets(section))
+    zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, differ, strict=True) if own)
+    k_l = law["k_l_N_m"] * stiffness
+    k_ul = max(k_l, law["k_ul_N_m"] * stiffness / restitution**2)
+    angle = np.rad2deg(np.arctan(np.tan(np.deg2rad(law["friction_angle_deg"])) * friction))
+    return (
+        f"Give the {where} its own soil in the scenario: `k_l_N_m: {plain(k_l)}`, `k_ul_N_m: {plain(k_ul)}`, "
+        f"`friction_angle_deg: {angle:.3g}` for the zones {zones} under `deterministic`, and `k_l_N_m: "
+        f"{plain(law['k_l_N_m'])}`, `k_ul_N_m: {plain(law['k_ul_N_m'])}`, `friction_angle_deg: "
+        f"{law['friction_angle_deg']:.3g}` under `default`. To check, drop blocks vertically on both soils and "
+        "compare the rebound."
+    )
 
 
 EFFECT = Effect(
@@ -50,4 +73,5 @@ EFFECT = Effect(
         ),
     ),
     apply=apply,
+    remedy=remedy,
 )

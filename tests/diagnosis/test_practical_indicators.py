@@ -13,8 +13,9 @@ from rock2d.diagnosis.report.practical_indicators import (
     film_quantities,
     measure_lines,
 )
-from rock2d.diagnosis.report.text import number, percent, share_closed
+from rock2d.diagnosis.report.text import share_closed
 from rock2d.statistics import wilson_interval
+from rock2d.wording import number, percent
 from tests.kinematics.synthetic_films import film, world
 
 G = 9.81

@@ -11,6 +11,7 @@ from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.bar_charts import Axis, Mark, chart, scale
 from rock2d.effects import catalogue
 from rock2d.graphics.downloads import download
+from rock2d.wording import listed, spoken
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -46,9 +47,9 @@ def _parts(
     outside = content["outside"]
     found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
         (
-            text.spoken(cause["effect"])
+            spoken(cause["effect"])
             + _size(cause)
-            + (f" (or {text.listed(cause['group'], 'or')})" if cause["group"] else ""),
+            + (f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""),
             cause["origin"],
             cause["closes"],
             tuple(cause["closes_ci95"]),
@@ -58,8 +59,8 @@ def _parts(
     ]
     learnt = outside["learnt"]
     if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
-        beside = f", with {text.listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
-        what = f"learnt: {text.listed(learnt['changes'])}{beside}"
+        beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
+        what = f"learnt: {listed(learnt['changes'])}{beside}"
         found.append((what, "no name", learnt["closes"], _ends(learnt), "plain"))
     unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
     if unlearnt >= LEAST_SHOWN:

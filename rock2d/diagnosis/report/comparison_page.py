@@ -9,6 +9,7 @@ from rock2d.diagnosis.report import text
 from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.graphics.downloads import Download, download
 from rock2d.graphics.rendering import Made, rendered
+from rock2d.wording import interval, number, percent, spoken
 
 SIDES = {"a": "base", "b": "effect"}  # side -> the mark and colour that it has in charts
 FOLDED_PROBABILITY = 0.005  # answers with a smaller one in both are folded away
@@ -85,7 +86,7 @@ def _largest(pair: Mapping[str, Any]) -> float:
 
 
 def _chance(value: float | None) -> str:
-    return NOTHING if value is None else text.percent(value)
+    return NOTHING if value is None else percent(value)
 
 
 def _verdict(content: Mapping[str, Any], side: str) -> str:
@@ -93,7 +94,7 @@ def _verdict(content: Mapping[str, Any], side: str) -> str:
         return "not diagnosed"
     verdict = content["verdict"][side]
     chance = next(pair[side] for pair in content["probabilities"] if pair["name"] == verdict)
-    return f"{text.spoken(verdict)} ({text.percent(chance)})"
+    return f"{spoken(verdict)} ({percent(chance)})"
 
 
 def _gap(gap: Mapping[str, Any]) -> dict[str, str]:
@@ -108,7 +109,7 @@ def _gap(gap: Mapping[str, Any]) -> dict[str, str]:
 
 def _probability_row(axis: Axis, pair: Mapping[str, Any]) -> tuple[str, Any, str, str]:
     marks = [
-        Mark(mark, p, p, p, f"{side.upper()}, {text.spoken(pair['name'])}: {text.percent(p)}", "bar")
+        Mark(mark, p, p, p, f"{side.upper()}, {spoken(pair['name'])}: {percent(p)}", "bar")
         for side, mark in SIDES.items()
         if (p := pair[side]) is not None
     ]
@@ -146,7 +147,7 @@ def _value(own: Mapping[str, Any] | None) -> str:
         return NOTHING
     low, high = own["ci95"]
     half = 0.5 * abs(high - low)
-    return f"{text.number(own['value'], half or None)}" + (f" ({text.interval(low, high)})" if half else "")
+    return f"{number(own['value'], half or None)}" + (f" ({interval(low, high)})" if half else "")
 
 
 def _plain(value: float | None) -> str:

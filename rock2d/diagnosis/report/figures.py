@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d.diagnosis.report.text import length, spoken
+from rock2d.diagnosis.report.text import length
 from rock2d.graphics.canvas import fitted_view, motion_limits
 from rock2d.graphics.figure_style import SMALL_PT, TEXT_PT, blank_figure, finish, handle
 from rock2d.graphics.palette import BLOCK_COLOURS, INK, MEASURED_COLOUR, SIMULATED_COLOUR, mixed
 from rock2d.graphics.trajectories import draw_cross_section
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.wording import spoken
 
 Array = np.ndarray
 

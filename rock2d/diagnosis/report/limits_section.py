@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rock2d.diagnosis.known_causes import sized, span
-from rock2d.diagnosis.report.text import in_degrees, number, spoken
+from rock2d.diagnosis.report.text import in_degrees
 from rock2d.effects import catalogue
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
 from rock2d.scene.world import World
+from rock2d.wording import number, spoken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -35,6 +35,7 @@ from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
+from rock2d.wording import interval, listed, number, percent, plus_minus, spoken
 
 Array = np.ndarray
 Progress = Callable[[str], None]
@@ -113,7 +114,7 @@ def _material(result: Diagnosis) -> str:
     table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
     assert table is not None
     counts = table.groupby("block")["release"].nunique()
-    blocks = ", ".join(f"{counts[name]} {text.spoken(name)}" for name in experiment.blocks if name in counts)
+    blocks = ", ".join(f"{counts[name]} {spoken(name)}" for name in experiment.blocks if name in counts)
     material = f"{counted(table['release'].nunique(), 'release')} ({blocks})"
     if result.data is not None:
         material += f", {counted(len(result.data.impact_release), 'impact')}"
@@ -134,7 +135,7 @@ def _sections(
 ) -> dict[str, Any]:
     """All sections below the verdict."""
     assert result.found is not None and result.data is not None
-    labels = {"measured": "measured", "base": "base law", "effect": f"with {text.listed(chain)}"}
+    labels = {"measured": "measured", "base": "base law", "effect": f"with {listed(chain)}"}
     context: dict[str, Any] = {
         "labels": labels,
         "chain": chain,
@@ -144,7 +145,7 @@ def _sections(
     context |= _where(result, content, models)
     context["learnt"] = [
         {"name": described(change), "image": embedded(learnt_figure(result, change), "svg"),
-         "gain": text.plus_minus(change.total, change.error)}
+         "gain": plus_minus(change.total, change.error)}
         for change in result.found.learnt.changes
     ]  # fmt: skip
     on_progress("where")
@@ -206,7 +207,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
     bars = [
         (
             name,
-            chart(axis, [Mark("plain", p, p, p, f"{text.spoken(name)}: {text.percent(p)}", "bar")]),
+            chart(axis, [Mark("plain", p, p, p, f"{spoken(name)}: {percent(p)}", "bar")]),
             p,
         )
         for name, p in chances
@@ -221,8 +222,8 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
     forest = []
     for name, g in gains:
         value, half = g["heldout_score_gain"], 1.96 * g["heldout_score_gain_se"]
-        shown = text.plus_minus(value, g["heldout_score_gain_se"])
-        mark = Mark("plain", value, value - half, value + half, f"{text.spoken(name)}: {shown}")
+        shown = plus_minus(value, g["heldout_score_gain_se"])
+        mark = Mark("plain", value, value - half, value + half, f"{spoken(name)}: {shown}")
         forest.append({
             "name": name, "strip": chart(gain_axis, [mark]), "gain": shown,
             "summary": effects[name].summary if name in effects else "",
@@ -321,7 +322,7 @@ def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> 
         return []
     row = max(rows, key=lambda r: abs(r.models["base"][0].value - r.models["measured"][0].value))
     said = [f"{own[0].value:.0f} % {labels[model]}" for model, own in row.models.items()]
-    return [text.Tile(PASSING, ", ".join(said), f"{text.spoken(row.block)} at {text.spoken(row.place)}")]
+    return [text.Tile(PASSING, ", ".join(said), f"{spoken(row.block)} at {spoken(row.place)}")]
 
 
 def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, Any]:
@@ -330,23 +331,23 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
     axis = axis_over([e.value for e in every]) if quantity.percentiles else Axis(0.0, 100.0)
     rows, table, seen = [], [], set()
     for row in quantity.rows:
-        label = " · ".join(text.spoken(part) for part in (row.block, row.place) if part)
-        short = text.spoken(row.place or row.block)
+        label = " · ".join(spoken(part) for part in (row.block, row.place) if part)
+        short = spoken(row.place or row.block)
         marks = []
         for model, own in row.models.items():
             if not own:
                 continue
-            said = ", ".join(f"{text.number(e.value)} ({text.interval(e.low, e.high)})" for e in own)
+            said = ", ".join(f"{number(e.value)} ({interval(e.low, e.high)})" for e in own)
             tip = f"{label}, {labels[model]}: {said} {quantity.unit}"
             if quantity.percentiles:
                 marks.append(Mark(model, own[1].value, own[0].value, own[2].value, tip, "span"))
             else:
                 marks.append(Mark(model, own[0].value, own[0].low, own[0].high, tip))
             table.append((label, labels[model], [
-                (text.number(e.value), text.interval(e.low, e.high)) for e in own
+                (number(e.value), interval(e.low, e.high)) for e in own
             ], own[0].count))  # fmt: skip
         if marks:
-            head = text.spoken(row.block) if row.place and row.block not in seen else ""
+            head = spoken(row.block) if row.place and row.block not in seen else ""
             seen.add(row.block)
             rows.append((head, short, chart(axis, marks)))
     return {

@@ -12,7 +12,8 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_K_L, BASE_MU, BASE_RATIO, BASE_WIDTH
 from rock2d.diagnosis.report.tables import Models
-from rock2d.diagnosis.report.text import in_degrees, interval, number, spoken
+from rock2d.diagnosis.report.text import in_degrees
+from rock2d.wording import interval, number, spoken
 
 Array = np.ndarray
 

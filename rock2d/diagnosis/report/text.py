@@ -13,6 +13,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.model import is_factor
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.scene.cross_section import embankment_facets
+from rock2d.wording import listed, number, percent, plus_minus, spoken
 
 MOST_POSSIBLE = 5  # causes that are listed, if none can be named
 LEAST_PART = 0.1  # of the gap, that effects beside an unknown cause must close to be named
@@ -39,46 +40,6 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
     "frame": "camera or ground move",
 }
 SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
-
-
-def spoken(name: str) -> str:
-    """The name of an effect, a block or a zone as text."""
-    return name.replace("_", " ")
-
-
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """ "a, b and c"."""
-    words = [spoken(name) for name in names]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else ""
-
-
-def percent(share: float) -> str:
-    """A probability; never 0 or 100 % if it is only near to it."""
-    if share > 0.99:
-        return "more than 99 %"
-    return "less than 1 %" if share < 0.01 else f"{100 * share:.0f} %"
-
-
-def number(value: float, half_width: float | None = None) -> str:
-    """A number with the digits that its uncertainty justifies (or three), thousands separated, with a minus sign."""
-    if not np.isfinite(value):
-        return "–"
-    size = half_width if half_width else abs(value) / 20.0
-    decimals = int(np.clip(1 - np.floor(np.log10(size)), 0, 8)) if size > 0 else 0
-    rounded = round(value, decimals) + 0.0  # no minus before a zero
-    return f"{rounded:,.{decimals}f}".replace(",", " ").replace("-", "−")
-
-
-def plus_minus(value: float, error: float) -> str:
-    """ "12.3 ± 0.4"."""
-    size = max(2.0 * error, 1.0)
-    return f"{number(value, size)} ± {number(error, size)}"
-
-
-def interval(low: float, high: float) -> str:
-    """ "1.2 to 1.4"."""
-    half = 0.5 * (high - low)
-    return f"{number(low, half)} to {number(high, half)}"
 
 
 def share_closed(value: float, ci95: Sequence[float]) -> str:

@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.diagnosis.report.fitted import Fitted
-from rock2d.diagnosis.report.instructions import INSTRUCTIONS
 from rock2d.effects import catalogue
+from rock2d.effects.fitted import Fitted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
+from rock2d.kinematics.setup_world import setup_world
+from rock2d.wording import listed, number, percent, spoken
 
 LEAST_PROBABILITY = 0.5  # of a verdict on which one should act
 UNIT_FAULTS = {
@@ -59,7 +60,7 @@ def _learnt(content: Mapping[str, Any]) -> list[str]:
     learnt = (content.get("outside") or {}).get("learnt")
     if not learnt:
         return []
-    uncertain = text.listed(learnt["effects"])
+    uncertain = listed(learnt["effects"])
     beside = (
         f" It also uses {uncertain}: predictions are better with them, but they are not certain."
         if uncertain
@@ -77,20 +78,20 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
     lines = []
     rivals = [name for name in content["group"] if name != verdict]
     if rivals or chance < LEAST_PROBABILITY:
-        doubt = f"cannot tell {text.listed([verdict, *rivals])} apart" if rivals else "leave it open"
+        doubt = f"cannot tell {listed([verdict, *rivals])} apart" if rivals else "leave it open"
         lines.append(
-            f"Do not correct anything yet: these data {doubt} ({text.spoken(verdict)}: {text.percent(chance)}). "
+            f"Do not correct anything yet: these data {doubt} ({spoken(verdict)}: {percent(chance)}). "
             "First film the next release, and diagnose again with it."
         )
         lines += _next_release(content)
-        lines += [f"If it is {text.spoken(name)}: {_alone(content, name, experiment)}" for name in (verdict, *rivals)
+        lines += [f"If it is {spoken(name)}: {_alone(content, name, experiment)}" for name in (verdict, *rivals)
                   if name in content["effects"]]  # fmt: skip
     else:
         lines.append(_alone(content, verdict, experiment))
     beside = [entry["effect"] for entry in content.get("beside", [])]
     if beside:
         lines.append(
-            f"{text.listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct one "
+            f"{listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct one "
             "cause at a time, and diagnose again after each: these numbers hold only together."
         )
         lines += [instruction(name, content["beside"][-1], experiment) for name in beside]
@@ -114,8 +115,11 @@ def _alone(content: Mapping[str, Any], name: str, experiment: Experiment) -> str
 
 def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> str:
     """What to do about one effect; `fit` has `base` and `parameters` (effect -> its parameters)."""
-    fitted = Fitted.of(catalogue()[name], fit["parameters"][name], fit["base"], experiment)
-    return INSTRUCTIONS.get(name, generic)(fitted)
+    effect, table = catalogue()[name], experiment.impacts is not None
+    fitted = Fitted.of(
+        effect, fit["parameters"][name], fit["base"], setup_world(experiment), experiment.fps, table
+    )
+    return (effect.remedy or generic)(fitted)
 
 
 def generic(fitted: Fitted) -> str:
@@ -124,7 +128,7 @@ def generic(fitted: Fitted) -> str:
     for parameter in fitted.effect.parameters:
         value, unit = text.in_degrees(parameter, fitted.values[parameter.name])
         half, _ = text.in_degrees(parameter, fitted.half[parameter.name])
-        parts.append(f"{parameter.meaning}: {text.number(value, half or None)}{f' {unit}' if unit else ''}")
+        parts.append(f"{parameter.meaning}: {number(value, half or None)}{f' {unit}' if unit else ''}")
     found = f" ({'; '.join(parts)})" if parts else ""
     return (
         f"Look in the set-up for what this effect describes, {fitted.effect.summary}{found}, and measure it."

@@ -1,4 +1,4 @@
-"""A fitted effect, as instructions about it need it."""
+"""A fitted effect: what its remedy is told from."""
 
 from __future__ import annotations
 
@@ -8,23 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from rock2d.diagnosis.report import text
 from rock2d.effects.effect import Effect
-from rock2d.files.experiment import Experiment
-from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.world import World
+from rock2d.wording import number, plain, point
 
 Array = np.ndarray
+
+AGAIN = "Track the film again and diagnose again."
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """An effect with its fitted parameters, and the experiment that it was fitted to.
+    """An effect with its fitted parameters, and the set-up that it was fitted to.
 
     Attributes
     ----------
     values, half : parameter name -> value, and half the width of its 95 % interval
     law : the law's parameters fitted together with the effect, names as in diagnosis.json
+    setup : the world as stated
+    fps : stated frame rate
+    impacts_only : whether the record is a table of impacts, no film
     each : parameter name -> block -> its own value as in diagnosis.json, where each block has one
     """
 
@@ -32,30 +35,36 @@ class Fitted:
     values: Mapping[str, float]
     half: Mapping[str, float]
     law: Mapping[str, float]
-    experiment: Experiment
+    setup: World
+    fps: float
+    impacts_only: bool
     each: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, effect: Effect, parameters: Mapping[str, Any], law: Mapping[str, float], experiment: Experiment
+        cls,
+        effect: Effect,
+        parameters: Mapping[str, Any],
+        law: Mapping[str, float],
+        setup: World,
+        fps: float,
+        impacts_only: bool,
     ) -> Fitted:
         """From the `parameters` of an effect as diagnosis.json has them."""
         values = {p.name: p.neutral for p in effect.parameters if p.implied}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
         each = {key: entry["by_block"] for key, entry in parameters.items() if "by_block" in entry}
-        return cls(effect, values, half, law, experiment, each)
+        return cls(effect, values, half, law, setup, fps, impacts_only, each)
 
     def world(self, changes: Mapping[str, float] | None = None) -> World:
-        """The world of the experiment with the effect, at the fitted values or with some of them changed."""
+        """The set-up with the effect, at the fitted values or with some of them changed."""
         values = {**self.values, **(changes or {})}
-        return self.effect.apply(
-            setup_world(self.experiment), [values[p.name] for p in self.effect.parameters]
-        )
+        return self.effect.apply(self.setup, [values[p.name] for p in self.effect.parameters])
 
     def number(self, name: str, factor: float = 1.0) -> str:
         """A parameter times a factor, as text."""
-        return text.number(factor * self.values[name], factor * self.half[name])
+        return number(factor * self.values[name], factor * self.half[name])
 
     def propagated(self, of_world: Callable[[World], Array]) -> tuple[Array, Array]:
         """What a function makes of the world, and half the width of its 95 % interval (parameters independent)."""
@@ -66,19 +75,22 @@ class Fitted:
     @property
     def mass_kg(self) -> float:
         """Mean mass of the blocks."""
-        return float(np.mean([block.mass_kg for block in self.experiment.blocks.values()]))
+        return float(np.mean([block.mass_kg for block in self.setup.blocks.values()]))
 
     @property
     def size_m(self) -> float:
         """Mean size of the blocks."""
-        return float(np.mean([block.size_m for block in self.experiment.blocks.values()]))
+        return float(np.mean([block.size_m for block in self.setup.blocks.values()]))
 
+    def origin(self) -> str:
+        """Where the point of the default origin truly is; the camera's axis is part of what was fitted."""
+        at, half = self.propagated(lambda world: np.asarray(world.view.true(np.zeros(3))[:2]))
+        x, y = self.world().view.axis_m
+        return (
+            f"Set `origin_m: {point(at, half)}` if it was [0, 0]: the record changes about the camera's axis, which "
+            f"meets the plane at ({plain(x)}, {plain(y)}) m, and so does any other `origin_m`."
+        )
 
-def plain(value: float, half: float | None = None) -> str:
-    """A number for a file: its digits as the uncertainty justifies, without signs that YAML does not know."""
-    return text.number(value, half).replace("−", "-").replace("\N{NO-BREAK SPACE}", "").replace(" ", "")
-
-
-def point(values: Array, half: Array) -> str:
-    """A point for a file, "[x, y]"."""
-    return f"[{', '.join(plain(v, h or None) for v, h in zip(values, half, strict=True))}]"
+    def by_hand(self, film: str, table: str) -> str:
+        """How to correct the record where there is no film to track again: a film, or a table of impacts."""
+        return f"\nWithout a set-up file: {table if self.impacts_only else film}."

@@ -1,14 +1,15 @@
 """A known cause of known size, put into a real record: the result is again an experiment.
 
 Of the camera exactly: the recorded numbers are turned into true ones and recorded again by the other camera. Of the
-motion as simulated differences: each stretch of a release, from the beginning of a flight to that of the next, is
-simulated with the cause and without it, and the difference is added to the record. The next stretch begins from the
-measured state with the difference so far. All that the model misses stays in the record.
+motion as simulated differences: each release is divided into pieces, in the middle of its flights, where these are long
+enough for two. Each piece is simulated from its measured state on, with the cause and without it, and the difference is
+added to the record. Pieces are the releases of the new record: after an impact with the cause the next one would come
+at another instant, in another state, and the record does not show it. All that the model misses stays in the record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -22,20 +23,21 @@ from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, load_film
+from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import AT, BEFORE, I_TIME, N_STATE, TIME
+from rock2d.records.columns import AT, BEFORE, I_TIME, TIME
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
 Array = np.ndarray
-Worlds = Callable[[Array], tuple[World, World]]
 
-COUNTED_IMPACTS = 16  # of a stretch, whose instants are compared
+COUNTED_IMPACTS = 16  # of a piece, whose instants are compared
 APPROACH = 0.3  # of √(radius / g), before and after an impact: so long the ground is turned, where it varies
 END_MARGIN_S = 1e-9  # the last frame is inside
 # by which a cause may shift an impact: the record has its own at another instant, which looks like a longer contact as
 # long as no flight could be seen in between
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
+OF_THE_SERIES = ("soil_compaction",)  # whose size refers to one release more: with pieces, to one piece more
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,14 @@ class Injected:
     Attributes
     ----------
     experiment : with the changed trajectories
-    releases, cut : how many there are; and how many of them end early, before an impact that the cause moves by more
-        than LARGEST_SHIFT_FRAMES frames: the record has its own at another instant
+    releases : of the record
+    pieces, cut : releases of the experiment; and how many of them end early, before an impact that the cause moves by
+        more than LARGEST_SHIFT_FRAMES frames
     """
 
     experiment: Experiment
     releases: int
+    pieces: int
     cut: int
 
 
@@ -80,98 +84,90 @@ def injected(
     model, before, after = with_cause(model, p, effect, values)
     film = load_film(experiment)
     old, new = model.world(before, np.zeros(1)), model.world(after, np.zeros(1))
-    true, kept = old.view.true(film.pose), np.ones(len(film.t_s), bool)
+    true, kept, release = old.view.true(film.pose), np.ones(len(film.t_s), bool), film.release
+    table = seen_frames(experiment).sort_values(["release", "t_s"], kind="stable").reset_index(drop=True)
     if not effect.camera:
         rng = np.random.default_rng(np.random.SeedSequence(seed))
-
-        def worlds(order: Array) -> tuple[World, World]:
-            ahead = model.world(after, order)
-            if effect.scatter:
-                drawn: Any = rng.normal(0.0, next(iter(values.values())), len(order))
-                ahead = effect.apply(ahead, [drawn])
-            return model.world(before, order), ahead
-
-        change, kept = _change(FilmSegments.of(film, old), worlds)
-        true = true + change
-    table = seen_frames(experiment).sort_values(["release", "t_s"], kind="stable").reset_index(drop=True)
+        data = FilmSegments.of(film, old)
+        pieces = _Pieces.of(data)
+        release = np.searchsorted(pieces.edges, np.arange(len(film.t_s)), side="right") - 1
+        # a series of pieces changes from its first to its last as much as that of the releases
+        order = release_order(film.release_block[film.release[pieces.edges[:-1]]])[pieces.number]
+        order = order * len(film.release_names) / (len(pieces.edges) - 1)
+        ahead = model.world(after, order)
+        if effect.scatter:
+            drawn: Any = rng.normal(0.0, next(iter(values.values())), len(order))
+            ahead = effect.apply(ahead, [drawn])
+        change, kept = _change(data, pieces, model.world(before, order), ahead)
+        true, table["release"] = true + change, release
     table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
     table["t_s"] /= faster
-    cut = len(np.unique(film.release[~kept]))
     changed = replace(
         experiment, trajectories=table[kept].reset_index(drop=True), fps=experiment.fps * faster
     )
-    return Injected(changed, len(film.release_names), cut)
+    return Injected(changed, len(film.release_names), int(release[-1]) + 1, len(np.unique(release[~kept])))
 
 
-class _Stretches(NamedTuple):
-    """From the first frame of a flight to that of the next (n,): the flight, release and number in it, first and last
-    instant as recorded; the frames of each."""
+class _Pieces(NamedTuple):
+    """Pieces of releases.
 
-    flight: Array
-    release: Array
+    Attributes
+    ----------
+    edges : (pieces + 1,) the first frame of each, and the end of the film
+    number : (n,) of those that have a flight
+    flight, begin : (n,) with which each of these begins, and the frame of it
+    """
+
+    edges: Array
     number: Array
-    begin_s: Array
-    until_s: Array
-    frames: list[Array]
+    flight: Array
+    begin: Array
 
     @classmethod
-    def of(cls, data: FilmSegments) -> _Stretches:
-        """The last of each release leads to its end."""
+    def of(cls, data: FilmSegments) -> _Pieces:
+        """The first flight of a release begins a piece, and the second half of each that is long enough for two and has
+        another after it."""
         film, flights = data.film, data.segmentation.flights
         flight = np.flatnonzero(np.isfinite(data.start_s))
-        release = flights.release[flight]
-        number = np.arange(len(flight)) - np.searchsorted(release, release)
-        begin = film.t_s[flights.first[flight]]
-        edges = np.searchsorted(film.release, np.arange(len(film.release_names) + 1))
-        last = np.append(release[1:] != release[:-1], True)[: len(release)]
-        until = np.where(last, film.t_s[edges[release + 1] - 1] + END_MARGIN_S, np.append(begin[1:], 0.0))
-        frames = []
-        for r, both in zip(release, np.column_stack([begin, until]), strict=True):
-            a, b = edges[r] + np.searchsorted(film.t_s[edges[r] : edges[r + 1]], both)
-            frames.append(np.arange(a, b))
-        return cls(flight, release, number, begin, until, frames)
+        release, length = flights.release[flight], (flights.last - flights.first)[flight]
+        opens = np.append(True, release[1:] != release[:-1])[: len(release)]
+        halved = ~opens & np.isin(flight, flights.follows) & (length >= 2 * FEWEST_FLIGHT_FRAMES)
+        begin = flights.first[flight] + np.where(opens, 0, length // 2)
+        starts = np.searchsorted(film.release, np.arange(len(film.release_names)))
+        edges = np.unique(np.concatenate([starts, begin[halved], [len(film.t_s)]]))
+        flight, begin = flight[opens | halved], begin[opens | halved]
+        return cls(edges, np.searchsorted(edges, begin, side="right") - 1, flight, begin)
 
 
-def _change(data: FilmSegments, worlds: Worlds) -> tuple[Array, Array]:
-    """(frames, 3) what changes in the true poses of a film, and (frames,) whether that is known; `worlds`: places of
-    releases in their series -> without the cause and with it."""
-    film, all_ = data.film, _Stretches.of(data)
+def _change(data: FilmSegments, pieces: _Pieces, old: World, new: World) -> tuple[Array, Array]:
+    """(frames, 3) what changes in the true poses of a film from a world without the cause, `old`, to one with it, and
+    (frames,) whether that is known; worlds of the pieces."""
+    film, scale = data.film, old.view.time_scale
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
-    off, goes_on = np.zeros((len(film.release_names), N_STATE)), np.ones(len(film.release_names), bool)
     margin = LARGEST_SHIFT_FRAMES * float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0]))
-    for k in range(all_.number.max(initial=-1) + 1):
-        own = np.flatnonzero((all_.number == k) & goes_on[all_.release])
-        flight, release, begin = all_.flight[own], all_.release[own], all_.begin_s[own]
-        old, new = worlds(data.order[release])
-        scale, block = old.view.time_scale, data.segmentation.flights.block[flight]
-        since = (begin - data.basis.middle[flight]) * scale
-        state = _tracked(old, block, drift(old, block, data.states(old).middle[flight], since))
-        times = np.full((len(own), max((len(all_.frames[i]) for i in own), default=0)), np.inf)
-        for row, i in enumerate(own):
-            times[row, : len(all_.frames[i])] = (film.t_s[all_.frames[i]] - all_.begin_s[i]) * scale
-        limit = (all_.until_s[own] - begin) * scale
-        plain = _moved(old, block, state, times, limit)
-        ahead = _moved(new, block, state + off[release], times, limit)
-        off[release] = ahead.last - plain.last
-        parted = _parted(plain.impacts_s, ahead.impacts_s, limit, margin * scale)
-        known = (times < parted[:, None]) & np.isfinite(ahead.poses - plain.poses).all(axis=-1)
-        known = np.logical_and.accumulate(known | np.isinf(times), axis=1)
-        for row, i in enumerate(own):
-            frames, good = all_.frames[i], known[row, : len(all_.frames[i])]
-            change[frames[good]] = (ahead.poses - plain.poses)[row, : len(frames)][good]
-            if parted[row] < limit[row] or not good.all():
-                goes_on[release[row]] = False
-                rest = np.searchsorted(film.release, release[row], side="right")
-                kept[frames[0] + good.sum() if len(frames) else rest : rest] = False
+    block, begin_s = data.segmentation.flights.block[pieces.flight], film.t_s[pieces.begin]
+    count = pieces.edges[pieces.number + 1] - pieces.begin
+    since = (begin_s - data.basis.middle[pieces.flight]) * scale
+    state = _tracked(old, block, drift(old, block, data.states(old).middle[pieces.flight], since))
+    frames = pieces.begin[:, None] + np.arange(count.max(initial=0))
+    own = np.arange(count.max(initial=0)) < count[:, None]
+    times = np.where(own, film.t_s[np.where(own, frames, 0)] - begin_s[:, None], np.inf) * scale
+    limit = np.where(own, times, 0.0).max(axis=1, initial=0.0) + END_MARGIN_S
+    plain, ahead = (_moved(world, block, state, times, limit) for world in (old, new))
+    parted = _parted(plain.impacts_s, ahead.impacts_s, limit, margin * scale)
+    difference = ahead.poses - plain.poses
+    known = own & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
+    known = np.logical_and.accumulate(known, axis=1)
+    change[frames[known]] = difference[known]
+    kept[frames[own & ~known]] = False
     return change, kept
 
 
 class _Motion(NamedTuple):
-    """Simulated stretches: poses (n, k, 3) and last states (n, 6) of the tracked point, instants of impacts (n, i)."""
+    """Simulated pieces: poses (n, k, 3) of the tracked point, instants of impacts (n, i)."""
 
     poses: Array
-    last: Array
     impacts_s: Array
 
 
@@ -215,10 +211,9 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
         samples = np.where(
             times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within)
         )
-        last = np.where(hit[:, None], onward.ends[:, AT], last)
         instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
         impacts = np.where(hit[:, None], np.hstack(instants), np.nan)
-    return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)
+    return _Motion(centroid_poses(world, block, samples), impacts)
 
 
 def _parted(plain: Array, ahead: Array, limit_s: Array, margin_s: float) -> Array:

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.case_files import CASES
-from rock2d.blind.injection import injected
+from rock2d.blind.injection import OF_THE_SERIES, injected
 from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import sized, span, values_of_size
 from rock2d.diagnosis.limits import TRUTH
+from rock2d.diagnosis.model import from_scale, to_scale
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
@@ -98,12 +99,14 @@ def make_cases(
             values = values_of_size(effect, size, result.setup, below=bool(k % 2))
             changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
-            model, p, moved = with_cause(fit.model, fit.p, effect, values)
-            at = [e.name for e in model.effects].index(name)
-            before, after = (model.values(q)[at][0] for q in (p, moved))
+            # with what the record has of it anyway, named or not
+            put, has = values[parameter.name], curves[name].value
+            both = from_scale(parameter, to_scale(parameter, put) + to_scale(parameter, has))
+            both = float(np.hypot(has, put)) if effect.scatter else both
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
-                "cut": changed.cut, "expected": float(np.hypot(before, size)) if effect.scatter else after,
+                "pieces": changed.pieces, "cut": changed.cut,
+                "expected": both * (changed.releases / changed.pieces if name in OF_THE_SERIES else 1.0),
             }  # fmt: skip
             on_case()
     own = {n: asdict(c) for n, c in curves.items()}

@@ -64,6 +64,7 @@ class Curve:
     """The probability that an effect of a size is named: 1 / (1 + (seen50 / size)^steepness).
 
     compatible : the largest size that the fit of the record as it is allows
+    value : of its first parameter, that this fit settles on
     found : whether it was named in the record as it is
     largest : plausible size
     """
@@ -72,6 +73,7 @@ class Curve:
     steepness: float
     unit: str
     compatible: float
+    value: float
     found: bool
     largest: float
 
@@ -111,7 +113,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in found.named
-        curves[name] = Curve(seen50, float(steepness), own.unit, tried.compatible(), found_anyway, span(own))
+        curves[name] = Curve(seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, span(own))
     return curves
 
 
@@ -230,16 +232,18 @@ class _Tried:
         model = replace(self._model, effects=others)
         return replace(self._fit, model=model, p=self._p[keep], slope=slope, residuals=residuals)
 
-    def compatible(self) -> float:
-        """The largest size that the record as it is allows, one-sided 95 %: one Newton step from the fit, with the
-        covariance of `clustered_covariance`; of a scatter, from its likelihood."""
+    def as_it_is(self) -> tuple[float, float]:
+        """The largest size that the record as it is allows, one-sided 95 %, and the value that is most probable: one
+        Newton step from the fit, with the covariance of `clustered_covariance`; of a scatter, from its likelihood."""
         fit, data, slope = self._fit, self._data, self._slope
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, slope, np.full(len(self._wide), START_SCATTER))
             sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * span(self._size)
             tried = [spread(slope, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
             total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
-            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max())
+            return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(
+                sizes[total.argmax()]
+            )
         keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
         covariance, (centre, tight) = fit.covariance(), prior(self._model)
         curve, grad = normal_equations(fit.residuals, slope, covariance, keep)
@@ -256,7 +260,5 @@ class _Tried:
         at = int(self._own.argmax())
         z = self._p[at] - np.linalg.solve(curve, grad)[at]
         half = ONE_SIDED_Z * np.sqrt(of_p[at, at])
-        return min(
-            off_neutral(self._size, *(from_scale(self._size, z + s * half) for s in (-1, 1))),
-            span(self._size),
-        )
+        low, value, high = (from_scale(self._size, z + s * half) for s in (-1, 0, 1))
+        return min(off_neutral(self._size, low, high), span(self._size)), value

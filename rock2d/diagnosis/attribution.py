@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
@@ -28,6 +27,7 @@ from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.predicted_gap import harmless
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
+from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.workload import BASE, EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
@@ -41,6 +41,23 @@ Array = np.ndarray
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
 BASE_STARTS = 2  # places from which the base law is fitted
 MOST_RESTARTS = 2  # with a better base law
+
+
+@dataclass
+class Candidate(OverReleases):
+    """A fit with an effect and its score on held-out releases.
+
+    Attributes
+    ----------
+    effect : the effect under test; the fit may contain further ones
+    held_out : residuals and scores on held-out releases
+    gain : (releases,) log likelihood above that of the base, or of the fit without this effect
+    """
+
+    effect: Effect
+    fit: Fit
+    held_out: HeldOut
+    gain: Array
 
 
 @dataclass

@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rock2d.diagnosis.checkpoint import load_fit, save_fit
-from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
+from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some

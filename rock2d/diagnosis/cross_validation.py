@@ -4,17 +4,22 @@ The releases are split into folds. For each fold, one Newton step takes the mode
 fit without that fold. The parameters change little, so one step is accurate enough. The model is then simulated on the
 fold. Where the releases determine the parameters poorly and the step is too long, it is shortened until its cost on
 the other folds is small.
+
+Fits and their scores on disk, so that an interrupted diagnosis can continue: plain arrays, one file for each.
 """
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.derivatives import Slopes
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import (
     flight_log_likelihood,
@@ -23,8 +28,9 @@ from rock2d.diagnosis.likelihood import (
     normal_equations,
     prior,
 )
-from rock2d.diagnosis.model import discrete
+from rock2d.diagnosis.model import Model, discrete
 from rock2d.diagnosis.significance import Gain
+from rock2d.files.folders import atomic_file
 
 Array = np.ndarray
 
@@ -131,3 +137,27 @@ def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
     n = len(data.order)
     score = np.bincount(data.impact_release, log_likelihood(residuals.impacts, covariance), n)
     return score + np.bincount(data.flight_release, flight_log_likelihood(residuals.flights), n)
+
+
+def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
+    """Write a fit and its held-out residuals; whole or not at all."""
+    with atomic_file(path) as partial, open(partial, "wb") as file:
+        np.savez(
+            file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.slope.impacts,
+            slope_flights=fit.slope.flights, slope_scatter=fit.slope.scatter, covariance=fit.slope.covariance,
+            impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
+            out_flights=out.residuals.flights, score=out.score,
+        )  # fmt: skip
+
+
+def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
+    """Read what `save_fit` wrote; None if there is no readable file."""
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            a = dict(found)
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return None
+    slope = Slopes(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
+    residuals = Residuals(a["impacts"], a["flights"])
+    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, residuals)
+    return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])

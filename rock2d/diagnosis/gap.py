@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution
+from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget, share
-from rock2d.diagnosis.candidate import Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.diagnosis.attribution import Attribution
-from rock2d.diagnosis.candidate import Candidate
+from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.gap import Cell
 from rock2d.kinematics.film_segments import STATE_SIZE

@@ -2,8 +2,7 @@
 
 A diagnosis weighs all residuals against noise, and no simulation is exact: the steps of the law change the velocity
 after an impact by up to 0.002 √(g × radius) and the spin by 0.005 √(g / radius) (99 % of the impacts, steps of 0.2 rad
-against 0.0125 rad). Without noise such errors would count as causes. `CAMERA_NOISE` hides them; the films with which
-the probabilities were trained have up to 0.03 of the size of a block and 0.03 rad.
+against 0.0125 rad). Without noise such errors would count as causes. `CAMERA_NOISE` hides them.
 """
 
 from __future__ import annotations

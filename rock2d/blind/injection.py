@@ -22,7 +22,7 @@ from rock2d.effects.effect import Effect
 from rock2d.engines.batch import BatchResult, run_batch, world_ensemble
 from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, load_film
+from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, drift
 from rock2d.records.columns import AT, BEFORE, I_TIME, TIME
@@ -34,8 +34,8 @@ Array = np.ndarray
 COUNTED_IMPACTS = 16  # of a piece, whose instants are compared
 APPROACH = 0.3  # of √(radius / g), before and after an impact: so long the ground is turned, where it varies
 END_MARGIN_S = 1e-9  # the last frame is inside
-# by which a cause may shift an impact: the record has its own at another instant, which looks like a longer contact as
-# long as no flight could be seen in between
+# by which an impact with the cause, or with the model, may lie inside a flight of the record, which looks like a longer
+# contact as long as no flight could be seen in between
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
 OF_THE_SERIES = ("soil_compaction",)  # whose size refers to one release more: with pieces, to one piece more
 
@@ -48,8 +48,7 @@ class Injected:
     ----------
     experiment : with the changed trajectories
     releases : of the record
-    pieces, cut : releases of the experiment; and how many of them end early, before an impact that the cause moves by
-        more than LARGEST_SHIFT_FRAMES frames
+    pieces, cut : releases of the experiment; and how many of them end early, before an impact where the record flies
     """
 
     experiment: Experiment
@@ -155,7 +154,15 @@ def _change(data: FilmSegments, pieces: _Pieces, old: World, new: World) -> tupl
     times = np.where(own, film.t_s[np.where(own, frames, 0)] - begin_s[:, None], np.inf) * scale
     limit = np.where(own, times, 0.0).max(axis=1, initial=0.0) + END_MARGIN_S
     plain, ahead = (_moved(world, block, state, times, limit) for world in (old, new))
-    parted = _parted(plain.impacts_s, ahead.impacts_s, limit, margin * scale)
+    aloft, landed = _aloft(data.segmentation.flights, film)
+    parted = limit.copy()
+    for own_s, other_s in ((plain.impacts_s, ahead.impacts_s), (ahead.impacts_s, plain.impacts_s)):
+        at = pieces.begin[:, None] + (own_s[..., None] > times[:, None, 1:]).sum(axis=-1)
+        alone = (np.abs(own_s[:, :, None] - other_s[:, None, :]) > margin * scale) | np.isnan(other_s)[
+            :, None, :
+        ]
+        at_fault = np.isfinite(own_s) & (aloft[at] | (landed[at] & alone.all(axis=-1)))
+        parted = np.minimum(parted, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
     difference = ahead.poses - plain.poses
     known = own & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
     known = np.logical_and.accumulate(known, axis=1)
@@ -216,17 +223,15 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
     return _Motion(centroid_poses(world, block, samples), impacts)
 
 
-def _parted(plain: Array, ahead: Array, limit_s: Array, margin_s: float) -> Array:
-    """(n,) the first instant at which the impacts (n, i) of two motions no longer agree; their end if they do."""
-    apart = np.abs(plain[:, :, None] - ahead[:, None, :])
-    apart[np.isnan(apart)] = np.inf
-    alone = [
-        np.where((apart.min(axis=axis) > margin_s) & np.isfinite(own), own, np.inf).min(
-            axis=1, initial=np.inf
-        )
-        for own, axis in ((plain, 2), (ahead, 1))
-    ]
-    return np.minimum.reduce([*alone, limit_s])
+def _aloft(flights: Flights, film: Film) -> tuple[Array, Array]:
+    """(frames + 1,) whether a frame is in a flight of the record, well within it; and whether it is after the last
+    flight of its release."""
+    aloft, landed = np.zeros((2, len(film.t_s) + 1), bool)
+    landed[:-1] = True
+    for release, first, last in zip(flights.release, flights.first, flights.last, strict=True):
+        aloft[first + LARGEST_SHIFT_FRAMES : last - LARGEST_SHIFT_FRAMES] = True
+        landed[np.searchsorted(film.release, release) : last] = False
+    return aloft, landed
 
 
 def _offsets(world: World, block: Array) -> Array:

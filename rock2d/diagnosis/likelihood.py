@@ -19,6 +19,7 @@ Array = np.ndarray
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
 FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
 LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
+ROUNDING = 1e-12  # of the curvature: two parameters that no data tell apart leave it singular
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 
 
@@ -103,7 +104,10 @@ def clustered_covariance(
     bent = np.einsum("n,np,nq->pq", 2.0 / df * weight**2, pull, pull)
     flat = 2.0 / (FLIGHT_STUDENT_DF + 1) * (wf * rf) ** 2
     bent += np.einsum("mcd,mcdp,mcdq->pq", flat, jf, jf, optimize=True)
-    plain = np.linalg.inv(curve)
+    unit = np.sqrt(np.diag(curve))
+    plain = np.linalg.inv(curve / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (
+        unit * unit[:, None]
+    )
     # as a mean share over all directions: in a single one a few outliers can take all curvature away
     bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curve), LARGEST_BEND))
     spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)

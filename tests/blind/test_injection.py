@@ -65,6 +65,13 @@ def test_a_cause_of_the_motion_changes_what_follows_it_and_no_piece_is_lost(reco
     assert moved[both.t_s == 0.0].max() == 0.0 < moved.max() < 0.1
 
 
+def test_a_strong_cause_still_shows_in_the_impacts(record):
+    """An impact that comes earlier or later does not take those after it away."""
+    own = put_in(record, "rounded_edges", radius=0.4).experiment
+    impacts = [len(FilmData.of(load_film(film), world()).impacts.release) for film in (own, record)]
+    assert impacts[0] > 0.7 * impacts[1]
+
+
 def test_a_wrong_scale_is_the_scaled_record(record):
     own = put_in(record, "scale_error", scale=1.04).experiment.trajectories
     (x, y), _ = image(record.cross_section)

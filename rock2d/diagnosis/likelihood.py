@@ -19,7 +19,7 @@ Array = np.ndarray
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
 FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
 LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
-ROUNDING = 1e-12  # of the curvature: two parameters that no data tell apart leave it singular
+ROUNDING = 1e-15  # of the curvature: two parameters that no data tell apart leave it singular
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, HELDOUT_SHARE, LEAST_STRENGTH
-from rock2d.blind.injection import injected, of_releases
+from rock2d.blind.injection import OF_THE_SERIES, injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
@@ -86,8 +86,8 @@ def bases_of(
     causes: Sequence[tuple[str, ...]], records: int, seed: np.random.SeedSequence
 ) -> list[int | None]:
     """For each case the number of the record that is its base; None for one that is made. A case with a cause that
-    has no size, or from outside the catalogue, is made."""
-    rng, possible = np.random.default_rng(seed), set(effects_of_size(""))
+    has no size, or from outside the catalogue, or that grows from release to release, is made."""
+    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(OF_THE_SERIES)
     eligible = [i for i, own in enumerate(causes) if possible.issuperset(own)]
     count = round(SHARE_OF_RECORDS * len(causes)) if records else 0
     number = {int(i): k % records for k, i in enumerate(rng.permutation(eligible)[:count])}
@@ -109,7 +109,8 @@ def write_record_case(
     most = int(len(names) / (1.0 + HELDOUT_SHARE))
     count = round(math.exp(rng.uniform(math.log(FEWEST_CASE_RELEASES), math.log(most))))
     chosen = rng.permutation(names)[: count + math.ceil(HELDOUT_SHARE * count)]
-    film, model, p = of_releases(whole, chosen), record.fit.model, record.fit.p
+    films = [of_releases(whole, own) for own in (chosen[:count], chosen[count:])]
+    model, p = record.fit.model, record.fit.p
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:
         effect = catalogue()[name]
@@ -117,14 +118,16 @@ def write_record_case(
         assert parameter is not None
         size = span(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         values = values_of_size(effect, size, record.setup, below=bool(rng.random() < 0.5))
-        film = injected(film, model, p, effect, values, int(rng.integers(2**31))).experiment
+        films = [
+            injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films
+        ]
         model, _, p = with_cause(model, p, effect, values)
         shown = size / record.curves[name].seen50 if name in record.curves else 0.0
         strengths.append(SEEN_Z * shown * math.sqrt(count / len(names)))
         hidden.append({"name": name, "form": 0, "values": values, "signal_to_noise": strengths[-1]})
-    for folder, own in ((fit, chosen[:count]), (heldout, chosen[count:])):
+    for folder, film in zip((fit, heldout), films, strict=True):
         folder.mkdir(parents=True, exist_ok=True)  # a worker that died may have begun
-        write_experiment(folder, of_releases(film, own))
+        write_experiment(folder, film)
     blocks = record.setup.blocks
     return {
         "label": "+".join(sorted(causes)) or "none",
@@ -135,7 +138,7 @@ def write_record_case(
         "kind": "record",
         "blocks": list(blocks),
         "releases": count,
-        "fps": film.fps,
+        "fps": films[0].fps,
         "block_size_m": record.setup.mean_size_m,
         "position_noise_m": whole.position_noise_m,
         "angle_noise_rad": whole.angle_noise_rad,

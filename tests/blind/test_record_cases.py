@@ -59,6 +59,19 @@ def test_the_label_says_what_was_put_in(record, tmp_path):
     assert own["signal_to_noise"] == pytest.approx(3.0 * abs(scale - 1.0) / 0.01 * share)
 
 
+def test_a_cause_of_the_motion_is_in_both_films(record, tmp_path):
+    """Their releases are pieces of those of the record; none is in both."""
+    (label, *both), (_, *as_it_is) = (
+        films(record, causes, tmp_path / str(len(causes))) for causes in (("air_drag",), ())
+    )
+    assert label["hidden"][0]["values"]["drag_per_mass_1_m"] > 0.0
+    for own, plain in zip(both, as_it_is, strict=True):
+        assert own["release"].nunique() > plain["release"].nunique()
+        assert 0.5 * len(plain) < len(own) <= len(plain)
+        moved = own[POSE].merge(plain[POSE], how="outer", indicator=True)["_merge"] == "left_only"
+        assert moved.any()
+
+
 def test_a_third_of_the_cases_have_a_record_and_the_others_stay_the_same(record, tmp_path):
     causes = [("scale_error",), ("rounded_edges", "wind"), (), ("mirrored_angle",), ("camera_tilt",), ()]
     bases = bases_of(causes, 2, SEED)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.replay import Releases
-from rock2d.diagnosis.report.bar_charts import Axis, axis_over
 from rock2d.diagnosis.report.practical_indicators import (
     COMPARED_PERCENTILES,
     Quantity,
@@ -14,6 +13,7 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
 )
 from rock2d.diagnosis.report.text import share_closed
+from rock2d.graphics.bar_charts import Axis, axis_over
 from rock2d.statistics import wilson_interval
 from rock2d.wording import number, percent
 from tests.kinematics.synthetic_films import film, world

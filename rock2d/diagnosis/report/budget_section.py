@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
 from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
-from rock2d.diagnosis.report.bar_charts import Axis, Mark, chart, scale
 from rock2d.effects import catalogue
+from rock2d.graphics.bar_charts import Axis, Mark, chart, scale
 from rock2d.graphics.downloads import download
 from rock2d.wording import listed, spoken
 

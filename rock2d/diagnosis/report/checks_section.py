@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rock2d.diagnosis.checks import FALSE_ALARMS, Checks
-from rock2d.diagnosis.report.bar_charts import Mark, axis_over, chart, scale
+from rock2d.graphics.bar_charts import Mark, axis_over, chart, scale
 from rock2d.graphics.downloads import download
 
 

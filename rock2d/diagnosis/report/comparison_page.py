@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.graphics.downloads import Download, download
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.wording import interval, number, percent, spoken

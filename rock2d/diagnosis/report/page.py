@@ -13,7 +13,6 @@ from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
-from rock2d.diagnosis.report.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.diagnosis.report.budget_section import budget_section
 from rock2d.diagnosis.report.checks_section import checks_section
 from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
@@ -32,6 +31,7 @@ from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
 from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars

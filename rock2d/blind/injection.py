@@ -2,14 +2,15 @@
 
 Of the camera exactly: the recorded numbers are turned into true ones and recorded again by the other camera. Of the
 motion as simulated differences: each release is divided into pieces, in the middle of its flights, where these are long
-enough for two. Each piece is simulated from its measured state on, with the cause and without it, and the difference is
-added to the record. Pieces are the releases of the new record: after an impact with the cause the next one would come
-at another instant, in another state, and the record does not show it. All that the model misses stays in the record.
+enough for two. From the beginning of each flight on, a piece is simulated from the measured state, with the cause and
+without it, and the difference is added to the record. Pieces are the releases of the new record: after an impact with
+the cause the next one would come at another instant, in another state, and the record does not show it. All that the
+model misses stays in the record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -25,13 +26,14 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
 from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import AT, BEFORE, I_TIME, TIME
+from rock2d.records.columns import AT, BEFORE, I_TIME, N_STATE, TIME
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
 Array = np.ndarray
+Worlds = Callable[[Array], tuple[World, World]]
 
-COUNTED_IMPACTS = 16  # of a piece, whose instants are compared
+COUNTED_IMPACTS = 16  # of a stretch, whose instants are compared
 APPROACH = 0.3  # of √(radius / g), before and after an impact: so long the ground is turned, where it varies
 END_MARGIN_S = 1e-9  # the last frame is inside
 # by which an impact with the cause, or with the model, may lie inside a flight of the record, which looks like a longer
@@ -86,18 +88,21 @@ def injected(
     true, kept, release = old.view.true(film.pose), np.ones(len(film.t_s), bool), film.release
     table = seen_frames(experiment).sort_values(["release", "t_s"], kind="stable").reset_index(drop=True)
     if not effect.camera:
-        rng = np.random.default_rng(np.random.SeedSequence(seed))
         data = FilmSegments.of(film, old)
-        pieces = _Pieces.of(data)
-        release = np.searchsorted(pieces.edges, np.arange(len(film.t_s)), side="right") - 1
+        stretches = _Stretches.of(data)
+        release = np.searchsorted(stretches.edges, np.arange(len(film.t_s)), side="right") - 1
         # a series of pieces changes from its first to its last as much as that of the releases
-        order = release_order(film.release_block[film.release[pieces.edges[:-1]]])[pieces.number]
-        order = order * len(film.release_names) / (len(pieces.edges) - 1)
-        ahead = model.world(after, order)
-        if effect.scatter:
-            drawn: Any = rng.normal(0.0, next(iter(values.values())), len(order))
-            ahead = effect.apply(ahead, [drawn])
-        change, kept = _change(data, pieces, model.world(before, order), ahead)
+        order = release_order(film.release_block[film.release[stretches.edges[:-1]]])[stretches.piece]
+        order = order * len(film.release_names) / (len(stretches.edges) - 1)
+        rng = np.random.default_rng(np.random.SeedSequence(seed))
+        drawn = rng.normal(0.0, next(iter(values.values())), len(order)) if effect.scatter else None
+
+        def worlds(own: Array) -> tuple[World, World]:
+            ahead = model.world(after, order[own])
+            varied: Any = None if drawn is None else [drawn[own]]
+            return model.world(before, order[own]), ahead if varied is None else effect.apply(ahead, varied)
+
+        change, kept = _change(data, stretches, worlds)
         true, table["release"] = true + change, release
     table[["x_m", "y_m", "theta_rad"]] += new.view.record(true) - old.view.record(old.view.true(film.pose))
     faster = new.view.time_scale / old.view.time_scale
@@ -108,73 +113,92 @@ def injected(
     return Injected(changed, len(film.release_names), int(release[-1]) + 1, len(np.unique(release[~kept])))
 
 
-class _Pieces(NamedTuple):
-    """Pieces of releases.
+class _Stretches(NamedTuple):
+    """From the beginning of a flight, or its middle where a piece begins there, to that of the next.
 
     Attributes
     ----------
-    edges : (pieces + 1,) the first frame of each, and the end of the film
-    number : (n,) of those that have a flight
-    flight, begin : (n,) with which each of these begins, and the frame of it
+    edges : (pieces + 1,) the first frame of each piece, and the end of the film
+    flight, begin : (n,) with which each stretch begins, and the frame of it
+    piece, number : (n,) to which it belongs, and its place there
     """
 
     edges: Array
-    number: Array
     flight: Array
     begin: Array
+    piece: Array
+    number: Array
 
     @classmethod
-    def of(cls, data: FilmSegments) -> _Pieces:
-        """The first flight of a release begins a piece, and the second half of each that is long enough for two and has
-        another after it."""
+    def of(cls, data: FilmSegments) -> _Stretches:
+        """A flight is halved where it is long enough for two and lies between others."""
         film, flights = data.film, data.segmentation.flights
         flight = np.flatnonzero(np.isfinite(data.start_s))
-        release, length = flights.release[flight], (flights.last - flights.first)[flight]
-        opens = np.append(True, release[1:] != release[:-1])[: len(release)]
-        halved = ~opens & np.isin(flight, flights.follows) & (length >= 2 * FEWEST_FLIGHT_FRAMES)
-        begin = flights.first[flight] + np.where(opens, 0, length // 2)
+        length = flights.last - flights.first
+        between = (flights.follows >= 0) & np.isin(np.arange(len(flights)), flights.follows)
+        halved = flight[(between & (length >= 2 * FEWEST_FLIGHT_FRAMES))[flight]]
+        middle = flights.first[halved] + length[halved] // 2
+        begin = np.concatenate([flights.first[flight], middle])
+        order = np.argsort(begin)
         starts = np.searchsorted(film.release, np.arange(len(film.release_names)))
-        edges = np.unique(np.concatenate([starts, begin[halved], [len(film.t_s)]]))
-        flight, begin = flight[opens | halved], begin[opens | halved]
-        return cls(edges, np.searchsorted(edges, begin, side="right") - 1, flight, begin)
+        edges = np.unique(np.concatenate([starts, middle, [len(film.t_s)]]))
+        flight, begin = np.concatenate([flight, halved])[order], begin[order]
+        piece = np.searchsorted(edges, begin, side="right") - 1
+        return cls(edges, flight, begin, piece, np.arange(len(piece)) - np.searchsorted(piece, piece))
 
 
-def _change(data: FilmSegments, pieces: _Pieces, old: World, new: World) -> tuple[Array, Array]:
-    """(frames, 3) what changes in the true poses of a film from a world without the cause, `old`, to one with it, and
-    (frames,) whether that is known; worlds of the pieces."""
-    film, scale = data.film, old.view.time_scale
+def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[Array, Array]:
+    """(frames, 3) what changes in the true poses of a film, and (frames,) whether that is known; `worlds`: numbers of
+    stretches -> without the cause and with it. Each goes on from the measured state, with the difference so far."""
+    film, flights = data.film, data.segmentation.flights
     change, kept = np.zeros_like(film.pose), np.ones(len(film.t_s), bool)
+    off = np.zeros((len(stretches.edges) - 1, N_STATE))
+    goes_on = np.ones(len(off), bool)
     margin = LARGEST_SHIFT_FRAMES * float(np.median(np.diff(film.t_s)[np.diff(film.release) == 0]))
-    block, begin_s = data.segmentation.flights.block[pieces.flight], film.t_s[pieces.begin]
-    count = pieces.edges[pieces.number + 1] - pieces.begin
-    since = (begin_s - data.basis.middle[pieces.flight]) * scale
-    state = _tracked(old, block, drift(old, block, data.states(old).middle[pieces.flight], since))
-    frames = pieces.begin[:, None] + np.arange(count.max(initial=0))
-    own = np.arange(count.max(initial=0)) < count[:, None]
-    times = np.where(own, film.t_s[np.where(own, frames, 0)] - begin_s[:, None], np.inf) * scale
-    limit = np.where(own, times, 0.0).max(axis=1, initial=0.0) + END_MARGIN_S
-    plain, ahead = (_moved(world, block, state, times, limit) for world in (old, new))
-    aloft, landed = _aloft(data.segmentation.flights, film)
-    parted = limit.copy()
-    for own_s, other_s in ((plain.impacts_s, ahead.impacts_s), (ahead.impacts_s, plain.impacts_s)):
-        at = pieces.begin[:, None] + (own_s[..., None] > times[:, None, 1:]).sum(axis=-1)
-        alone = (np.abs(own_s[:, :, None] - other_s[:, None, :]) > margin * scale) | np.isnan(other_s)[
-            :, None, :
-        ]
-        at_fault = np.isfinite(own_s) & (aloft[at] | (landed[at] & alone.all(axis=-1)))
-        parted = np.minimum(parted, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
-    difference = ahead.poses - plain.poses
-    known = own & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
-    known = np.logical_and.accumulate(known, axis=1)
-    change[frames[known]] = difference[known]
-    kept[frames[own & ~known]] = False
+    aloft, landed = _aloft(flights, film)
+    last = np.append(stretches.piece[1:] != stretches.piece[:-1], True)[: len(stretches.piece)]
+    ends = np.where(last, stretches.edges[stretches.piece + 1], np.append(stretches.begin[1:], 0))
+    for k in range(stretches.number.max(initial=-1) + 1):
+        own = np.flatnonzero((stretches.number == k) & goes_on[stretches.piece])
+        flight, begin, end, piece = (
+            a[own] for a in (stretches.flight, stretches.begin, ends, stretches.piece)
+        )
+        old, new = worlds(own)
+        scale, block = old.view.time_scale, flights.block[flight]
+        since = (film.t_s[begin] - data.basis.middle[flight]) * scale
+        state = _tracked(old, block, drift(old, block, data.states(old).middle[flight], since))
+        frames = begin[:, None] + np.arange((end - begin).max(initial=0))
+        here = frames < end[:, None]
+        times = np.where(here, film.t_s[np.where(here, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
+        until = np.where(
+            last[own], film.t_s[end - 1] + END_MARGIN_S, film.t_s[np.minimum(end, len(film.t_s) - 1)]
+        )
+        limit = (until - film.t_s[begin]) * scale
+        plain = _moved(old, block, state, times, limit)
+        ahead = _moved(new, block, state + off[piece], times, limit)
+        off[piece] = ahead.last - plain.last
+        parted = limit.copy()
+        for own_s, other_s in ((plain.impacts_s, ahead.impacts_s), (ahead.impacts_s, plain.impacts_s)):
+            at = begin[:, None] + (own_s[..., None] > times[:, None, 1:]).sum(axis=-1)
+            apart = np.nan_to_num(np.abs(own_s[:, :, None] - other_s[:, None, :]), nan=np.inf)
+            alone = (apart > margin * scale).all(axis=-1)
+            at_fault = np.isfinite(own_s) & (aloft[at] | (landed[at] & alone))
+            parted = np.minimum(parted, np.where(at_fault, own_s, np.inf).min(axis=1, initial=np.inf))
+        difference = ahead.poses - plain.poses
+        known = here & (times < parted[:, None]) & np.isfinite(difference).all(axis=-1)
+        known = np.logical_and.accumulate(known, axis=1)
+        change[frames[known]] = difference[known]
+        for row in np.flatnonzero((parted < limit) | (here & ~known).any(axis=1)):
+            goes_on[piece[row]] = False
+            kept[begin[row] + known[row].sum() : stretches.edges[piece[row] + 1]] = False
     return change, kept
 
 
 class _Motion(NamedTuple):
-    """Simulated pieces: poses (n, k, 3) of the tracked point, instants of impacts (n, i)."""
+    """Simulated stretches: poses (n, k, 3) and last states (n, 6) of the tracked point, instants of impacts (n, i)."""
 
     poses: Array
+    last: Array
     impacts_s: Array
 
 
@@ -218,9 +242,10 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
         samples = np.where(
             times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within)
         )
+        last = np.where(hit[:, None], onward.ends[:, AT], last)
         instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
         impacts = np.where(hit[:, None], np.hstack(instants), np.nan)
-    return _Motion(centroid_poses(world, block, samples), impacts)
+    return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)
 
 
 def _aloft(flights: Flights, film: Film) -> tuple[Array, Array]:

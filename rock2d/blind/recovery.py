@@ -22,10 +22,11 @@ from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.known_causes import sized, span, values_of_size
+from rock2d.diagnosis.known_causes import sized, span, two_sided, values_of_size
 from rock2d.diagnosis.limits import TRUTH
 from rock2d.diagnosis.model import from_scale, to_scale
 from rock2d.effects import catalogue
+from rock2d.effects.effect import Parameter
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import shown
 from rock2d.files.experiment import load_experiment, write_experiment
@@ -34,6 +35,7 @@ from rock2d.files.text_files import read_json
 
 Array = np.ndarray
 
+LARGEST_SHARE = 0.9  # of the plausible range, for what is put in and what the record has together
 CLOSE = 0.5  # of the size: by how much less or more may be found of an effect that the record has anyway
 
 
@@ -95,12 +97,13 @@ def make_cases(
         for k, (name, size) in enumerate(plan.of(expected)):
             effect, parameter = known[name], sized(known[name], result.setup)
             assert parameter is not None
-            size = min(size, span(parameter))
-            values = values_of_size(effect, size, result.setup, below=bool(k % 2))
+            has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
+            size = min(size, span(parameter), _room(parameter, has, below))
+            values = values_of_size(effect, size, result.setup, below)
             changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
             # with what the record has of it anyway, named or not
-            put, has = values[parameter.name], curves[name].value
+            put = values[parameter.name]
             both = from_scale(parameter, to_scale(parameter, put) + to_scale(parameter, has))
             both = float(np.hypot(has, put)) if effect.scatter else both
             cases[f"{k:03d}"] = {
@@ -112,6 +115,14 @@ def make_cases(
     own = {n: asdict(c) for n, c in curves.items()}
     truth = {**options, "named": sorted(found.named), "curves": own, "cases": cases}
     write_whole(out / TRUTH, json.dumps(truth, indent=1) + "\n")
+
+
+def _room(parameter: Parameter, has: float, below: bool) -> float:
+    """The largest size that can be put into a record that has a value anyway, so that a fit can find both together."""
+    end = parameter.low if below or parameter.high <= parameter.neutral else parameter.high
+    most = to_scale(parameter, parameter.neutral + LARGEST_SHARE * (end - parameter.neutral))
+    put = from_scale(parameter, most - to_scale(parameter, has))
+    return max((put - parameter.neutral) * np.sign(end - parameter.neutral), 0.0)
 
 
 def run_study(

@@ -21,10 +21,10 @@ from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, fit, some_releases
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
-from rock2d.diagnosis.model import LARGEST_LOG_K_L, Model
+from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
 from rock2d.diagnosis.predicted_gap import harmless
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
 from rock2d.diagnosis.significance import OverReleases
@@ -40,6 +40,11 @@ Array = np.ndarray
 
 SIGNIFICANT_DEPENDENCE_Z = 2.0  # standard errors of a dependence that remains to be explained
 BASE_STARTS = 2  # places from which the base law is fitted
+# effects whose fit to all flights and impacts says where the ground is in the image, and what imitates them in flights
+REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping",)
+MOST_REGISTRATIONS = 2
+REGISTERED_Z = 5.0  # standard errors that one of them must have
+OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
 MOST_RESTARTS = 2  # with a better base law
 
 
@@ -167,6 +172,33 @@ def _fitted_base(setup: World, base: Array, data: Data, registered: World | None
         return fit(best.model, data, best.p, old=best, renew_noise=True)
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
     return replace(fit(stated, data, best.p, enough=Enough(np.inf)), free=False)
+
+
+def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
+    """The film divided in an image that is turned and scaled as its flights and impacts say, with the world of this
+    image; None if that changes little.
+
+    Where the stated ground is not where the blocks strike it, some impacts are not seen, and flights are cut short.
+    """
+    known, found = catalogue(), None
+    setup, effects = base.model.setup, [known[name] for name in REGISTERED + BESIDE_REGISTERED]
+    model = Model(setup, base.model.base, effects)
+    p = extended(base, model)
+    first = len(BASE_WIDTH) + np.cumsum([0, *(len(own) for own in model.parameters)])[: len(REGISTERED)]
+    for _ in range(MOST_REGISTRATIONS):
+        own = fit(model, data, p)
+        p, world = own.p, setup
+        if (np.abs(p) / np.sqrt(np.diag(own.p_covariance)))[first].max() < REGISTERED_Z:
+            break
+        for name, values in zip(REGISTERED, model.values(p), strict=False):
+            world = known[name].apply(world, values)
+        again = FilmData.of(replace(data.film), world)
+        if abs(len(again.flight_release) - len(data.flight_release)) < OTHER_FLIGHTS * len(
+            data.flight_release
+        ):
+            break
+        data, found = again, (again, world)
+    return found
 
 
 def attribute(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rock2d.diagnosis.attribution import Attribution, attribute, fit_base
+from rock2d.diagnosis.attribution import Attribution, attribute, fit_base, registered_by_fit
 from rock2d.diagnosis.budget import Budget
 from rock2d.diagnosis.checks import Checks, predictive_checks
 from rock2d.diagnosis.film_data import FilmData
@@ -121,7 +121,14 @@ def diagnose(
     bars.read(float(some_releases(data).mean()))
     # the matrices of the fits are small: several threads of linear algebra slow each other down
     with threadpool_limits(1):
-        base = fit_base(setup, base_start(experiment), data, result.sanity.registered, bars)
+        base = fit_base(setup, base_start(experiment), data, sanity.registered, bars)
+        if isinstance(data, FilmData) and len(data.impacts) and base.free:
+            better = registered_by_fit(base, data)
+            if better is not None:
+                data, sanity.registered = better
+                sanity.remarks.append(registered_remark(sanity.registered))
+                result.film = said_by_film(experiment, setup, sanity, data)
+                base = fit_base(setup, base_start(experiment), data, sanity.registered)
         hidden = unseen(base, data, tried, result.film)
         shown = {name: effect for name, effect in tried.items() if name not in hidden}
         found = attribute(base, data, shown, workers=workers, folder=folder, bars=bars)
@@ -139,6 +146,15 @@ def diagnose(
             result.predicted = predicted_gap(data, found.base, found.learnt, seed)
         bar.step("predictions")
     return result
+
+
+def registered_remark(world: World) -> str:
+    """What the world in which a film is divided differs in."""
+    turn, scale = np.rad2deg(world.view.tilt_rad), world.view.scale
+    return (
+        f"flights and impacts fit an image that is turned by {turn:.1f}° and {scale:.3f} times as large as stated; the "
+        "film is divided into flights in it"
+    )
 
 
 def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | TableData | None]:

@@ -45,6 +45,7 @@ REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of them must have
 OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
+BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
 MOST_RESTARTS = 2  # with a better base law
 
 
@@ -268,9 +269,10 @@ def _attribution(search: Search) -> Attribution:
 def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    Members that cannot be named leave the set. The others are weighed again without them.
+    Members that cannot be named leave the set, and one gives way to a rival that does better. Then the others are
+    weighed again.
     """
-    evidence, beside_first = dict[str, Evidence](), None
+    evidence, beside_first, seen = dict[str, Evidence](), None, set[Names]()
     while True:
         with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
             learnt = learn(search.best, search.data)
@@ -279,9 +281,15 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
         evidence |= found
         beside_first = beside_first or learnt
         refused = frozenset(name for name, own in found.items() if not own.named(name))
+        names = search.best.names - refused
         if not refused:
+            ahead = {(z, name, rival) for name, own in found.items() for rival, z in own.ahead.items()}
+            z, name, rival = min(ahead, default=(0.0, "", ""))
+            names = names - {name} | {rival} if z < -BETTER_RIVAL_Z else names
+        seen.add(search.best.names)
+        if names in seen:
             return evidence, learnt, beside_first
-        search.best = search.joint(search.best.names - refused)
+        search.best = search.joint(names)
 
 
 class Regressed(NamedTuple):

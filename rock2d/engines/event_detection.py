@@ -48,6 +48,13 @@ def lands(event_s, h, landings):
     return event_s < h and landings < MOST_LANDINGS and (landings == 0 or event_s <= LANDED * h)
 
 
+@kernel(forceinline=True)
+def later(t, dt):
+    """The instant dt after t, in s, and after t in any case: a step on an event just before a time limit can be shorter
+    than the clock resolves, and would be repeated for ever."""
+    return max(t + dt, np.nextafter(t, np.inf))
+
+
 @kernel
 def hermite_root(g0, r0, g1, r1, h):
     """Time in (0, h) just behind which the cubic through (g0, rate r0) and (g1, rate r1) has changed sign."""

@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import hold_event, lands, law_event
+from rock2d.engines.event_detection import hold_event, lands, later, law_event
 from rock2d.engines.facet_runs import follow_run
 from rock2d.engines.geometry import (
     Body,
@@ -181,7 +181,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             )
         copy(q1, q)
         c, s = c1, s1
-        t += taken
+        t = later(t, taken)
         done += 1
         left = note_pressure(current, left, force, deepest, t, q)
         if hops:

@@ -24,6 +24,7 @@ from rock2d.engines.contact_state import (
     VERTEX_CONTACTS,
     ZONE,
 )
+from rock2d.engines.event_detection import later
 from rock2d.engines.fast_contact_steps import (
     GUARD_LEFT,
     HOPPED,
@@ -287,7 +288,7 @@ def _descend(world, tree, q, step_sizes, rules, written, workspace):
                 contact_step.look_again(q, seen, world, memory, found)
                 stale = False
             used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
-            until = t + contact_step.step(q, h, seen, world, contacts, audit, floating)
+            until = later(t, contact_step.step(q, h, seen, world, contacts, audit, floating))
             before = active
             force, depth, active = contact_energy.pressure(memory, law)
             if is_open:

@@ -14,6 +14,7 @@ from rock2d.engines.batch import Ensemble, run_batch, run_batch_track
 from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS, VELOCITIES_AFTER
+from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE
 
@@ -119,3 +120,19 @@ def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
     assert one.samples[:, -1, 0].min() > 0.05
     apart = np.abs(one.samples[..., :2] - many.samples[..., :2]).max(axis=(1, 2))
     assert (apart < 2e-3 * one.samples[:, -1, 0]).all()  # of the way, as steps differ
+
+
+def test_a_release_reaches_its_time_limit_with_an_event_of_the_law_just_before_it():
+    """From that event to the limit the clock has a few numbers left; steps on events shorter than these must not stop
+    it."""
+    corners, air = 0.03 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), (0.0, 0.02738096468632578, 0.0)
+    square = Block("square", "square", 0.05, 3e-5, (0.0, 0.0), corners, 0.011630520582158813, air=air)
+    law = [54716.182531586390, 250234.49226259431, 132484.56541981432, 0.13211320232396273, 0.066174280355100465]
+    ensemble = Ensemble([square], [CrossSection([[-1.5, 0.0], [1.5, 0.0]], ["floor"])], np.array([[[*law, 0.0, 1.0]]]))
+    start = [[-0.44681420229495333, 0.05930050683347525, -0.4717828192308264,
+              -0.5448060311668418, -0.8280693394940675, 22.67508596582035]]  # fmt: skip
+    event_s = 0.02979478011348169
+    limits = event_s + np.spacing(event_s) * np.arange(40)
+    ends = run_batch(ensemble, np.repeat(np.array(start), 40, axis=0), time_limit_s=limits).ends
+    assert (np.abs(ends[:, 0] - limits) <= np.spacing(event_s)).all()
+    assert np.abs(np.diff(ends[:, 1:], axis=0)).max() < 1e-12

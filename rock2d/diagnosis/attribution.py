@@ -7,7 +7,7 @@ and "unknown" if the residuals of even the best effect can be predicted (`residu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -45,6 +45,7 @@ REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of them must have
 OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
+EXPLAINING = 0.5  # of the largest gain of a model: one that gains less says nothing of what acts
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
 MOST_RESTARTS = 2  # with a better base law
 
@@ -247,10 +248,7 @@ def _attribution(search: Search) -> Attribution:
     data, whole = search.data, search.best
     evidence, learnt, beside_all = _weighed(search)
     best = search.best
-    p_outside = min(
-        outside(held_out_gain(data, own, beside), left_by_form(search, beside))
-        for own, beside in ((learnt, best), (beside_all, whole))
-    )
+    p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
         learnt = harmless(data, learnt, search.base.fit)
@@ -266,29 +264,55 @@ def _attribution(search: Search) -> Attribution:
     )  # fmt: skip
 
 
+def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float:
+    """Probability that something outside the catalogue acts, as the model needs it that needs it least, of (what is
+    learnt beside a set, the set); models that explain little beside the others do not count."""
+    data, base = search.data, search.base
+    explained = [held_out_gain(data, learnt, base).total for learnt, _ in models]
+    return min(
+        outside(held_out_gain(data, learnt, own), left_by_form(search, own))
+        for (learnt, own), total in zip(models, explained, strict=True)
+        if total >= EXPLAINING * max(explained)
+    )
+
+
 def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    Members that cannot be named leave the set, and one gives way to a rival that does better. Then the others are
-    weighed again.
+    A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first all
+    but the one that gains most; one that took the place of another gives it back. The others are weighed again.
     """
-    evidence, beside_first, seen = dict[str, Evidence](), None, set[Names]()
+    evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
+    replaced: dict[str, str] = {}  # rival -> the member whose place it took
     while True:
-        with search.bars.stage(EVIDENCE, len(search.best.names) + 1, "models") as bar:
-            learnt = learn(search.best, search.data)
-            bar.step("what is left")
-            found = weigh(search, learnt, evidence, bar)
+        names = search.best.names
+        if names not in seen:
+            with search.bars.stage(EVIDENCE, len(names) + 1, "models") as bar:
+                learnt = learn(search.best, search.data)
+                bar.step("what is left")
+                seen[names] = weigh(search, learnt, evidence, bar), learnt
+        found, learnt = seen[names]
         evidence |= found
-        beside_first = beside_first or learnt
-        refused = frozenset(name for name, own in found.items() if not own.named(name))
-        names = search.best.names - refused
-        if not refused:
-            ahead = {(z, name, rival) for name, own in found.items() for rival, z in own.ahead.items()}
-            z, name, rival = min(ahead, default=(0.0, "", ""))
-            names = names - {name} | {rival} if z < -BETTER_RIVAL_Z else names
-        seen.add(search.best.names)
-        if names in seen:
-            return evidence, learnt, beside_first
+        better = sorted(
+            (z, name, rival)
+            for name, own in found.items()
+            for rival, z in own.ahead.items()
+            if z < -BETTER_RIVAL_Z and rival not in out and names - {name} | {rival} not in seen
+        )
+        refused = sorted(
+            (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].alone.total
+        )
+        if better:
+            _, name, rival = better[0]
+            replaced[rival] = name
+            names = names - {name} | {rival}
+        elif refused:
+            leaving = set(refused[:-1] or refused)
+            out |= leaving
+            back = {replaced[name] for name in leaving & replaced.keys()}
+            names = frozenset((names - leaving) | (back - out))
+        else:
+            return evidence, learnt, next(iter(seen.values()))[1]
         search.best = search.joint(names)
 
 

@@ -44,8 +44,10 @@ NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of t
 # of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 FORM_STEEPNESS = 3.0
-# of the plausible range on either side: a smaller size is of no use to anybody, and one at its end fits nothing
+# of the plausible range on either side: a smaller size is of no use to anybody, unless its gain is plain, and one at
+# its end fits nothing
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
+PLAIN_Z = 20.0  # standard errors of a gain
 TRIED_DEPENDENCES = 60  # of which the best is learnt
 UNSEEN = 0.03  # probability that something acts that is not seen
 PRIOR = {"none": 0.25, "unknown": 0.15}  # the effects share the rest
@@ -152,11 +154,18 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         if other in search.effects and other not in best.names:
             ahead = {other: min(OTHER_FORM_Z, ahead.get(other, np.inf))} | ahead
     sizes = [size(fit, name) for fit in (best.fit, learnt.fit)]
-    if min(sizes) < LEAST_SIZE or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
+    small = min(sizes) < LEAST_SIZE and alone.significance < PLAIN_Z
+    if small or (max(sizes) > LARGEST_SIZE and not effect.parameters[0].must_choose):
         chance = 1.0
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
-    if effect.scatter or not found.named(name):
+    if effect.scatter:
         return found  # changes of the mean are no scatter
+    if not found.named(name):
+        if not (learnt.changes and search.without(best)[name].fit.free):
+            return found  # beside a base that is not fitted nothing can be learnt in its place
+        # what is learnt may have taken the place of the effect: then it must do nearly as well without it
+        plain = Learnt(best.fit, best.held_out, [])
+        return _evidence(search, plain, name, others, known)
     if known is not None and abs(alone.total - known.alone.total) < SAME_GAIN * known.alone.total:
         return replace(found, instead=known.instead)
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})

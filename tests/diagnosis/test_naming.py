@@ -1,0 +1,94 @@
+"""Which members of the best set stay: rivals that do better come in, what cannot be named leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rock2d.diagnosis import attribution
+from rock2d.diagnosis.evidence import Evidence
+from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.workload import DiagnosisBars
+
+SURE, NEVER = 1e-6, 1.0  # probability of the gain by chance
+GAINS = {"camera_tilt": 50.0, "scale_error": 40.0, "adhesion": 30.0, "air_drag": 20.0}
+
+
+class Sets:
+    """Stands for a search: a set is its names."""
+
+    def __init__(self, *names: str) -> None:
+        self.best = SimpleNamespace(names=frozenset(names))
+        self.data, self.bars = None, DiagnosisBars(False, len(GAINS), 1)
+        self.weighed: list[set[str]] = []
+
+    def joint(self, names: frozenset[str]) -> Any:
+        return SimpleNamespace(names=names)
+
+
+def member(name: str, chance: float, ahead: Mapping[str, float] | None = None) -> Evidence:
+    return Evidence(Gain(np.full(10, GAINS[name] / 10)), Gain(np.zeros(10)), 0.0, chance, ahead or {})
+
+
+@pytest.fixture
+def stay(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """(evidence of a member in a set, members at first) -> members at last, and the sets that were weighed."""
+
+    def of(judged: Any, *names: str) -> tuple[set[str], list[set[str]]]:
+        search = Sets(*names)
+
+        def weigh(own: Any, *_: Any) -> dict[str, Evidence]:
+            search.weighed.append(set(own.best.names))
+            return {name: judged(name, own.best.names) for name in own.best.names}
+
+        monkeypatch.setattr(attribution, "weigh", weigh)
+        monkeypatch.setattr(attribution, "learn", lambda best, data: best)
+        attribution._weighed(search)  # type: ignore[arg-type]
+        return set(search.best.names), search.weighed
+
+    return of
+
+
+def test_a_rival_that_is_refused_gives_the_place_back(stay):
+    def judged(name, names):
+        if name == "scale_error":
+            return member(name, SURE, {"camera_tilt": -3.0})
+        return member(name, NEVER if name == "camera_tilt" else SURE)
+
+    members, weighed = stay(judged, "scale_error", "adhesion")
+    assert members == {"scale_error", "adhesion"}
+    assert {"camera_tilt", "adhesion"} in weighed
+
+
+def test_a_refused_member_gives_way_to_its_better_rival_before_it_is_lost(stay):
+    def judged(name, names):
+        return member("air_drag", NEVER, {"scale_error": -2.0}) if name == "air_drag" else member(name, SURE)
+
+    assert stay(judged, "air_drag", "adhesion")[0] == {"scale_error", "adhesion"}
+
+
+def test_refused_members_leave_before_the_one_among_them_that_gains_most(stay):
+    """The others may be what made it doubtful."""
+
+    def judged(name, names):
+        return member(name, SURE if names == {"camera_tilt"} else NEVER)
+
+    assert stay(judged, "camera_tilt", "adhesion", "air_drag")[0] == {"camera_tilt"}
+
+
+def test_rivals_that_are_each_better_than_the_other_come_to_an_end(stay):
+    other = {"camera_tilt": "scale_error", "scale_error": "camera_tilt"}
+
+    def judged(name, names):
+        return member(name, SURE, {other[name]: -5.0})
+
+    members, weighed = stay(judged, "camera_tilt")
+    assert len(members) == 1 and len(weighed) == 2
+
+
+def test_nothing_stays_where_all_is_chance(stay):
+    assert stay(lambda name, names: member(name, NEVER), "camera_tilt", "adhesion", "air_drag")[0] == set()

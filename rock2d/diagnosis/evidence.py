@@ -66,6 +66,7 @@ class Evidence:
         another form
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
+    form_share : of `others` that may only repair the forms of their laws
     """
 
     alone: Gain
@@ -73,13 +74,14 @@ class Evidence:
     others: float
     chance: float
     ahead: Mapping[str, float]
+    form_share: float = EFFECT_FORM_SHARE
 
     @property
     def p(self) -> float:
         """Probability that it or one of its rivals is a cause."""
         gain = max(self.alone.total, 1e-9)
         imitates = _logistic(gain / max(self.instead.total, 1e-9) / EVEN_RATIO, RATIO_STEEPNESS)
-        beyond_form = _logistic(gain / max(EFFECT_FORM_SHARE * self.others, 1e-9), FORM_STEEPNESS)
+        beyond_form = _logistic(gain / max(self.form_share * self.others, 1e-9), FORM_STEEPNESS)
         return against_chance(self.chance) * imitates * beyond_form
 
     @property
@@ -163,9 +165,10 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
     if not found.named(name):
         if not (learnt.changes and search.without(best)[name].fit.free):
             return found  # beside a base that is not fitted nothing can be learnt in its place
-        # what is learnt may have taken the place of the effect: then it must do nearly as well without it
+        # What is learnt may have taken its place: then it must do nearly as well without that, and explain more than
+        # what the forms of the other laws leave to be learnt.
         plain = Learnt(best.fit, best.held_out, [])
-        return _evidence(search, plain, name, others, known)
+        return replace(_evidence(search, plain, name, others, known), form_share=FORM_SHARE)
     if known is not None and abs(alone.total - known.alone.total) < SAME_GAIN * known.alone.total:
         return replace(found, instead=known.instead)
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})

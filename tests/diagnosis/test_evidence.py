@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.evidence import Evidence, against_chance, exceeded, inclusion, outside, single_answers
+from rock2d.diagnosis.evidence import (
+    FORM_SHARE,
+    Evidence,
+    against_chance,
+    exceeded,
+    inclusion,
+    outside,
+    single_answers,
+)
 from rock2d.diagnosis.significance import Gain
 
 RELEASES = 40
@@ -74,3 +84,10 @@ def test_what_is_learnt_is_outside_the_catalogue_if_it_is_more_than_the_form_of_
 def test_what_a_small_share_gains_beside_a_large_cause_may_be_the_form_of_its_law():
     assert found(alone=300.0, others=3000.0).named("adhesion")
     assert not found(alone=80.0, others=3000.0).named("adhesion")
+
+
+def test_an_effect_whose_place_a_curve_can_take_must_gain_more_than_forms_of_other_laws_leave():
+    """A drag of another form than the catalogue's is a damping, and a curve over the velocity, or a second drag."""
+    plain = replace(found(alone=600.0, others=3000.0), form_share=FORM_SHARE)
+    assert found(alone=600.0, others=3000.0).named("air_drag") and not plain.named("air_drag")
+    assert replace(plain, others=300.0).named("soil_compaction")

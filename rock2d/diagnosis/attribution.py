@@ -279,8 +279,8 @@ def _outside(search: Search, models: Sequence[tuple[Learnt, CauseSet]]) -> float
 def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
     """Evidence of all effects that were in a best set; what is learnt beside the last best set, and beside the first.
 
-    A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first all
-    but the one that gains most; one that took the place of another gives it back. The others are weighed again.
+    A member gives way to a rival that does better. Then members that cannot be named leave the set for good, first the
+    half that gains less; one that took the place of another gives it back. The others are weighed again.
     """
     evidence, seen, out = dict[str, Evidence](), dict[Names, tuple[dict[str, Evidence], Learnt]](), set[str]()
     replaced: dict[str, str] = {}  # rival -> the member whose place it took
@@ -307,7 +307,7 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
             replaced[rival] = name
             names = names - {name} | {rival}
         elif refused:
-            leaving = set(refused[:-1] or refused)
+            leaving = set(refused[: (len(refused) + 1) // 2])
             out |= leaving
             back = {replaced[name] for name in leaving & replaced.keys()}
             names = frozenset((names - leaving) | (back - out))

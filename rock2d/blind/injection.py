@@ -95,12 +95,13 @@ def injected(
         order = release_order(film.release_block[film.release[stretches.edges[:-1]]])[stretches.piece]
         order = order * len(film.release_names) / (len(stretches.edges) - 1)
         rng = np.random.default_rng(np.random.SeedSequence(seed))
-        drawn = rng.normal(0.0, next(iter(values.values())), len(order)) if effect.scatter else None
+        drawn: Any = rng.normal(0.0, next(iter(values.values())), len(order)) if effect.scatter else None
 
         def worlds(own: Array) -> tuple[World, World]:
             ahead = model.world(after, order[own])
-            varied: Any = None if drawn is None else [drawn[own]]
-            return model.world(before, order[own]), ahead if varied is None else effect.apply(ahead, varied)
+            if effect.scatter:
+                ahead = effect.apply(ahead, [drawn[own]])
+            return model.world(before, order[own]), ahead
 
         change, kept = _change(data, stretches, worlds)
         true, table["release"] = true + change, release

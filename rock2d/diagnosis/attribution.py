@@ -143,18 +143,24 @@ def fit_base(
         flown = [name for b, name in enumerate(setup.blocks) if b in data.flight_block]
         return fit(Model(setup, base, flown=flown), data)
     with bars.stage(BASE, 2 * BASE_STARTS + 1, "fits") as bar:
-        return _fitted_base(setup, base, data, registered, bar)
+        best = _fitted_anew(Model(registered or setup, base), data, bar)
+    if registered is None:
+        return best
+    stated = Model(replace(setup, contact=best.model.setup.contact), base)
+    return replace(fit(stated, data, best.p, enough=Enough(np.inf)), free=False)
 
 
-def _fitted_base(setup: World, base: Array, data: Data, registered: World | None, bar: Bar) -> Fit:
-    found = []
+def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
+    """The fit of a model whose law starts from a grid, with either reading of the rolling resistance; `beside`:
+    parameters of its effects to start from."""
+    found, beside = list[Fit](), np.empty(0) if beside is None else beside
     some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
-        rows = setup.contact.copy()
+        rows = model.setup.contact.copy()
         rows[..., INDENTATION] = reading
-        model = Model(replace(registered or setup, contact=rows), base)
+        model = replace(model, setup=replace(model.setup, contact=rows))
         corners = [
-            np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0])
+            np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])
             for stiffness in (0.0, -2.0, 2.0, 4.0)
             for restitution in (0.0, -0.7, 0.7)
             for friction in (0.0, -0.5, 0.5)
@@ -166,14 +172,13 @@ def _fitted_base(setup: World, base: Array, data: Data, registered: World | None
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
         for i in np.argsort(misfit)[:BASE_STARTS]:
             found.append(fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS))
-            bar.step("some releases")
+            if bar is not None:
+                bar.step("some releases")
     best = max(found, key=Fit.total)
     best = fit(best.model, data, best.p)
-    bar.step("all releases")
-    if registered is None:
-        return fit(best.model, data, best.p, old=best, renew_noise=True)
-    stated = Model(replace(setup, contact=best.model.setup.contact), base)
-    return replace(fit(stated, data, best.p, enough=Enough(np.inf)), free=False)
+    if bar is not None:
+        bar.step("all releases")
+    return fit(best.model, data, best.p, old=best, renew_noise=True)
 
 
 def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | None:
@@ -215,7 +220,8 @@ def attribute(
     """Try every effect against the base law, and then search the set of effects that explains most.
 
     Where the law of the best candidate fits better without the effect than the base, and predicts held-out releases
-    better, it becomes the base and everything is tried again.
+    better, it becomes the base and everything is tried again; likewise where a law that is fitted anew beside the best
+    effects fits much better than theirs.
 
     `folder` keeps finished fits.
     """
@@ -229,7 +235,14 @@ def attribute(
                 break
             search = replace(search, base=better)
             search.try_alone()
+        largest = max(search.alone.values(), key=lambda own: search.gain(own, search.base).total)
+        search = _with_law_anew(search, largest)
         search.run()
+        if search.best.names != largest.names:
+            again = _with_law_anew(search, search.best)
+            if again is not search:
+                again.run()
+            search = again
         return _attribution(search)
 
 
@@ -242,6 +255,22 @@ def _better_base(search: Search) -> CauseSet | None:
         return None
     found = CauseSet(better, cross_validate(better, data))
     return found if search.gain(found, base).significant else None
+
+
+def _with_law_anew(search: Search, own: CauseSet) -> Search:
+    """The search begun again from a set, if its fit is much better where the law starts from a grid instead of from a
+    base that had adapted to a film without the effects of the set."""
+    base, data, first = search.base.fit, search.data, len(BASE_WIDTH)
+    if not (own.names and base.free and len(data.impact_release)):
+        return search
+    anew = _fitted_anew(replace(own.fit.model, beside=None), data, beside=own.fit.p[first:])
+    if anew.total() < own.fit.total() + REFIT_GAIN:
+        return search
+    law = fit(replace(base.model, setup=anew.model.setup), data, anew.p[:first])
+    again = replace(search, base=CauseSet(law, cross_validate(law, data)))
+    again.try_alone()
+    again.best = again.known[own.names] = CauseSet(anew, cross_validate(anew, data))
+    return again
 
 
 def _attribution(search: Search) -> Attribution:

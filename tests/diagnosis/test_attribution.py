@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.laws.contact import INDENTATION
 from tests.kinematics.synthetic_films import LAW, film, series_order, world
 
 RELEASES, FEW = 16, 10  # of each block; ten tell apart what is as large as the hidden effects here
@@ -127,6 +129,25 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
     assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
     assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
+
+
+def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
+    """With a mirrored rotation the base chooses the wrong reading of the rolling resistance, and k_r is four times too
+    large even beside the mirrored axis."""
+    plain = world()
+    rows = plain.contact.copy()
+    rows[..., INDENTATION] = 1.0
+    true = catalogue()["mirrored_axis"].apply(replace(plain, contact=rows), [3.0])
+    experiment = film(true, 12, seed=2)
+    setup = setup_world(experiment)
+    data = FilmData.of(load_film(experiment), setup)
+    base = fit_base(setup, base_start(experiment), data)
+    assert not base.model.setup.contact[..., INDENTATION].any()
+    found = attribute(base, data, {name: catalogue()[name] for name in ("mirrored_axis", "inertia_error")})
+    law = found.final.fit.model
+    assert found.named == {"mirrored_axis"} and found.outside < 0.05
+    assert law.setup.contact[..., INDENTATION].all()
+    assert law.law(found.final.fit.p)[4] == pytest.approx(LAW.k_r_Nm_rad, rel=0.05)
 
 
 def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path):

@@ -20,10 +20,11 @@ from scipy.stats import norm
 
 from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
-from rock2d.diagnosis.cross_validation import cross_validate, held_out_gain
+from rock2d.diagnosis.cross_validation import Validated, cross_validate, held_out_gain
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS
+from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
 from rock2d.effects.changes import CENTRE
@@ -63,7 +64,7 @@ class Evidence:
     alone : what it gains beside all others
     instead : what is gained by what is learnt in its place; nothing in that of a scatter
     others : log likelihood that is gained by what is learnt beside all, and by other members whose laws may have
-        another form
+        another form, in the flights or impacts in which the effect shows
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : of `others` that may only repair the forms of their laws
@@ -125,14 +126,26 @@ def weigh(search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Ba
     """Evidence of each member of the best set; `learnt`: beside that set, `known`: beside a larger one."""
     found = dict[str, Evidence]()
     best = search.best
-    gains = {name: search.gain(best, less).total for name, less in search.without(best).items()}
-    unnamed = max(held_out_gain(search.data, learnt, best).total, 0.0) if learnt.changes else 0.0
-    formed = {name: gain for name, gain in gains.items() if not search.effects[name].camera}
+    formed = {o: less for o, less in search.without(best).items() if not search.effects[o].camera}
     for name in sorted(best.names):
-        others = unnamed + sum(gain for other, gain in formed.items() if other != name)
+        phase = search.effects[name].phase
+        others = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
+        others += sum(_gain_in(phase, best, less) for other, less in formed.items() if other != name)
         found[name] = _evidence(search, learnt, name, others, known.get(name))
         bar.step(name)
     return found
+
+
+def _gain_in(phase: str, own: Validated, other: Validated) -> float:
+    """Log likelihood that a model gains over another one in the segments in which an effect of a phase shows."""
+    gain = 0.0
+    for sign, model in ((1.0, own), (-1.0, other)):
+        residuals = model.held_out.residuals
+        if phase != "flight":
+            gain += sign * float(log_likelihood(residuals.impacts, model.fit.covariance()).sum())
+        if phase != "impact":
+            gain += sign * float(flight_log_likelihood(residuals.flights).sum())
+    return gain
 
 
 def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: Evidence | None) -> Evidence:

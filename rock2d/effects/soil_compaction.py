@@ -18,35 +18,40 @@ from rock2d.scene.world import World
 
 
 def apply(world: World, values: Sequence[float]) -> World:
-    """k_l(n) = k_l (1 + rate n), k_ul(n) = k_ul (1 + rate n) (1 + excess n): n is the number of earlier releases of
-    the block."""
+    """k_l(n) = k_l (1 + rate m), k_ul(n) = k_ul (1 + rate m) (1 + excess m), m = (1 - exp(-saturation n)) / saturation:
+    n is the number of earlier releases of the block; without saturation, m = n."""
+    rate, excess, saturation = values
     order = np.asarray(world.order, float)
-    world = with_scaled_columns(world, (K_L, K_UL), 1.0 + values[0] * order)
-    world = with_scaled_columns(world, (K_UL,), np.maximum(1.0 + values[1] * order, 0.05))
+    acting = -np.expm1(-saturation * order) / saturation if saturation > 0.0 else order
+    world = with_scaled_columns(world, (K_L, K_UL), 1.0 + rate * acting)
+    world = with_scaled_columns(world, (K_UL,), np.maximum(1.0 + excess * acting, 0.05))
     world.contact[..., K_UL] = np.maximum(world.contact[..., K_UL], world.contact[..., K_L])
     return world
 
 
 def remedy(fitted: Fitted) -> str:
-    """Growth of the stiffness with each release of the same block."""
+    """Growth of the stiffness with the releases of the same block."""
     return (
-        f"The stiffness grows by {fitted.number('rate', 100)} % of its first value with each "
-        "release of the same block. Loosen and level the soil before every release, and film the blocks in random "
-        "order. To check, repeat the first release at the end of the series: it should rebound otherwise."
+        f"The stiffness grows by {fitted.number('rate', 100)} % of its first value with the first release of the same "
+        "block, and less with later ones. Loosen and level the soil before every release, and film the blocks in "
+        "random order. To check, repeat the first release at the end of the series: it should rebound otherwise."
     )
 
 
 EFFECT = Effect(
     name="soil_compaction",
     summary="the soil stiffens from release to release, as blows compact it",
-    source="linear trend of stiffness with the number of blows, the first term of any hardening",
+    source="stiffness that grows with the number of blows towards that of the densest state",
     phase="impact",
     origin="ground",
     parameters=(
-        Parameter("rate", "1", 0.0, 0.0, 0.1, "growth of k_l and k_ul with each release of the same block"),
         Parameter(
-            "excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with each release of the same block"
+            "rate", "1", 0.0, 0.0, 0.3, "growth of k_l and k_ul with the first release of the same block"
         ),
+        Parameter(
+            "excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with the first release of the same block"
+        ),
+        Parameter("saturation", "1", 0.0, 0.0, 0.3, "share by which each release slows the growth"),
     ),
     apply=apply,
     remedy=remedy,

@@ -82,7 +82,7 @@ def diagnosed(request):
     ("name", "values"),
     [
         ("zone_contrast", [0.4, 1.0, 1.0, 0.0]),
-        ("soil_compaction", [0.04, 0.0]),
+        ("soil_compaction", [0.04, 0.0, 0.0]),
         ("frame_rate_error", [1.04]),
     ],
 )

@@ -41,7 +41,10 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
 @pytest.mark.parametrize(
     ("effect", "values", "name", "errors"),
     # compaction in films of other seeds: always found first, at 1.5 to 3.9 standard errors
-    [("soil_compaction", [0.15, 0.0], "law of series", 1.0), ("air_drag", [0.3], "flight of velocity", 3.0)],
+    [
+        ("soil_compaction", [0.15, 0.0, 0.0], "law of series", 1.0),
+        ("air_drag", [0.3], "flight of velocity", 3.0),
+    ],
 )
 def test_a_dependence_is_found_where_it_is_and_gone_once_it_is_modelled(effect, values, name, errors):
     base, full, data = _fitted(effect, values)

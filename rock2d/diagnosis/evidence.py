@@ -28,6 +28,7 @@ from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
 from rock2d.effects.changes import CENTRE
+from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 
 Array = np.ndarray
@@ -126,11 +127,15 @@ def weigh(search: Search, learnt: Learnt, known: Mapping[str, Evidence], bar: Ba
     """Evidence of each member of the best set; `learnt`: beside that set, `known`: beside a larger one."""
     found = dict[str, Evidence]()
     best = search.best
-    formed = {o: less for o, less in search.without(best).items() if not search.effects[o].camera}
+    shares = {other: _form_share(search.effects[other]) / FORM_SHARE for other in best.names}
     for name in sorted(best.names):
         phase = search.effects[name].phase
         others = max(_gain_in(phase, learnt, best), 0.0) if learnt.changes else 0.0
-        others += sum(_gain_in(phase, best, less) for other, less in formed.items() if other != name)
+        others += sum(
+            shares[other] * _gain_in(phase, best, less)
+            for other, less in search.without(best).items()
+            if other != name
+        )
         found[name] = _evidence(search, learnt, name, others, known.get(name))
         bar.step(name)
     return found
@@ -217,10 +222,17 @@ def closes_nothing(search: Search, name: str) -> float:
     return min(float(np.mean(gap(less) <= gap(own))) for own, less in pairs)
 
 
+def _form_share(effect: Effect) -> float:
+    """Of what a cause gains, how much the form of its law may leave: a choice nothing."""
+    if effect.parameters[0].must_choose:
+        return 0.0
+    return CAMERA_SHARE if effect.camera else FORM_SHARE
+
+
 def left_by_form(search: Search, own: CauseSet) -> float:
-    """Log likelihood that the forms of the laws of a set may leave to be learnt; less of the camera's geometry."""
+    """Log likelihood that the forms of the laws of a set may leave to be learnt."""
     gains = {name: max(search.gain(own, less).total, 0.0) for name, less in search.without(own).items()}
-    shares = {name: CAMERA_SHARE if search.effects[name].camera else FORM_SHARE for name in gains}
+    shares = {name: _form_share(search.effects[name]) for name in gains}
     left = sum(shares[name] * gain for name, gain in gains.items()) / max(sum(gains.values()), 1e-9)
     return left * max(search.gain(own, search.base).total, 0.0)
 

@@ -20,22 +20,28 @@ from scipy.stats import norm
 
 from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
-from rock2d.diagnosis.cross_validation import Validated, cross_validate, held_out_gain
-from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.cross_validation import Validated, by_release, cross_validate, held_out_gain
+from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.derivatives import spread
+from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
-from rock2d.diagnosis.levers import FLIGHT, LEVERS
+from rock2d.diagnosis.levers import FLIGHT, LEVERS, state_units
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
+from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects.changes import CENTRE
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
+from rock2d.records.columns import RATES
 
 Array = np.ndarray
 
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films makes an effect as probable as not
 LEAST_CHANCE = 1e-6
 EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
+# the same of an effect that scatters, over any scatter: the law of a true one says which velocities vary together
+EVEN_SCATTER_RATIO = 1.25
 SAME_GAIN = 0.2  # share by which a gain may change before what is learnt in its place is learnt again
 RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
@@ -63,12 +69,13 @@ class Evidence:
     Attributes
     ----------
     alone : what it gains beside all others
-    instead : what is gained by what is learnt in its place; nothing in that of a scatter
+    instead : what is gained by what is learnt in its place, or by any scatter in that of a scatter
     others : log likelihood that is gained by what is learnt beside all, and by other members whose laws may have
         another form, in the flights or impacts in which the effect shows
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
     form_share : of `others` that may only repair the forms of their laws
+    even_ratio : of the gains `alone` and `instead` at which it is as probable as not
     """
 
     alone: Gain
@@ -77,12 +84,13 @@ class Evidence:
     chance: float
     ahead: Mapping[str, float]
     form_share: float = EFFECT_FORM_SHARE
+    even_ratio: float = EVEN_RATIO
 
     @property
     def p(self) -> float:
         """Probability that it or one of its rivals is a cause."""
         gain = max(self.alone.total, 1e-9)
-        imitates = _logistic(gain / max(self.instead.total, 1e-9) / EVEN_RATIO, RATIO_STEEPNESS)
+        imitates = _logistic(gain / max(self.instead.total, 1e-9) / self.even_ratio, RATIO_STEEPNESS)
         beyond_form = _logistic(gain / max(self.form_share * self.others, 1e-9), FORM_STEEPNESS)
         return against_chance(self.chance) * imitates * beyond_form
 
@@ -179,7 +187,7 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         chance = 1.0
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
     if effect.scatter:
-        return found  # changes of the mean are no scatter
+        return replace(found, instead=_any_scatter(data, less), even_ratio=EVEN_SCATTER_RATIO)
     if not found.named(name):
         if not (learnt.changes and search.without(best)[name].fit.free):
             return found  # beside a base that is not fitted nothing can be learnt in its place
@@ -191,6 +199,20 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         return replace(found, instead=known.instead)
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})
     return replace(found, instead=held_out_gain(data, learn(less, data, levers), less))
+
+
+def _any_scatter(data: Data, less: Validated) -> Gain:
+    """What a model gains if the velocities after impacts scatter as they like, each by itself."""
+    own, units = less.fit, state_units(less.fit.model.setup)[RATES]
+    columns = np.zeros((*own.residuals.impacts.shape, len(units)))
+    columns[:, -len(units) :] = np.diag(units)
+    slope = replace(own.slope, scatter=np.concatenate([own.slope.scatter, columns], axis=-1))
+    start = np.concatenate([own.scatter, np.full(len(units), START_SCATTER)])
+    wide = spread(slope, fit_scatter(own.residuals.impacts, slope, start))
+    scores = [
+        by_release(data, less.held_out.residuals, covariance) for covariance in (wide, own.covariance())
+    ]
+    return Gain(scores[0] - scores[1])
 
 
 def size(fit: Fit, name: str) -> float:

@@ -60,7 +60,8 @@ class Processes:
                 deaths += 1
                 if deaths > MOST_DEATHS:
                     raise ChildProcessError(
-                        "several worker processes died at the same job; is there too little memory?"
+                        "several worker processes died at the same job; is there too little memory, or a script "
+                        'without `if __name__ == "__main__":`?'
                     ) from None
 
     def _finished(

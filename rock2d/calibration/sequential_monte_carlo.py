@@ -142,7 +142,8 @@ def posterior(
     ----------
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible; or its factors
     start : (m, d) draws of the prior
-    count : hypotheses of the posterior; if those after every round stay, the next lower multiple of the rounds
+    count : hypotheses of the posterior; if those after every round stay, the next lower multiple of the rounds, and two
+        of each round at least
     moves : how hypotheses move at each step (default `Moves()`)
     finer : a power of the likelihood in (0, 1), and the same factors computed more precisely, which take over there:
         at a low power errors of the likelihood hardly matter
@@ -156,7 +157,9 @@ def posterior(
     known = _Hypotheses.of(start, log_likelihood)
     if not np.isfinite(known.total).any():
         raise ValueError("no draw of the prior is possible under the likelihood")
-    moving = max(1, count // moves.count) if moves.every_round else count
+    moving = (
+        max(2, count // moves.count) if moves.every_round else count
+    )  # one alone has no covariance to walk along
     power, evidence = 0.0, 0.0
     while power < 1.0:
         ll, goal = known.total, 1.0 if finer is None else finer[0]

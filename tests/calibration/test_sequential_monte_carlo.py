@@ -140,6 +140,13 @@ def test_the_hypotheses_of_every_round_are_the_posterior_too():
     assert found.log_likelihood == pytest.approx(gaussian(found.u))
 
 
+def test_fewer_hypotheses_than_rounds_still_move():
+    rng = np.random.default_rng(8)
+    found = posterior(factors([]), prior_draws(16, 3, rng), 3, rng, Moves(4, every_round=True))
+    assert len(found.u) == 8 and np.isfinite(found.u).all()
+    assert len(np.unique(found.u, axis=0)) > 2
+
+
 def test_finer_factors_decide_whatever_the_coarse_ones_were():
     rng, asked = np.random.default_rng(9), []
     shifted = Factor(lambda u: gaussian(np.abs(u - 0.1)), np.arange(3))

@@ -27,7 +27,7 @@ code                    meaning; fields beside file, line and column
 ``outside_folder``      a path that leads out of its folder
 ``not_writable``        a file or folder that cannot be written
 ``not_a_result``        an output folder that holds something other than a result of rock2d
-``results_exist``       an output folder that holds results which nobody said may be replaced
+``results_exist``       an output folder that holds results, without the option that replaces them
 ``missing_data``        measured data that are not there (``folder``)
 ``wrong_kind``          an experiment, engine or option that does not fit together with the others
 ``missing_package``     an optional package that is not installed (``package``)

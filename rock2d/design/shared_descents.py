@@ -29,7 +29,7 @@ REACH = 5.0  # radii ahead of its centroid up to which a block looks at the grou
 
 @dataclass(frozen=True)
 class Descent:
-    """The way of n releases of one block on one site to where the grounds of all sizes part, or to a measure line.
+    """The motion of n releases of one block on one site until the grounds of all sizes differ, or until a measure line.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Descent:
     grounds : one for each release, or a single one for all
     until_m, radius_m : the x at which they are held, and the largest radius of the blocks
     states : (n, 6) where they go on with each size, or ended
-    past : what they bring along
+    past : time and contact memory with which they go on
     stop : (n,) index into STOPS, why they ended; STOP_REACHED: they go on
     """
 
@@ -50,7 +50,7 @@ class Descent:
     stop: Array
 
     def serves(self, group: Group) -> bool:
-        """Whether these releases begin alike, with the same ground, and no line, as far as the descent goes."""
+        """Whether these releases have the same starts and ground, and no measure line, as far as the descent goes."""
         return np.array_equal(self.starts, group.states) and all(
             parting_m(own, met.cross_section) >= self.until_m + REACH * self.radius_m
             and _first_line_m(met.cross_section) >= self.until_m + OVERSHOOT * self.radius_m

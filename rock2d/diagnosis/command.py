@@ -47,7 +47,7 @@ def run_diagnosis(
     from rock2d.diagnosis.report.page import write_report
     from rock2d.graphics.rendering import page_date
 
-    page_date()  # a date that is none is refused before the work, not after it
+    page_date()  # an invalid date is refused before the work starts
     read = load_experiment(experiment)
     _refuse_foreign(out)
     studied = read_limits(limits, read.name) if limits not in (None, Path()) else None

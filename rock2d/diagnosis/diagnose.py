@@ -41,7 +41,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 # of films whose flights can still be read
-SPEAKING_FAULTS = {
+FAULTS_THAT_LEAVE_FLIGHTS = {
     checks.FEW_RELEASES, checks.FEW_IMPACTS, checks.WRONG_GRAVITY, checks.CONSTANT_ANGLE, checks.BELOW_GROUND,
     checks.ABOVE_GROUND, checks.BESIDE_GROUND,
 }  # fmt: skip
@@ -105,7 +105,7 @@ def diagnose(
         bars.starts()
         sanity, data = prepared(experiment, setup)
         bar.step("flights and impacts")
-        result = Diagnosis(experiment, sanity, setup, said_by_film(experiment, setup, sanity, data))
+        result = Diagnosis(experiment, sanity, setup, statement_of(experiment, setup, sanity, data))
         bar.step("scale and rest")
     if data is None:
         return result
@@ -127,7 +127,7 @@ def diagnose(
             if better is not None:
                 data, sanity.registered = better
                 sanity.remarks.append(registered_remark(sanity.registered))
-                result.film = said_by_film(experiment, setup, sanity, data)
+                result.film = statement_of(experiment, setup, sanity, data)
                 base = fit_base(setup, base_start(experiment), data, sanity.registered)
         hidden = unseen(base, data, tried, result.film)
         shown = {name: effect for name, effect in tried.items() if name not in hidden}
@@ -192,11 +192,13 @@ def _segmented(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData |
     return sanity, None if sanity.faults else FilmData.of(film, sanity.registered or setup)
 
 
-def said_by_film(
+def statement_of(
     experiment: Experiment, setup: World, sanity: Sanity, data: FilmData | TableData | None
 ) -> FilmStatement | None:
     """What a film says of itself, also if it is too poor to diagnose; None of impacts and of unreadable films."""
-    if experiment.trajectories is None or any(fault.code not in SPEAKING_FAULTS for fault in sanity.faults):
+    if experiment.trajectories is None or any(
+        fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults
+    ):
         return None
     world = sanity.registered or setup
     if world.gravity_m_s2 <= 0:

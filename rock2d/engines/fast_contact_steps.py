@@ -157,7 +157,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         unpressed = unpressed and left
         h, hops = share * (sizes.loading if loading else sizes.other), False
         if unpressed:
-            h, hops = _afloat(q, active, loaded, ints, world, anchor, limits, effects)
+            h, hops = _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects)
         if hops and done > 0:
             break
         h = min(h, horizon.time_limit - t)
@@ -264,7 +264,7 @@ def _step(q, direction, h, world, contacts, loaded, anchor, q1, advance, effects
 
 
 @kernel(forceinline=True)
-def _afloat(q, active, loaded, ints, world, anchor, limits, effects):
+def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
     """(step in s while no contact presses, whether it is a hop)."""
     block, (horizon, sizes) = world.block, limits
     if not effects and is_ball(block):

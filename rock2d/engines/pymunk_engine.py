@@ -104,7 +104,7 @@ class PymunkRelease:
         self._build_space()
         self._start = self.q.copy()
         self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
-        self._feel_ground()
+        self._find_near_ground()
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
         held = self._world, self._contacts, self.audit
         self._advance = advance.like(self.q, stride, *held, 0, self._rows)
@@ -175,7 +175,7 @@ class PymunkRelease:
         self.body.position, self.body.angle = (x, y), theta
         self.body.velocity, self.body.angular_velocity = (vx, vy), omega
 
-    def _feel_ground(self) -> None:
+    def _find_near_ground(self) -> None:
         """Facets near the starting pose, asked of pymunk, and the depths of the contact points there."""
         self.space.reindex_shapes_for_body(self.body)
         near = {self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape}

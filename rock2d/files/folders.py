@@ -131,7 +131,7 @@ def check_folder(path: str | Path) -> Path:
 
 
 def check_replaced(path: str | Path, overwrite: bool) -> None:
-    """InputError if `atomic_folder` would refuse the folder, or if it holds results and nobody said they may go."""
+    """InputError if `atomic_folder` would refuse the folder, or if it holds results and `overwrite` is not set."""
     target = check_folder(path)
     if target.is_dir() and any(target.iterdir()) and not overwrite:
         message = (

@@ -58,7 +58,7 @@ class Condition(NamedTuple):
 
 
 class Past(NamedTuple):
-    """What n releases of the batch engine bring along that were held on their way, see `engines.batch.run_batch`.
+    """What n releases that the batch engine held need to go on, see `engines.batch.run_batch`.
 
     Attributes
     ----------

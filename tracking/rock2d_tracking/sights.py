@@ -70,7 +70,7 @@ FEWEST_ERROR_FRAMES = 8
 LARGEST_ERROR_FACTOR = 30.0
 
 
-def state_honest_errors(release: FollowedRelease) -> None:
+def enlarge_errors(release: FollowedRelease) -> None:
     """Enlarge the standard errors of a release to the scatter of its frames about the parabolas through their
     neighbours: a fit knows the noise of pixels, not compression, blur and light."""
     seen = release.seen

@@ -14,7 +14,7 @@ from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, load_film, seg
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.setup_file import Setup
-from rock2d_tracking.sights import FollowedRelease, Sight, state_honest_errors
+from rock2d_tracking.sights import FollowedRelease, Sight, enlarge_errors
 
 Array = np.ndarray
 
@@ -99,7 +99,7 @@ def without_jumps(releases: Sequence[FollowedRelease], fall_px: float) -> list[F
     kept = [release for release in releases if _moved(release)]
     for release in kept:
         _reject_jumps(release.sights, fall_px)
-        state_honest_errors(release)
+        enlarge_errors(release)
         for sight in release.seen:
             if max(sight.error[:2]) > LARGEST_STATED_ERROR_PX:
                 sight.reason, sight.confidence = "unsure", 0.0

@@ -33,7 +33,7 @@ class Outcome:
     stop : (n,) index into STOPS
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
-    held : what releases that were held bring along
+    held : what releases that were held need to go on
     """
 
     stop: Array

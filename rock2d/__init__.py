@@ -32,6 +32,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rock2d import schemas as schemas
+from rock2d.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from rock2d.api import DiagnosisResult, assess, diagnose, least_size, predict, write_report
@@ -49,8 +50,6 @@ if TYPE_CHECKING:
     from rock2d.runs.simulation import Simulation, simulate
     from rock2d.scene.blocks import Block, make_block
     from rock2d.scene.cross_section import CrossSection
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Answer",

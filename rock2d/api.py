@@ -108,7 +108,7 @@ class DiagnosisResult:
         return f"<DiagnosisResult of {self.content['experiment']}: {self.verdict}\n probabilities: {answers}>"
 
     def _repr_html_(self) -> str:
-        from rock2d.notebook import table_html
+        from rock2d.graphics.notebook import table_html
 
         shown = table_html(self.to_pandas().head(LIKELIEST_SHOWN))
         return f"<p>{escape(str(self.content['experiment']))}: <b>{escape(self.verdict)}</b></p>{shown}"

@@ -101,7 +101,7 @@ def versions() -> dict[str, str]:
     import numba
     import numpy as np
 
-    from rock2d import __version__
+    from rock2d.version import __version__
 
     return {"rock2d": __version__, "numpy": np.__version__, "numba": numba.__version__}
 

@@ -32,7 +32,6 @@ from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 
 from rock2d import compiling
-from rock2d.files.folders import cache_root
 
 _PACKAGE = Path(__file__).resolve().parent
 _parts = count()
@@ -81,7 +80,7 @@ def _open_to_others(folder: Path) -> Path | None:
 
 def _choose_cache() -> None:
     """Set the folder of compiled code; a temporary one, for this process and its workers, if others can write it."""
-    root = cache_root() / "numba"
+    root = compiling.cache_root() / "numba"
     with contextlib.suppress(OSError):  # nowhere to write: numba falls back to its own default
         folder = _cache_folder(root.resolve())
         if (found := _open_to_others(folder)) is not None:

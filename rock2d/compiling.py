@@ -1,13 +1,21 @@
-"""Who hears when numba begins and ends to compile, which takes long; code from the cache is not compiled."""
+"""Where compiled code is kept, and who hears when numba begins and ends to compile, which takes long; code from the
+cache is not compiled."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 COMPILING = "compiling, once for this version (about a minute)"
 _listeners: list[Callable[[bool], None]] = []
 _depth = 0  # functions are compiled within others
+
+
+def cache_root() -> Path:
+    """The folder in which rock2d keeps what it can compute again; not made here."""
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d"
 
 
 @contextmanager

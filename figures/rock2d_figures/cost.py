@@ -24,7 +24,6 @@ import numba
 import numpy as np
 from matplotlib.figure import Figure
 
-from rock2d import __version__
 from rock2d.engines.batch import Ensemble, run_batch
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from rock2d.files.scenario import Scenario, load_scenario
@@ -34,6 +33,7 @@ from rock2d.graphics.palette import block_colours
 from rock2d.laws.contact import parameter_table
 from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
+from rock2d.version import __version__
 
 Array = np.ndarray
 Key = TypeVar("Key", bound=Hashable)

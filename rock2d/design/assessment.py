@@ -56,7 +56,7 @@ class Assessment:
         )
 
     def _repr_html_(self) -> str:
-        from rock2d.notebook import embedded_figure, table_html
+        from rock2d.graphics.notebook import embedded_figure, table_html
 
         return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.sensitivity) else "")
 

@@ -156,7 +156,7 @@ def answer_text(answer: Answer, search: Search) -> str:
 
 
 def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, Any]) -> None:
-    from rock2d import __version__
+    from rock2d.version import __version__
 
     answer.to_pandas().to_csv(folder / "design.csv", index=False, lineterminator="\n")
     facts = {"scenario": scenario.name, **about, **asdict(answer), "rock2d": __version__}

@@ -112,12 +112,12 @@ class Answer:
 
     def plot(self) -> Figure:
         """The share of blocks that pass, against the size, with the target and the least size."""
-        from rock2d.graphics.design_curve import design_figure
+        from rock2d.design.design_curve import design_figure
 
         return design_figure(self)
 
     def _repr_html_(self) -> str:
-        from rock2d.notebook import embedded_figure, table_html
+        from rock2d.graphics.notebook import embedded_figure, table_html
 
         return table_html(self.to_pandas()) + embedded_figure(self.plot())
 

@@ -144,7 +144,7 @@ def report_page(results: SiteResults, figures: Mapping[str, Path], made: Made) -
 
 
 def _figures(results: SiteResults) -> dict[str, Figure]:
-    from rock2d.graphics.design_curve import design_figure
+    from rock2d.design.design_curve import design_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
     from rock2d.graphics.trajectories import trajectories_figure
 

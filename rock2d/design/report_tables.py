@@ -162,6 +162,18 @@ def before_after_rows(compared: pd.DataFrame) -> TextTable:
     )  # fmt: skip
 
 
+def before_after_text(table: pd.DataFrame, note: str = "") -> str:
+    """The table as a person reads it, in the units of the report; a bound that is not known is a dash."""
+    import pandas as pd
+
+    if not len(table):
+        return "before and after the diagnosis: no measure line to compare at"
+    shown = before_after_rows(table)
+    text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
+    head = "before and after the diagnosis, same releases: value [95 % interval of sampling]"
+    return f"{head}{f'; {note}' if note else ''}\n{text}"
+
+
 def block_rows(scenario: Scenario) -> TextTable:
     """The blocks."""
     rows = [

@@ -13,7 +13,6 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.field_tests.candidates import candidate_table
 from rock2d.field_tests.forecasts import prediction_table
-from rock2d.field_tests.releases import read_releases
 from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
 from rock2d.field_tests.shapes import shape_forecasts, shape_table, shapes_of
 from rock2d.field_tests.study import (
@@ -26,6 +25,7 @@ from rock2d.field_tests.study import (
     posterior_table,
     study_forecasts,
 )
+from rock2d.files.field_releases import read_releases
 from rock2d.files.folders import atomic_folder, check_replaced, user_cache, write_whole
 from rock2d.files.scenario import Scenario
 

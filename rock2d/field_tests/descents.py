@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.field_tests.releases import FieldReleases
-from rock2d.field_tests.terrain_sections import EDGE, TerrainSections
+from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
+from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
 from rock2d.records.columns import AT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection

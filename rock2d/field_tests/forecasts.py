@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.likelihood import Unknowns, log_density
-from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.field_releases import FieldReleases
 
 if TYPE_CHECKING:
     import pandas as pd

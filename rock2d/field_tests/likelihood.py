@@ -17,7 +17,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import posterior, prior_draws
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 

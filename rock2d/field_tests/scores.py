@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.field_tests.forecasts import Forecast
-from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.field_releases import FieldReleases
 from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:

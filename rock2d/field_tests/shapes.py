@@ -10,7 +10,7 @@ import numpy as np
 from rock2d.field_tests.descents import Descents
 from rock2d.field_tests.forecasts import Forecast, forecast
 from rock2d.field_tests.likelihood import Unknowns
-from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.field_releases import FieldReleases
 from rock2d.scene.blocks import Block, make_block
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from rock2d.field_tests.likelihood import (
     refined_soils,
     simulate_soils,
 )
-from rock2d.field_tests.releases import FieldReleases
 from rock2d.field_tests.scores import Forecasts
+from rock2d.files.field_releases import FieldReleases
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import scenario_text

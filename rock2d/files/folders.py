@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from rock2d.compiling import cache_root
 from rock2d.errors import InputError
 
 
@@ -152,11 +153,6 @@ def _check_parent(target: Path, path: str | Path) -> None:
     place = next(parent for parent in target.parents if parent.exists())
     with _errors_of(path, place), tempfile.TemporaryFile(dir=place):
         pass
-
-
-def cache_root() -> Path:
-    """The folder in which rock2d keeps what it can compute again; not made here."""
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rock2d"
 
 
 def user_cache(name: str) -> Path | None:

@@ -37,7 +37,7 @@ from rock2d.scene.earthworks import with_earthworks
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
-    from rock2d.field_tests.terrain_sections import TerrainSections
+    from rock2d.files.surveys.terrain_sections import TerrainSections
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
 
@@ -317,9 +317,9 @@ def _load_experiment(
 
 def _found_terrain(scenario: Scenario, keys: FieldTestKeys, data_root: str | Path | None) -> TerrainSections:
     """Terrain and releases under the data root, which may also be the folder itself or one between."""
-    from rock2d.field_tests.releases import read_releases
-    from rock2d.field_tests.terrain_sections import TerrainSections
-    from rock2d.profiles.terrain import read_terrain
+    from rock2d.files.field_releases import read_releases
+    from rock2d.files.surveys.terrain import read_terrain
+    from rock2d.files.surveys.terrain_sections import TerrainSections
 
     root = data_root or os.environ.get(DATA_VARIABLE)
     if not root:

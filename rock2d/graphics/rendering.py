@@ -29,7 +29,7 @@ class Made:
     @classmethod
     def now(cls, command: str, seed: str | None) -> Made:
         """By this version of rock2d, at `page_date()`."""
-        from rock2d import __version__
+        from rock2d.version import __version__
 
         return cls(page_date(), __version__, command, seed)
 

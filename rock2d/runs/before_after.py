@@ -132,17 +132,3 @@ def _rows(passing: pd.DataFrame, percentiles: pd.DataFrame, model: FittedModel) 
         head = (row.block, row.line, model.name, model.p, row.releases, row.passed, row.unresolved)
         rows.append((*head, row.frequency, row.low95, row.high95, *values))
     return rows
-
-
-def before_after_text(table: pd.DataFrame, note: str = "") -> str:
-    """The table as a person reads it, in the units of the report; a bound that is not known is a dash."""
-    import pandas as pd
-
-    from rock2d.design.report_tables import before_after_rows
-
-    if not len(table):
-        return "before and after the diagnosis: no measure line to compare at"
-    shown = before_after_rows(table)
-    text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
-    head = "before and after the diagnosis, same releases: value [95 % interval of sampling]"
-    return f"{head}{f'; {note}' if note else ''}\n{text}"

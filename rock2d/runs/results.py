@@ -165,7 +165,7 @@ class RunResult(Simulation):
             )
 
     def _about(self) -> Mapping[str, Any]:
-        from rock2d import __version__
+        from rock2d.version import __version__
 
         return {
             "scenario": self.scenario.name, "about": self.scenario.about, "assumed": self.scenario.assumed,

@@ -122,7 +122,7 @@ class Simulation:
         )
 
     def _repr_html_(self) -> str:
-        from rock2d.notebook import embedded_figure, table_html
+        from rock2d.graphics.notebook import embedded_figure, table_html
 
         stops = self.to_pandas("stops").groupby("block", sort=False)
         summary = stops.agg(releases=("release", "size"), runout_m=("runout_m", "median"))

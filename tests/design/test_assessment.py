@@ -5,10 +5,10 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
+from rock2d.commands.run import run_scenarios
 from rock2d.design.assessment import assess
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from rock2d.runs.command import run_scenarios
 from tests.design.small_site import UNKNOWN, small_site
 
 FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}

@@ -6,10 +6,10 @@ from html.parser import HTMLParser
 
 import pytest
 
+from rock2d.commands.run import run_scenarios
 from rock2d.design.report_tables import quantity_text, three_digits, with_interval
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from rock2d.runs.command import run_scenarios
 from tests.design.small_site import TEXT, UNKNOWN
 
 COMMAND = "rock2d run 'a <b>.yaml' --report"

@@ -20,9 +20,9 @@ from rock2d.field_tests.likelihood import (
     log_density,
     simulate_soils,
 )
-from rock2d.field_tests.releases import FieldReleases
 from rock2d.field_tests.scores import Forecasts, score_table
 from rock2d.field_tests.study import Effort
+from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 

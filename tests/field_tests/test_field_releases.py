@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rock2d.errors import InputError
-from rock2d.field_tests.releases import read_releases
-from rock2d.field_tests.terrain_sections import EDGE
+from rock2d.files.field_releases import read_releases
 from rock2d.files.scenario import load_scenario
+from rock2d.files.surveys.terrain_sections import EDGE
 from tests.field_tests.small_field import HEADER, write_field
 
 IDS = {"cube": 1, "box": 2}

@@ -10,14 +10,15 @@ import pandas as pd
 import pytest
 
 import rock2d
+from rock2d.commands.run import run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
+from rock2d.design.report_tables import before_after_text
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
-from rock2d.runs.before_after import before_after, before_after_text, campaign_before_after, compared_models
+from rock2d.runs.before_after import before_after, campaign_before_after, compared_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from rock2d.runs.command import run_scenarios
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import print_tables

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rock2d.commands.run import run_scenarios
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
-from rock2d.runs.command import run_scenarios
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
 

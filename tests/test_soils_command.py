@@ -6,9 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from rock2d.cli import cli
+from rock2d.commands.soils import list_soils
 from rock2d.errors import InputError
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
-from rock2d.runs.soils_command import list_soils
 from rock2d.scene.soils import SOIL_CLASSES
 
 

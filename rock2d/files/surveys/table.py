@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.surveys.profile import Profile, along_way, checked
 from rock2d.files.text_files import is_number, read_text
-from rock2d.profiles.profile import Profile, along_way, checked
 
 # names of columns, those that say most first
 STATIONS = ("station_m", "station", "chainage_m", "chainage", "distance_m", "distance", "x_m", "x")

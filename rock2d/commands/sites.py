@@ -60,8 +60,8 @@ def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet,
     Example: rock2d run site.yaml --engine batch --releases 500 --report
     """
     from rock2d.cluster import Workers
+    from rock2d.commands.run import run_scenarios
     from rock2d.runs.campaigns.campaign import CampaignOptions
-    from rock2d.runs.command import run_scenarios
 
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
     workers = Workers(options["workers"], options["scheduler"])
@@ -92,7 +92,7 @@ def profile(file, out, **options) -> None:
 
     Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml
     """
-    from rock2d.profiles.command import write_profile
+    from rock2d.commands.profile import write_profile
 
     write_profile(file, out, report=click.echo, **options)
 
@@ -154,7 +154,7 @@ def soils(mass_kg, size_m) -> None:
 
     Example: rock2d soils --mass-kg 2700 --size-m 1.2
     """
-    from rock2d.runs.soils_command import list_soils
+    from rock2d.commands.soils import list_soils
 
     list_soils(mass_kg, size_m, report=click.echo)
 

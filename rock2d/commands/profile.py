@@ -14,10 +14,10 @@ import numpy as np
 from rock2d.errors import InputError
 from rock2d.files.folders import check_file, write_whole
 from rock2d.files.scenario import load_scenario
+from rock2d.files.surveys.profile import Profile, simplified
+from rock2d.files.surveys.scenario_template import ZoneRange, scenario_of
+from rock2d.files.surveys.terrain import DRIVERS, along_line, down_fall_line, read_terrain
 from rock2d.files.text_files import is_number, read_text
-from rock2d.profiles.profile import Profile, simplified
-from rock2d.profiles.scenario_template import ZoneRange, scenario_of
-from rock2d.profiles.terrain import DRIVERS, along_line, down_fall_line, read_terrain
 
 
 def write_profile(
@@ -91,12 +91,12 @@ def _read(
             "--line and --fall-line are for terrain models (.tif, .asc)", file, code="wrong_kind"
         )
     if kind == ".dxf":
-        from rock2d.profiles.drawing import read_drawing
+        from rock2d.files.surveys.drawing import read_drawing
 
         return read_drawing(file, layer)
     if layer is not None:
         raise InputError("--layer is for drawings (.dxf)", file, code="wrong_kind")
-    from rock2d.profiles.table import read_table
+    from rock2d.files.surveys.table import read_table
 
     return read_table(file)
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
+from rock2d.files.surveys.profile import EXTRA, Profile, along_way, checked
 from rock2d.files.text_files import require_regular
-from rock2d.profiles.profile import EXTRA, Profile, along_way, checked
 
 Array = np.ndarray
 

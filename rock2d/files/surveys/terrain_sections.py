@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.field_tests.releases import FieldReleases
+from rock2d.files.field_releases import FieldReleases
 from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
-    from rock2d.profiles.terrain import Terrain
+    from rock2d.files.surveys.terrain import Terrain
 
 Array = np.ndarray
 

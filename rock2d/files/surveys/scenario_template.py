@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.profiles.profile import Profile
+from rock2d.files.surveys.profile import Profile
 from rock2d.scene.soils import SOIL_CLASSES
 
 Array = np.ndarray

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rock2d.commands.profile import write_profile
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from rock2d.profiles.command import write_profile
-from rock2d.profiles.profile import checked, simplified
-from rock2d.profiles.table import read_table
+from rock2d.files.surveys.profile import checked, simplified
+from rock2d.files.surveys.table import read_table
 from rock2d.runs.run import run
 
 POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
@@ -139,7 +139,7 @@ def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
 def test_lines_that_meet_make_a_row_and_a_damaged_drawing_is_recovered(tmp_path):
     import ezdxf
 
-    from rock2d.profiles.drawing import read_drawing
+    from rock2d.files.surveys.drawing import read_drawing
 
     document = ezdxf.new()
     for i in (2, 0, 1):  # in no order, one against the others
@@ -167,7 +167,7 @@ def test_a_grid_in_degrees_is_projected_and_keeps_heights_and_lengths(tmp_path):
     import rasterio
     from rasterio.transform import from_origin
 
-    from rock2d.profiles.terrain import along_line, read_terrain
+    from rock2d.files.surveys.terrain import along_line, read_terrain
 
     cell = 1 / 3600
     longitude = 8.0 + cell * (np.arange(200) + 0.5)

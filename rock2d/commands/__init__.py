@@ -1,0 +1,1 @@
+"""What the commands about a site do: run, profile, soils."""

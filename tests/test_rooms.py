@@ -1,0 +1,86 @@
+"""Rooms: the packages form floors, and a room imports only from the floors below it.
+
+`python -m tests.test_rooms` prints the table of CONTRIBUTING.md.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {"rock2d": ROOT, "rock2d_tracking": ROOT / "tracking", "rock2d_figures": ROOT / "figures"}
+# from top to bottom: rooms -> what they hold; rooms of the first and the last floor may import one another
+FLOORS = {
+    ("cli", "commands", "api", "schemas", "interrupts", "rock2d"): "command line, public API",
+    ("rock2d_figures",): "figures of the paper and of the documentation",
+    ("blind", "field_tests", "reproduction"): "studies: trials of the diagnosis; measured releases; the paper",
+    ("design", "diagnosis", "rock2d_tracking"): "how sure, which size, report; film against simulation; film → track",
+    ("runs",): "scenario → results",
+    ("graphics", "kinematics"): "pictures and pages; frames → flights and impacts",
+    ("files", "engines"): "files in and out; laws → motion",
+    ("effects",): "catalogue of effects",
+    ("laws",): "pure functions of state and parameters",
+    ("scene", "records", "calibration"): "blocks, ground, worlds; tracks; posteriors",
+    (
+        "compiled", "compiling", "progress", "processes", "cluster", "registry", "statistics", "wording", "errors",
+        "version",
+    ): "helpers",
+}  # fmt: skip
+
+
+def table() -> str:
+    """The floors in Markdown."""
+    rows = ["| floor | rooms | what they hold |", "|---|---|---|"]
+    for floor, (rooms, words) in zip(range(len(FLOORS) - 1, -1, -1), FLOORS.items(), strict=True):
+        rows.append(f"| {floor} | {', '.join(f'`{room}`' for room in rooms)} | {words} |")
+    return "\n".join(rows)
+
+
+def room(module: str) -> str:
+    """The room of a module."""
+    package, *parts = module.split(".")
+    return parts[0] if package == "rock2d" and parts else package
+
+
+def imports() -> Iterator[tuple[str, str]]:
+    """(module, what it imports) of this project, also inside functions and for type checking."""
+    for package, folder in PACKAGES.items():
+        for path in (folder / package).rglob("*.py"):
+            module = ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    names = [f"{node.module}.{alias.name}" for alias in node.names]
+                else:
+                    names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                yield from ((module, name) for name in names if name.split(".")[0] in PACKAGES)
+
+
+def test_rooms_import_only_from_the_floors_below():
+    floors = {own: floor for floor, rooms in enumerate(FLOORS) for own in rooms}
+    within = {0, len(FLOORS) - 1}
+    upwards = [
+        (module, name)
+        for module, name in imports()
+        if (own := room(module)) != (other := room(name))
+        and (floors[other] < floors[own] or (floors[other] == floors[own] and floors[own] not in within))
+    ]
+    assert not upwards
+
+
+def test_no_room_imports_itself_through_others():
+    graph: dict[str, set[str]] = {}
+    for module, name in imports():
+        if room(module) != room(name):
+            graph.setdefault(room(module), set()).add(room(name))
+    assert list(TopologicalSorter(graph).static_order())  # raises CycleError for a circle
+
+
+def test_contributing_shows_the_floors():
+    assert table() in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+if __name__ == "__main__":
+    print(table())

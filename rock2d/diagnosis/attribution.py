@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.cause_sets import CauseSet, Names, Search
+from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Names, Search
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
@@ -326,7 +326,10 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
             (z, name, rival)
             for name, own in found.items()
             for rival, z in own.ahead.items()
-            if z < -BETTER_RIVAL_Z and rival not in out and names - {name} | {rival} not in seen
+            if z < -BETTER_RIVAL_Z
+            and rival not in out
+            and TWINS.get(rival) not in names - {name}
+            and names - {name} | {rival} not in seen
         )
         refused = sorted(
             (name for name, own in found.items() if not own.named(name)), key=lambda n: found[n].alone.total
@@ -339,7 +342,8 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
             leaving = set(refused[: (len(refused) + 1) // 2])
             out |= leaving
             back = {replaced[name] for name in leaving & replaced.keys()}
-            names = frozenset((names - leaving) | (back - out))
+            names -= leaving
+            names |= {name for name in back - out if TWINS.get(name) not in names}
         else:
             return evidence, learnt, next(iter(seen.values()))[1]
         search.best = search.joint(names)

@@ -15,7 +15,13 @@ from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.workload import DiagnosisBars
 
 SURE, NEVER = 1e-6, 1.0  # probability of the gain by chance
-GAINS = {"camera_tilt": 50.0, "scale_error": 40.0, "adhesion": 30.0, "air_drag": 20.0}
+GAINS = {
+    "camera_tilt": 50.0,
+    "scale_error": 40.0,
+    "frame_rate_error": 35.0,
+    "adhesion": 30.0,
+    "air_drag": 20.0,
+}
 
 
 class Sets:
@@ -88,6 +94,17 @@ def test_rivals_that_are_each_better_than_the_other_come_to_an_end(stay):
 
     members, weighed = stay(judged, "camera_tilt")
     assert len(members) == 1 and len(weighed) == 2
+
+
+def test_twins_never_come_together(stay):
+    """A scale error and a frame rate error are one change in flights, and no set holds both."""
+
+    def judged(name, names):
+        return member(name, SURE, {"frame_rate_error": -3.0} if name == "camera_tilt" else None)
+
+    members, weighed = stay(judged, "camera_tilt", "scale_error")
+    assert members == {"camera_tilt", "scale_error"}
+    assert not any({"scale_error", "frame_rate_error"} <= names for names in weighed)
 
 
 def test_nothing_stays_where_all_is_chance(stay):

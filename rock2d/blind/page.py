@@ -166,11 +166,18 @@ def _closure_part(cases: Iterable[ScoredCase], found: dict[str, Any]) -> str:
     if found["all"]["within_15_points"][3] == 0:
         return ""
     rows = [
-        (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]))
+        (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]),
+         share_text(own["claimed_too_much"]))
         for name, own in found.items()
         if own["within_15_points"][3] > 0
-    ]
-    head = ("hidden", "median of claimed less true", f"within {100 * CLOSURE_MARGIN:.0f} points")
+    ]  # fmt: skip
+    margin = f"{100 * CLOSURE_MARGIN:.0f} points"
+    head = (
+        "hidden",
+        "median of claimed less true",
+        f"within {margin}",
+        f"claimed more than {margin} too much",
+    )
     return (
         "<h2>Claimed and true closure</h2>"
         + html_table(rows, head=head)

@@ -343,6 +343,7 @@ def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
         out[name] = {
             "median_claimed_less_true": float(np.median(off)) if len(off) else float("nan"),
             "within_15_points": wilson_share(np.abs(off) <= CLOSURE_MARGIN),
+            "claimed_too_much": wilson_share(off > CLOSURE_MARGIN),
         }
     return out
 

@@ -159,6 +159,7 @@ def test_claimed_closure_is_compared_with_the_true_one_where_both_are_known(case
     found = closures(cases)
     assert found["all"]["median_claimed_less_true"] == pytest.approx(0.1)
     assert _counts(found["all"]["within_15_points"]) == (2, 3)
+    assert _counts(found["all"]["claimed_too_much"]) == (0, 3)
     assert found["2 to 4 effects"]["median_claimed_less_true"] == pytest.approx(-0.4)
     assert {kind: own["within_15_points"][3] for kind, own in found.items()} == {
         "all": 3, "nothing": 0, "one effect": 1, "2 to 4 effects": 1, "outside cause": 1,

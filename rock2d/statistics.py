@@ -86,13 +86,14 @@ def percentile_ranks(n: int, percentile: float) -> list[int]:
 
 def percentile_estimate(ranked: Mapping[int, float], n: int, percentile: float) -> tuple[float, float, float]:
     """(percentile, low, high): linear between the two nearest of n sorted values, with the 95 % interval of
-    `percentile_interval`. `ranked` gives the value of each of `percentile_ranks`."""
+    `percentile_interval`, in which it lies. `ranked` gives the value of each of `percentile_ranks`."""
     below, weight = _percentile_rank(n, percentile)
     a, b = ranked[below], ranked[min(below + 1, n - 1)]
     low, high = _interval_ranks(n, percentile)
-    nan = float("nan")
+    bounds = (ranked[low] if low >= 0 else float("nan"), ranked[high] if high < n else float("nan"))
     value = a + (b - a) * weight if weight < 0.5 else b - (b - a) * (1.0 - weight)  # as numpy rounds it
-    return value, ranked[low] if low >= 0 else nan, ranked[high] if high < n else nan
+    # of two values the line between them can lie outside
+    return float(np.fmin(np.fmax(value, bounds[0]), bounds[1])), *bounds
 
 
 def _percentile_rank(n: int, percentile: float) -> tuple[int, float]:

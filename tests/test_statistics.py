@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rock2d.statistics import percentile_interval, wilson_interval
+from rock2d.statistics import percentile_estimate, percentile_interval, wilson_interval
 
 
 @pytest.mark.parametrize(
@@ -29,3 +29,10 @@ def test_too_few_passings_leave_the_upper_bound_open():
     assert np.isnan(percentile_interval(values[:71], 95)[1])
     assert percentile_interval(values[:72], 95)[1] == 72.0
     assert np.isnan(percentile_interval(values[:1], 5)[0])
+
+
+@pytest.mark.parametrize("percentile", [1.0, 5.0, 50.0, 95.0, 99.0])
+def test_a_percentile_lies_in_its_interval(percentile):
+    for n in range(1, 400):
+        value, low, high = percentile_estimate(dict(enumerate(map(float, range(n)))), n, percentile)
+        assert not (value < low or value > high), n

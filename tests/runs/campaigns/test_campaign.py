@@ -374,7 +374,10 @@ UNTIMED = settings(deadline=None)  # a loaded machine is no fault
 def test_percentiles_are_numpys_and_look_at_no_more_values_than_they_say(n, percentile, seed):
     ranked = np.sort(np.random.default_rng(seed).normal(size=n))
     seen = {rank: float(ranked[rank]) for rank in percentile_ranks(n, percentile)}
-    assert percentile_estimate(seen, n, percentile)[0] == np.percentile(ranked, percentile)
+    value, low, _ = percentile_estimate(seen, n, percentile)
+    assert value == np.fmax(
+        np.percentile(ranked, percentile), low
+    )  # of two values numpy's can lie below the bound
 
 
 @pytest.mark.parametrize("damage", ["[" * 100_000, "[]", "{"])

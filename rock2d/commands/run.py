@@ -69,118 +69,147 @@ def run_scenarios(
             loaded[0], predict, out, seed=options.seed, overwrite=overwrite, progress=progress, report=report
         )
         return True
+    asked = Asked(out, options, workers, engines, video, page_of, overwrite, progress, report)
     for scenario in loaded:  # before any work
-        large = workers.scheduler is not None or is_campaign(scenario, options.releases)
-        if options.keep and not large:
+        asked.check(scenario)
+    resolved = [_run_scenario(scenario, asked) for scenario in loaded]
+    return all(resolved)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What `run_scenarios` is asked for."""
+
+    out: Path
+    options: CampaignOptions
+    workers: Workers
+    engines: Sequence[str]
+    video: bool
+    page_of: str | None
+    overwrite: bool
+    progress: bool
+    report: Callable[[str], Any]
+
+    def large(self, scenario: Scenario) -> bool:
+        """Whether the run is a campaign."""
+        return self.workers.scheduler is not None or is_campaign(scenario, self.options.releases)
+
+    def engines_of(self, scenario: Scenario) -> Sequence[str]:
+        """The engines that run a scenario."""
+        return self.engines or [scenario.engine]
+
+    def studies(self, scenario: Scenario) -> bool:
+        """Whether a scenario is a study of its field test."""
+        return scenario.field_test is not None and self.options.releases is None and not self.engines
+
+    def folder(self, scenario: Scenario, engine: str) -> Path:
+        """Where the results go."""
+        return self.out / f"{scenario.name}_{engine}"
+
+    def check(self, scenario: Scenario) -> None:
+        """Raises InputError for options that are not for this scenario, or a folder that cannot be used."""
+        large = self.large(scenario)
+        if self.options.keep and not large:
             message = "--keep is for campaigns: more than 10,000 releases, or --scheduler"
             raise InputError(message, code="wrong_kind", option="keep")
-        if video and large:
+        if self.video and large:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
-        if page_of is not None and scenario.experiment is not None:
+        if self.page_of is not None and scenario.experiment is not None:
             message = "--report is for sites; releases that restart a film are compared with it instead"
             raise InputError(message, code="wrong_kind", option="report")
-        for engine in () if large else engines or [scenario.engine]:
-            check_replaced(out / f"{scenario.name}_{engine}", overwrite)
-        for engine in engines or [scenario.engine]:
+        for engine in () if large else self.engines_of(scenario):
+            check_replaced(self.folder(scenario, engine), self.overwrite)
+        for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
-    resolved = True
-    for scenario in loaded:
-        if scenario.field_test is not None and options.releases is None and not engines:
-            from rock2d.field_tests.command import run_field_test
 
-            run_field_test(
-                scenario,
-                out / scenario.name,
-                seed=options.seed,
-                overwrite=overwrite,
-                progress=progress,
-                report=report,
-            )
-            continue
-        for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
-            report(f"warning: {remark}")
-        for remark in diagnosis_remarks(scenario):
-            report(remark)
-        large = workers.scheduler is not None or is_campaign(scenario, options.releases)
-        for engine in engines or [scenario.engine]:
-            folder = out / f"{scenario.name}_{engine}"
-            chosen = replace(options, engine=engine)
-            if large:
-                tables = run_campaign(
-                    scenario, folder, chosen, workers, overwrite=overwrite, progress=progress, report=report
-                )
-                print_campaign(scenario, engine, tables)
-                _campaign_pages(scenario, folder, chosen, tables, page_of, progress)
-            else:
-                tables = _run_in_memory(scenario, folder, chosen, workers, video, page_of, progress)
-            if scenario.experiment is None:  # a restarted release ends with its film
-                remarks = unresolved_remarks(tables, scenario.longest_release_s())
-                resolved = resolved and not remarks
-                for remark in remarks:
-                    report(remark)
-            report(f"written: {folder}")
+
+def _run_scenario(scenario: Scenario, asked: Asked) -> bool:
+    """Run a scenario with every engine, or study its field test; whether the releases are resolved."""
+    if asked.studies(scenario):
+        from rock2d.field_tests.command import run_field_test
+
+        run_field_test(
+            scenario, asked.out / scenario.name, seed=asked.options.seed, overwrite=asked.overwrite,
+            progress=asked.progress, report=asked.report,
+        )  # fmt: skip
+        return True
+    for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
+        asked.report(f"warning: {remark}")
+    for remark in diagnosis_remarks(scenario):
+        asked.report(remark)
+    resolved = True
+    for engine in asked.engines_of(scenario):
+        tables = (_run_campaign if asked.large(scenario) else _run_in_memory)(scenario, engine, asked)
+        if scenario.experiment is None:  # a restarted release ends with its film
+            remarks = unresolved_remarks(tables, scenario.longest_release_s())
+            resolved = resolved and not remarks
+            for remark in remarks:
+                asked.report(remark)
+        asked.report(f"written: {asked.folder(scenario, engine)}")
     return resolved
 
 
-def _run_in_memory(
-    scenario: Scenario,
-    folder: Path,
-    options: CampaignOptions,
-    workers: Workers,
-    video: bool,
-    page_of: str | None,
-    progress: bool,
-) -> dict[str, pd.DataFrame]:
+def _run_in_memory(scenario: Scenario, engine: str, asked: Asked) -> dict[str, pd.DataFrame]:
     """Run, print the tables, then write the folder; the tables that it holds."""
-    engine = options.engine or scenario.engine
-    bars = run_bars(scenario, engine, progress, workers.processes)
+    options, processes = asked.options, asked.workers.processes
+    bars = run_bars(scenario, engine, asked.progress, processes)
     result = run(
-        scenario, engine=engine, seed=options.seed, releases=options.releases,
-        workers=workers.processes, progress=bars,
-    )  # fmt: skip
+        scenario,
+        engine=engine,
+        seed=options.seed,
+        releases=options.releases,
+        workers=processes,
+        progress=bars,
+    )
     print_tables(result)
     found = Findings(
-        before_after(scenario, result, workers=workers.processes) if scenario.diagnosed is not None else None,
-        _assessed(scenario, result.engine, result.seed, progress),
+        before_after(scenario, result, workers=processes) if scenario.diagnosed is not None else None,
+        _assessed(scenario, result.engine, result.seed, asked.progress),
         table_note(scenario),
     )
     found.show()
 
     def also(partial: Path) -> None:
         found.write(partial)
-        if page_of is not None:
+        if asked.page_of is not None:
             from rock2d.design.report import REPORTED_TABLES
 
             of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-            _write_page(result, of_run, found, partial, page_of)
+            _write_page(result, of_run, found, partial, asked.page_of)
 
-    tables = result.write(folder, video, progress=bars, also=also)
+    tables = result.write(asked.folder(scenario, engine), asked.video, progress=bars, also=also)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
 
 
-def _campaign_pages(
-    scenario: Scenario,
-    folder: Path,
-    options: CampaignOptions,
-    tables: dict[str, pd.DataFrame],
-    page_of: str | None,
-    progress: bool,
-) -> None:
-    """What a campaign's folder holds beside its tables: findings, and a page whose figures show its first releases."""
-    engine = options.engine or scenario.engine
+def _run_campaign(scenario: Scenario, engine: str, asked: Asked) -> dict[str, pd.DataFrame]:
+    """Run a campaign and print its tables. Its folder also holds findings, and a page whose figures show its first
+    releases."""
+    folder, progress = asked.folder(scenario, engine), asked.progress
+    options = replace(asked.options, engine=engine)
+    tables = run_campaign(
+        scenario,
+        folder,
+        options,
+        asked.workers,
+        overwrite=asked.overwrite,
+        progress=progress,
+        report=asked.report,
+    )
+    print_campaign(scenario, engine, tables)
     compared = None
     if scenario.diagnosed is not None:
         compared = campaign_before_after(scenario, engine, options.seed, options.releases)
     found = Findings(compared, _assessed(scenario, engine, options.seed, progress), table_note(scenario))
     found.show()
     found.write(folder)
-    if page_of is not None:
+    if asked.page_of is not None:
         first = min(options.releases or scenario.releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
-        _write_page(sample, tables, found, folder, page_of)
+        _write_page(sample, tables, found, folder, asked.page_of)
+    return tables
 
 
 @dataclass(frozen=True)
@@ -224,6 +253,4 @@ def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool)
         return None
     from rock2d.design.assessment import assess
 
-    if scenario.uncertainty is None:
-        return None
     return assess(scenario, engine, scenario.seed if seed is None else seed, progress)

@@ -51,7 +51,7 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     for name, own in effects.items():
         if not known[name].scatter:  # a scatter shifts no mean
             values = [
-                q.neutral if q.implied and q.name not in own else own[q.name]["value"]
+                q.neutral if q.may_be_missing and q.name not in own else own[q.name]["value"]
                 for q in known[name].parameters
             ]
             world = known[name].apply(world, values)

@@ -21,7 +21,7 @@ class Parameter:
 
     `choices`: the values it can take, if it is no continuous quantity, and `choice_names` what they are called.
     `length`, `time`: the exponents of its unit; the range (and a neutral value that is not 0) is that of a laboratory,
-    and grows with the set-up, see `at`.
+    and grows with the set-up, see `at`. `optional`: files may leave it out, as those of earlier versions do.
     """
 
     name: str
@@ -34,11 +34,17 @@ class Parameter:
     choice_names: tuple[str, ...] = ()
     length: int = 0
     time: int = 0
+    optional: bool = False
 
     @property
     def implied(self) -> bool:
-        """Whether a file may leave it out: a choice that has a neutral one."""
+        """Whether it is a choice that has a neutral one."""
         return self.neutral in self.choices
+
+    @property
+    def may_be_missing(self) -> bool:
+        """Whether a file may leave it out; then it is neutral."""
+        return self.optional or self.implied
 
     @property
     def must_choose(self) -> bool:

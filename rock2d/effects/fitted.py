@@ -51,7 +51,7 @@ class Fitted:
         impacts_only: bool,
     ) -> Fitted:
         """From the `parameters` of an effect as diagnosis.json has them."""
-        values = {p.name: p.neutral for p in effect.parameters if p.implied}
+        values = {p.name: p.neutral for p in effect.parameters if p.may_be_missing}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}
         half = {key: 0.5 * float(entry["ci95"][1] - entry["ci95"][0]) for key, entry in parameters.items()}
         each = {key: entry["by_block"] for key, entry in parameters.items() if "by_block" in entry}

@@ -51,7 +51,9 @@ EFFECT = Effect(
         Parameter(
             "excess", "1", 0.0, -0.02, 0.02, "growth of k_ul / k_l with the first release of the same block"
         ),
-        Parameter("saturation", "1", 0.0, 0.0, 0.3, "share by which each release slows the growth"),
+        Parameter(
+            "saturation", "1", 0.0, 0.0, 0.3, "share by which each release slows the growth", optional=True
+        ),
     ),
     apply=apply,
     remedy=remedy,

@@ -75,7 +75,7 @@ def _check_effects(document: Document, read: DiagnosisFile) -> None:
             message = f"no effect {shown(name)} in the catalogue{did_you_mean(name, known)}"
             raise document.error(message, *place, at="key", code="unknown_name", name=name)
         for parameter in known[name].parameters:
-            if parameter.name not in parameters and not parameter.implied:
+            if parameter.name not in parameters and not parameter.may_be_missing:
                 message = f"{name}: missing parameter {parameter.name!r}"
                 raise document.error(message, *place, at="key", code="missing_key", key=parameter.name)
 

@@ -137,7 +137,7 @@ class _Reader:
         out = {}
         for parameter in catalogue()[effect].parameters:
             own = given.get(parameter.name)
-            value = own.value if own else parameter.neutral  # one that is implied
+            value = own.value if own else parameter.neutral  # one that may be missing
             low, high = own.ci95 if own else (value, value)
             out[parameter.name] = FittedValue(value, low, high, *self._bounds(parameter, value))
         return out

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.engines.batch import Ensemble, run_batch
+from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
 from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
 from rock2d.laws.contact import ContactParameters, parameter_table
-from rock2d.records.columns import AFTER, BEFORE, N_STATE, STOP_BURIED, STOP_REST
+from rock2d.records.columns import AFTER, BEFORE, E_CORRECTED, E_INITIAL, N_STATE, STOP_BURIED, STOP_REST
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.engines.test_pymunk_engine import BLOCKS, LAW, SETUP
@@ -71,6 +71,19 @@ def test_a_release_does_not_depend_on_its_companions(name):
     )  # fmt: skip
     assert np.array_equal(alone.ends, both.ends[:-1])
     assert np.array_equal(alone.energy_J, both.energy_J[:-1])
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_what_steps_are_corrected_by_is_their_truncation_error(name):
+    """The audit closes by this correction. It is of fourth order: half the step leaves a sixteenth of it, and a quarter
+    of the default step less than 1e-6 of the initial energy."""
+    ensemble = Ensemble([BLOCKS[name]], [SETUP], [parameter_table(LAW, SETUP.zone_names)])
+    corrected = []
+    for part in (1.0, 0.5, 0.25):
+        energy = run_batch(ensemble, thrown(60, 3), step_fraction=part * BATCH_STEP_FRACTION).energy_J
+        corrected.append(np.median(energy[:, E_CORRECTED] / energy[:, E_INITIAL]))
+    assert corrected[0] / corrected[1] > 8.0 and corrected[1] / corrected[2] > 8.0
+    assert corrected[0] < 1e-4 and corrected[2] < 1e-6
 
 
 def test_no_ellipse_passes_through_a_spike():

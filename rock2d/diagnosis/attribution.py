@@ -119,7 +119,8 @@ class Attribution:
 
     @property
     def verdict(self) -> str:
-        return max(self.probabilities, key=lambda name: self.probabilities[name])
+        """The likeliest answer; of two that are equal, the one that is named."""
+        return max(self.probabilities, key=lambda name: (self.probabilities[name], name in self.named))
 
     def group(self, name: str) -> list[str]:
         """Effects that these data cannot tell from a cause."""

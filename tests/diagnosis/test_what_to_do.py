@@ -222,6 +222,8 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
         "camera_tilt": (-0.035, 0.0, 0.0),
         "geometry_error": (0.05, 0.1),
         "air_drag": (0.05,),
+        "scale_error": (1.04, 0.0, 0.0),
+        "frame_rate_error": (1.02,),
     }
     return {
         "verdict": verdict,
@@ -258,6 +260,12 @@ def test_in_doubt_the_next_release_comes_before_any_correction(chance, rivals):
     assert lines[1].startswith("Film next")
     assert [line for line in lines if line.startswith("If it is camera tilt: ")]
     assert all(any(line.startswith(f"If it is {r.replace('_', ' ')}") for line in lines) for r in rivals)
+
+
+def test_of_scale_and_frame_rate_both_are_measured_before_either_is_corrected():
+    lines = what_to_do(content("scale_error", 0.5, ("frame_rate_error",)), EXPERIMENT)
+    assert lines[0].startswith("Measure a length in the plane of motion, and film a clock")
+    assert [line[:16] for line in lines[1:3]] == ["If it is scale e", "If it is frame r"]
 
 
 def test_a_clear_verdict_begins_with_its_instruction():

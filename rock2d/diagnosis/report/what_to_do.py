@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rock2d.diagnosis.cause_sets import TWINS
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
 from rock2d.effects.fitted import Fitted
@@ -17,6 +18,9 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.wording import listed, number, percent, spoken
 
 LEAST_PROBABILITY = 0.5  # of a verdict on which one should act
+MEASURE_SCALE_AND_RATE = (
+    "Measure a length in the plane of motion, and film a clock: one of scale and frame rate is wrong"
+)
 UNIT_FAULTS = {
     sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT, sanity.CONSTANT_ANGLE, sanity.NO_MOTION,
     sanity.WRONG_GRAVITY,
@@ -78,12 +82,15 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
     lines = []
     rivals = [name for name in content["group"] if name != verdict]
     if rivals or chance < LEAST_PROBABILITY:
+        twins = rivals == [TWINS.get(verdict)]
         doubt = f"cannot tell {listed([verdict, *rivals])} apart" if rivals else "leave it open"
         lines.append(
-            f"Do not correct anything yet: these data {doubt} ({spoken(verdict)}: {percent(chance)}). "
+            f"{MEASURE_SCALE_AND_RATE}; these data cannot tell which."
+            if twins
+            else f"Do not correct anything yet: these data {doubt} ({spoken(verdict)}: {percent(chance)}). "
             "First film the next release, and diagnose again with it."
         )
-        lines += _next_release(content)
+        lines += [] if twins else _next_release(content)
         lines += [f"If it is {spoken(name)}: {_alone(content, name, experiment)}" for name in (verdict, *rivals)
                   if name in content["effects"]]  # fmt: skip
     else:
@@ -159,9 +166,8 @@ def _after_faults(content: Mapping[str, Any]) -> list[str]:
     if gravity and gravity["off"]:
         scale, rate = gravity["value_m_s2"] / gravity["stated_m_s2"], gravity["true_fps"]["value"]
         return [
-            "Measure the calibration length again, in the plane of motion, and film a clock: one of scale and frame "
-            f"rate is wrong. If it is the scale, multiply `metres_per_pixel` or `distance_m` by {1.0 / scale:.4g}; if "
-            f"it is the frame rate, set `fps: {rate:.6g}`.",
+            f"{MEASURE_SCALE_AND_RATE}. If it is the scale, multiply `metres_per_pixel` or `distance_m` by "
+            f"{1.0 / scale:.4g}; if it is the frame rate, set `fps: {rate:.6g}`.",
             *advice,
             "Then diagnose again. This diagnosis draws no other conclusion from these data.",
         ]

@@ -86,6 +86,16 @@ FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpress
 TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting
 
 
+GOES_ON = -1  # beside STOPS: the release does not end
+# Workspace.counts: contact steps, and when their size is looked at again; contacts; impacts, samples and knots so far;
+# whether an impact is open, the ground has stopped pressing in it, the contacts have not looked at the ground since the
+# block moved, they know the ground at the present pose, the centroid is in the ground
+(STEPS, LOOKED, ACTIVE_CONTACTS, IMPACTS, SAMPLES, KNOTS, OPEN, LEFT, STALE, NOTICED, BURIED) = range(11)
+# Workspace.reals: time in s; factor on contact steps, and the share of it that a series of steps leaves; the highest
+# kinetic energy in J at the beginning of a contact so far
+TIME, GROWTH, SHARE, HIGHEST = range(4)
+
+
 class StopRules(NamedTuple):
     """When a release ends before the block lies still."""
 
@@ -107,6 +117,8 @@ class Workspace(NamedTuple):
     anchor: np.ndarray  # (4,) the pose whose guard is known, and the guard in m (0: none)
     watch: np.ndarray  # (rest.N_WATCH,) see `rest.watch_rest`
     impact: np.ndarray  # (N_IMPACT,) the open impact
+    counts: np.ndarray  # (11,) how far the release has come, see STEPS: numbers, and flags that are 0 or 1
+    reals: np.ndarray  # (4,) the same, see TIME
 
 
 @njit
@@ -146,7 +158,7 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
     workspace = Workspace(
         contact_state.new_contacts(n), contact_state.new_contacts(n), contact_step.new_scratch(n),
         np.empty(TREE_STACK, np.int64), np.empty(N_STATE), np.empty(N_POSE + 1), np.empty(rest.N_WATCH),
-        np.full(N_IMPACT, np.nan),
+        np.full(N_IMPACT, np.nan), np.zeros(BURIED + 1, np.int64), np.zeros(HIGHEST + 1),
     )  # fmt: skip
     world = WorldArrays(block, ground, packed.tables[table_id], gravity)
     return _descend(world, tree, q, step_sizes, rules, (recorder, held), workspace)
@@ -154,181 +166,249 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
 
 @kernel
 def _descend(world, tree, q, step_sizes, rules, written, workspace):
-    """`release` on prepared arrays."""
-    memory, found, scratch, stack, old, anchor, watch, current = workspace
+    """`release` on prepared arrays: one phase after the other, until one says why the release ends."""
     recorder, held = written
-    contacts, fast_contacts = (memory, found, scratch), (memory, scratch)
-    body, line_record, sample_record = Body(world.block, world.gravity), recorder.lines, recorder.samples
-    block, ground, law, gravity = world.block, world.ground, world.law, world.gravity
-    lines, times, audit, knots = line_record.ends, sample_record.times, recorder.audit, recorder.knots
-    spent, time_limit, (h_loading, h_contact) = rules.spent, rules.time_limit, step_sizes
-    anchor[GUARD] = 0.0
-    radius, corners = block.radius, block.sides.shape[0]
-    highest_energy = 0.0  # kinetic, at the beginning of any contact so far
-    # numba compiles a function once more for each literal that is passed to it: these are none
-    zero, no = np.int64(0), corners < 0
-    t, stop, count, at, used = 0.0, STOP_TIME, zero, zero, zero
-    while at < times.size and times[at] <= 0.0:
-        copy(q[:N_POSE], sample_record.poses[at])
-        at += 1
-    # the impact that is open: whether there is one, and whether the ground has stopped pressing
-    is_open, left = no, no
-    rest.forget_rest(watch)
-    active, steps, looked, growth, share = zero, zero, zero, 1.0, 1.0
-    stale = no  # whether the contacts have not looked at the ground since the block moved
-    noticed = no  # whether the contacts know the ground at the present pose
-    recording, airy = len(knots) > 0, in_air(block)
-    stored = 0.0  # by springs at the start
-    if len(held) > 0 and held[0, 0] == held[0, 0]:
-        active, highest_energy = contact_state.go_on(held, memory)
-        stored = contact_energy.stored_energy(memory, law)
-        is_open = stale = active > 0
-        if is_open:
-            open_impact(current, t, q, memory)
-    buried = _is_buried(q, world)
-    if buried:
-        stop, time_limit = STOP_BURIED, 0.0
-
-    while t < time_limit:
-        if not ground.x_low <= q[X] <= ground.x_high:
+    samples, counts, reals = recorder.samples, workspace.counts, workspace.reals
+    workspace.anchor[GUARD], reals[GROWTH], reals[SHARE] = 0.0, 1.0, 1.0
+    while counts[SAMPLES] < samples.times.size and samples.times[counts[SAMPLES]] <= 0.0:
+        copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
+        counts[SAMPLES] += 1
+    rest.forget_rest(workspace.watch)
+    stored = _go_on(q, world, held, workspace)
+    stop = STOP_BURIED if _is_buried(q, world) else GOES_ON
+    while stop == GOES_ON and reals[TIME] < rules.time_limit:
+        if not world.ground.x_low <= q[X] <= world.ground.x_high:
             stop = STOP_EXIT
-            break
-        if q[X] >= rules.until:
+        elif q[X] >= rules.until:
             stop = STOP_REACHED
-            break
-        flying = active == 0
-        if flying:
-            longest, extra = air_stride(q, gravity, block)
-            tau = time_aloft(q, extra, world, tree, stack, h_contact)
-            if tau >= (h_contact if corners > 0 else LEAST_STRIDE * h_contact):
-                tau = min(tau, longest, time_limit - t)
-                copy(q, old)
-                used = knot(knots, used, t, q, 0.0 if airy else 1.0)
-                taken = fly(q, tau, gravity, block)
-                if q[X] >= rules.until:
-                    copy(old, q)
-                    stop = STOP_REACHED
-                    break
-                audit[EFFECTS] += taken
-                new = cross((t, tau), old, q, flying, body, line_record)
-                at = sample((t, tau), old, q, not airy, gravity, sample_record, at)
-                t += tau
-                noticed = stale = False
-                if spent and (new > 0 or count == 0) and is_spent(q, 0.0, body, line_record):
-                    stop = STOP_SPENT
-                    break
-                continue
-
-        # near the ground or on it
-        if steps >= looked:
-            looked = steps + STEPS_BETWEEN_LOOKS
-            growth = contact_energy.step_growth(highest_energy, block, memory, law)
-            growth, share = min(LARGEST_BATCH_STEP_GROWTH, growth), 1.0
-            if active > 0 and is_open:
-                if rules.captured and rest.captured(q, world, memory):
-                    stop = STOP_REST
-                    break
-                if rest.watch_rest(watch, t, q, body):
-                    stop = STOP_REST
-                    break
-                if spent:
-                    springs = contact_energy.stored_energy(memory, law)
-                    if is_spent(q, springs, body, line_record):
-                        stop = STOP_SPENT
-                        break
-        h = h_contact * growth
-        copy(q, old)
-        if active > 0 and anchor[GUARD] > 0.0:
-            near = len(lines) > 0 and near_line(
-                q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), line_record
-            )
-            pause = times[at] if at < times.size else np.inf
-            hop = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
-            several = 1 if near or recording else looked - steps
-            horizon = Horizon(several, time_limit, pause, hop, rules.until)
-            grown = StepSizes(h_loading * growth, FLOATING_STEPS * h, h, share)
-            until, done, left, why, share = fast_contact_steps(
-                q, t, (horizon, grown), anchor, world, fast_contacts, (current, left, audit)
-            )
-            steps += done
-            hopped = why == HOPPED
-            if hopped:
-                looked = steps
-            elif why > 0:
-                moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
-                anchor[GUARD] = 0.0
-                if why == GUARD_LEFT and moved:
-                    buried = set_anchor(anchor, q, h, world, memory)
-            stale = stale or done > 0
-            if done == 0:
-                continue
-            used = knot(knots, used, t, old, 1.0 if hopped else 0.0)
-            flying = hopped
         else:
-            steps += 1
-            near = True
-            loading, floating = _pressing(memory, law, h_loading * growth, FLOATING_STEPS * h)
-            floating = floating and left and active > 0
-            if active > 0:
-                h = FLOATING_STEPS * h if floating else (h_loading * growth if loading else h)
-            pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * radius, 1e-300)
-            h = min(h, time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * radius / pace))
-            half = near_reach(q, h, gravity, radius)
-            seen = facet_range(ground, q[X] - half, q[X] + half)
-            if active == 0 and not noticed:
-                contact_state.clear(memory)
-                active = contact_step.begin(q, seen, world, memory, found)
-                noticed = True
-                if active > 0:
-                    is_open, left = True, False
-                    open_impact(current, t, q, memory)
-                    highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
-            flying = active == 0
-            if stale:
-                contact_step.look_again(q, seen, world, memory, found)
-                stale = False
-            used = knot(knots, used, t, q, 1.0 if flying and not airy else 0.0)
-            until = later(t, contact_step.step(q, h, seen, world, contacts, audit, floating))
-            before = active
-            force, depth, active = contact_energy.pressure(memory, law)
-            if is_open:
-                left = note_pressure(current, left, force, depth, until, q)
-            elif active > 0:
-                is_open, left = True, False
-                open_impact(current, until, q, memory)
-                highest_energy = max(highest_energy, contact_energy.kinetic_energy(q, block))
-            if active > before or flying:
-                looked = steps  # a contact has begun: how large may its steps be
-            buried = set_anchor(anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
-        gone = until - t
-        if near:
-            cross((t, gone), old, q, flying, body, line_record)
-        at = sample((t, gone), old, q, flying and not airy, gravity, sample_record, at)
-        t = until
-        if buried:
-            stop = STOP_BURIED
-            break
-        if active == 0 and is_open:
-            noticed = noticed and not end_impact(q, current, law[int(current[I_ZONE])], block, audit)
-            count = close_impact(current, left, recorder.impacts, count)
-            is_open = False
-            rest.forget_rest(watch)
-            if count == rules.impact_limit:
-                stop = STOP_IMPACTS
-                break
-            if spent and is_spent(q, 0.0, body, line_record):
-                stop = STOP_SPENT
-                break
-    if is_open and stop != STOP_IMPACTS:
-        count = close_impact(current, left, recorder.impacts, count)
-    while at < times.size and stop == STOP_REST:
-        copy(q[:N_POSE], sample_record.poses[at])
-        at += 1
-    used = knot(knots, used, t, q, 1.0)
-    audit[ELASTIC] = contact_energy.stored_energy(memory, law) - stored
+            clear, longest = _clear_time(q, world, tree, step_sizes, workspace)
+            if clear > 0.0:
+                tau = min(clear, longest, rules.time_limit - reals[TIME])
+                stop = _fly(q, tau, world, rules, recorder, workspace)
+            else:
+                stop = _near_ground(q, world, step_sizes, rules, recorder, workspace)
+    if stop == GOES_ON:
+        stop = STOP_TIME
+    if counts[OPEN] != 0 and stop != STOP_IMPACTS:
+        counts[IMPACTS] = close_impact(workspace.impact, counts[LEFT] != 0, recorder.impacts, counts[IMPACTS])
+    while counts[SAMPLES] < samples.times.size and stop == STOP_REST:
+        copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
+        counts[SAMPLES] += 1
+    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
+    recorder.audit[ELASTIC] = contact_energy.stored_energy(workspace.memory, world.law) - stored
     if len(held) > 0:
-        contact_state.hold(memory, highest_energy, held)
-    return stop, t, count, used
+        contact_state.hold(workspace.memory, reals[HIGHEST], held)
+    return stop, reals[TIME], counts[IMPACTS], counts[KNOTS]
+
+
+@kernel(forceinline=True)
+def _go_on(q, world, held, workspace):
+    """Take over the contacts with which a release was held, if any. Returns what their springs hold in J."""
+    counts, memory = workspace.counts, workspace.memory
+    if not (len(held) > 0 and held[0, 0] == held[0, 0]):
+        return 0.0
+    counts[ACTIVE_CONTACTS], workspace.reals[HIGHEST] = contact_state.go_on(held, memory)
+    if counts[ACTIVE_CONTACTS] > 0:
+        counts[OPEN] = counts[STALE] = 1
+        open_impact(workspace.impact, workspace.reals[TIME], q, memory)
+    return contact_energy.stored_energy(memory, world.law)
+
+
+@kernel(forceinline=True)
+def _clear_time(q, world, tree, step_sizes, workspace):
+    """(time in s that the block is surely aloft, 0 if that is less than a contact step; the longest stride in s that
+    the air allows)."""
+    h_contact = step_sizes[1]
+    if workspace.counts[ACTIVE_CONTACTS] > 0:
+        return 0.0, 0.0
+    longest, extra = air_stride(q, world.gravity, world.block)
+    tau = time_aloft(q, extra, world, tree, workspace.stack, h_contact)
+    least = h_contact if world.block.sides.shape[0] > 0 else LEAST_STRIDE * h_contact
+    return (tau if tau >= least else 0.0), longest
+
+
+@kernel(forceinline=True)
+def _fly(q, tau, world, rules, recorder, workspace):
+    """Fly for tau (s). Returns why the release ends, or GOES_ON."""
+    counts, reals, old = workspace.counts, workspace.reals, workspace.old
+    t, flying, airy = reals[TIME], counts[ACTIVE_CONTACTS] == 0, in_air(world.block)
+    body, lines = Body(world.block, world.gravity), recorder.lines
+    copy(q, old)
+    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
+    taken = fly(q, tau, world.gravity, world.block)
+    if q[X] >= rules.until:
+        copy(old, q)
+        return STOP_REACHED
+    recorder.audit[EFFECTS] += taken
+    new = cross((t, tau), old, q, flying, body, lines)
+    counts[SAMPLES] = sample((t, tau), old, q, not airy, world.gravity, recorder.samples, counts[SAMPLES])
+    reals[TIME] = t + tau
+    counts[NOTICED] = counts[STALE] = 0
+    if rules.spent and (new > 0 or counts[IMPACTS] == 0) and is_spent(q, 0.0, body, lines):
+        return STOP_SPENT
+    return GOES_ON
+
+
+@kernel(forceinline=True)
+def _near_ground(q, world, step_sizes, rules, recorder, workspace):
+    """Contact steps near the ground or on it. Returns why the release ends, or GOES_ON."""
+    counts, reals, old = workspace.counts, workspace.reals, workspace.old
+    t = reals[TIME]
+    if counts[STEPS] >= counts[LOOKED]:
+        stop = _look(q, world, rules, recorder, workspace)
+        if stop != GOES_ON:
+            return stop
+    copy(q, old)
+    if counts[ACTIVE_CONTACTS] > 0 and workspace.anchor[GUARD] > 0.0:
+        flying, near, until = _step_in_series(q, world, step_sizes, rules, recorder, workspace)
+        if until == t:
+            return GOES_ON
+    else:
+        near = counts[STEPS] >= 0
+        flying, until = _step_alone(q, world, step_sizes, rules, recorder, workspace)
+    gone = until - t
+    if near:
+        cross((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
+    parabola = flying and not in_air(world.block)
+    counts[SAMPLES] = sample((t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
+    reals[TIME] = until
+    if counts[BURIED] != 0:
+        return STOP_BURIED
+    if counts[ACTIVE_CONTACTS] == 0 and counts[OPEN] != 0:
+        return _leave_ground(q, world, rules, recorder, workspace)
+    return GOES_ON
+
+
+@kernel(forceinline=True)
+def _look(q, world, rules, recorder, workspace):
+    """How large contact steps may be, and whether the block lies still or is spent: then why the release ends."""
+    counts, reals, memory = workspace.counts, workspace.reals, workspace.memory
+    body = Body(world.block, world.gravity)
+    counts[LOOKED] = counts[STEPS] + STEPS_BETWEEN_LOOKS
+    growth = contact_energy.step_growth(reals[HIGHEST], world.block, memory, world.law)
+    reals[GROWTH], reals[SHARE] = min(LARGEST_BATCH_STEP_GROWTH, growth), 1.0
+    if counts[ACTIVE_CONTACTS] > 0 and counts[OPEN] != 0:
+        if rules.captured and rest.captured(q, world, memory):
+            return STOP_REST
+        if rest.watch_rest(workspace.watch, reals[TIME], q, body):
+            return STOP_REST
+        if rules.spent:
+            springs = contact_energy.stored_energy(memory, world.law)
+            if is_spent(q, springs, body, recorder.lines):
+                return STOP_SPENT
+    return GOES_ON
+
+
+@kernel(forceinline=True)
+def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
+    """A series of fast steps within the guard. Returns (whether it was a hop, whether a measure line may be near, the
+    time in s: that before, if no step was made)."""
+    counts, reals, anchor, memory = workspace.counts, workspace.reals, workspace.anchor, workspace.memory
+    lines, samples = recorder.lines, recorder.samples
+    t, growth, at = reals[TIME], reals[GROWTH], counts[SAMPLES]
+    h = step_sizes[1] * growth
+    near = len(lines.ends) > 0 and near_line(q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), lines)
+    pause = samples.times[at] if at < samples.times.size else np.inf
+    hop = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
+    several = 1 if near or len(recorder.knots) > 0 else counts[LOOKED] - counts[STEPS]
+    horizon = Horizon(several, rules.time_limit, pause, hop, rules.until)
+    grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
+    until, done, left, why, reals[SHARE] = fast_contact_steps(
+        q, t, (horizon, grown), anchor, world, (memory, workspace.scratch),
+        (workspace.impact, counts[LEFT] != 0, recorder.audit),
+    )  # fmt: skip
+    counts[LEFT] = left
+    counts[STEPS] += done
+    hopped = why == HOPPED
+    if hopped:
+        counts[LOOKED] = counts[STEPS]
+    elif why > 0:
+        old = workspace.old
+        moved = done > 0 or old[X] != anchor[X] or old[Y] != anchor[Y]
+        anchor[GUARD] = 0.0
+        if why == GUARD_LEFT and moved:
+            counts[BURIED] = set_anchor(anchor, q, h, world, memory)
+    if done == 0:
+        return hopped, near, t
+    counts[STALE] = 1
+    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, workspace.old, 1.0 if hopped else 0.0)
+    return hopped, near, until
+
+
+@kernel(forceinline=True)
+def _step_alone(q, world, step_sizes, rules, recorder, workspace):
+    """A full contact step, which looks for contacts that begin, change or end. Returns (whether nothing touched the
+    ground before it, the time in s)."""
+    counts, reals, memory, found = workspace.counts, workspace.reals, workspace.memory, workspace.found
+    block, law, gravity, t, active = (
+        world.block,
+        world.law,
+        world.gravity,
+        reals[TIME],
+        counts[ACTIVE_CONTACTS],
+    )
+    h_loading, h_contact = step_sizes
+    h = h_contact * reals[GROWTH]
+    counts[STEPS] += 1
+    loading, floating = _pressing(memory, law, h_loading * reals[GROWTH], FLOATING_STEPS * h)
+    floating = floating and counts[LEFT] != 0 and active > 0
+    if active > 0:
+        h = FLOATING_STEPS * h if floating else (h_loading * reals[GROWTH] if loading else h)
+    pace = max(np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius, 1e-300)
+    h = min(h, rules.time_limit - t, max(h_contact, LONGEST_CONTACT_STRIDE * block.radius / pace))
+    half = near_reach(q, h, gravity, block.radius)
+    seen = facet_range(world.ground, q[X] - half, q[X] + half)
+    if active == 0 and counts[NOTICED] == 0:
+        contact_state.clear(memory)
+        active = contact_step.begin(q, seen, world, memory, found)
+        counts[NOTICED] = 1
+        if active > 0:
+            _touch(t, q, block, workspace)
+    flying = active == 0
+    if counts[STALE] != 0:
+        contact_step.look_again(q, seen, world, memory, found)
+        counts[STALE] = 0
+    airy = in_air(block)
+    counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
+    contacts = memory, found, workspace.scratch
+    until = later(t, contact_step.step(q, h, seen, world, contacts, recorder.audit, floating))
+    before = active
+    force, depth, active = contact_energy.pressure(memory, law)
+    counts[ACTIVE_CONTACTS] = active
+    if counts[OPEN] != 0:
+        counts[LEFT] = note_pressure(workspace.impact, counts[LEFT] != 0, force, depth, until, q)
+    elif active > 0:
+        _touch(until, q, block, workspace)
+    if active > before or flying:
+        counts[LOOKED] = counts[STEPS]  # a contact has begun: how large may its steps be
+    counts[BURIED] = set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
+    return flying, until
+
+
+@kernel(forceinline=True)
+def _touch(t, q, block, workspace):
+    """An impact begins at time t (s)."""
+    counts, reals = workspace.counts, workspace.reals
+    counts[OPEN], counts[LEFT] = 1, 0
+    open_impact(workspace.impact, t, q, workspace.memory)
+    reals[HIGHEST] = max(reals[HIGHEST], contact_energy.kinetic_energy(q, block))
+
+
+@kernel(forceinline=True)
+def _leave_ground(q, world, rules, recorder, workspace):
+    """The open impact ends. Returns why the release ends, or GOES_ON."""
+    counts, current = workspace.counts, workspace.impact
+    if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, recorder.audit):
+        counts[NOTICED] = 0
+    counts[IMPACTS] = close_impact(current, counts[LEFT] != 0, recorder.impacts, counts[IMPACTS])
+    counts[OPEN] = 0
+    rest.forget_rest(workspace.watch)
+    if counts[IMPACTS] == rules.impact_limit:
+        return STOP_IMPACTS
+    if rules.spent and is_spent(q, 0.0, Body(world.block, world.gravity), recorder.lines):
+        return STOP_SPENT
+    return GOES_ON
 
 
 @kernel

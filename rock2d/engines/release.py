@@ -202,7 +202,7 @@ def _descend(world, tree, q, step_sizes, rules, written, workspace):
     return stop, reals[TIME], counts[IMPACTS], counts[KNOTS]
 
 
-@kernel(forceinline=True)
+@kernel
 def _go_on(q, world, held, workspace):
     """Take over the contacts with which a release was held, if any. Returns what their springs hold in J."""
     counts, memory = workspace.counts, workspace.memory
@@ -215,7 +215,7 @@ def _go_on(q, world, held, workspace):
     return contact_energy.stored_energy(memory, world.law)
 
 
-@kernel(forceinline=True)
+@kernel
 def _clear_time(q, world, tree, step_sizes, workspace):
     """(time in s that the block is surely aloft, 0 if that is less than a contact step; the longest stride in s that
     the air allows)."""
@@ -228,7 +228,7 @@ def _clear_time(q, world, tree, step_sizes, workspace):
     return (tau if tau >= least else 0.0), longest
 
 
-@kernel(forceinline=True)
+@kernel
 def _fly(q, tau, world, rules, recorder, workspace):
     """Fly for tau (s). Returns why the release ends, or GOES_ON."""
     counts, reals, old = workspace.counts, workspace.reals, workspace.old
@@ -250,7 +250,7 @@ def _fly(q, tau, world, rules, recorder, workspace):
     return GOES_ON
 
 
-@kernel(forceinline=True)
+@kernel
 def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     """Contact steps near the ground or on it. Returns why the release ends, or GOES_ON."""
     counts, reals, old = workspace.counts, workspace.reals, workspace.old
@@ -280,7 +280,7 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
     return GOES_ON
 
 
-@kernel(forceinline=True)
+@kernel
 def _look(q, world, rules, recorder, workspace):
     """How large contact steps may be, and whether the block lies still or is spent: then why the release ends."""
     counts, reals, memory = workspace.counts, workspace.reals, workspace.memory
@@ -300,7 +300,7 @@ def _look(q, world, rules, recorder, workspace):
     return GOES_ON
 
 
-@kernel(forceinline=True)
+@kernel
 def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
     """A series of fast steps within the guard. Returns (whether it was a hop, whether a measure line may be near, the
     time in s: that before, if no step was made)."""
@@ -336,7 +336,7 @@ def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
     return hopped, near, until
 
 
-@kernel(forceinline=True)
+@kernel
 def _step_alone(q, world, step_sizes, rules, recorder, workspace):
     """A full contact step, which looks for contacts that begin, change or end. Returns (whether nothing touched the
     ground before it, the time in s)."""
@@ -386,7 +386,7 @@ def _step_alone(q, world, step_sizes, rules, recorder, workspace):
     return flying, until
 
 
-@kernel(forceinline=True)
+@kernel
 def _touch(t, q, block, workspace):
     """An impact begins at time t (s)."""
     counts, reals = workspace.counts, workspace.reals
@@ -395,7 +395,7 @@ def _touch(t, q, block, workspace):
     reals[HIGHEST] = max(reals[HIGHEST], contact_energy.kinetic_energy(q, block))
 
 
-@kernel(forceinline=True)
+@kernel
 def _leave_ground(q, world, rules, recorder, workspace):
     """The open impact ends. Returns why the release ends, or GOES_ON."""
     counts, current = workspace.counts, workspace.impact

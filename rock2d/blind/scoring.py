@@ -339,11 +339,11 @@ def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
     groups = {"all": known} | {kind: [own for own in known if own[0] == kind] for kind in LABEL_KINDS}
     out = {}
     for name, own in groups.items():
-        off = np.array([claimed - true for _, claimed, true in own])
+        off = [claimed - true for _, claimed, true in own]
         out[name] = {
-            "median_claimed_less_true": float(np.median(off)) if len(off) else float("nan"),
-            "within_15_points": wilson_share(np.abs(off) <= CLOSURE_MARGIN),
-            "claimed_too_much": wilson_share(off > CLOSURE_MARGIN),
+            "median_claimed_less_true": float(np.median(off)) if off else float("nan"),
+            "within_15_points": wilson_share([abs(each) <= CLOSURE_MARGIN for each in off]),
+            "claimed_too_much": wilson_share([each > CLOSURE_MARGIN for each in off]),
         }
     return out
 

@@ -40,8 +40,9 @@ Array = np.ndarray
 PRIOR_ODDS = 1.0 / 8.0  # a gain that chance exceeds in 1 % of films makes an effect as probable as not
 LEAST_CHANCE = 1e-6
 EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an effect is as probable as not
-# the same of an effect that scatters, over any scatter: the law of a true one says which velocities vary together
-EVEN_SCATTER_RATIO = 1.25
+# the same of an effect that scatters, over any scatter: the law of a true one says which velocities vary together. A
+# weak one must gain more than any scatter, as the forms of the others may leave as much; a strong one need not
+EVEN_SCATTER_RATIO, EVEN_SCATTER_RATIO_BESIDE = 0.8, 1.25
 SAME_GAIN = 0.2  # share by which a gain may change before what is learnt in its place is learnt again
 RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
@@ -187,7 +188,9 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
         chance = 1.0
     found = Evidence(alone, Gain(np.zeros_like(alone.gain)), others, chance, ahead)
     if effect.scatter:
-        return replace(found, instead=_any_scatter(data, less), even_ratio=EVEN_SCATTER_RATIO)
+        left = alone.total < FORM_SHARE * others
+        even = EVEN_SCATTER_RATIO_BESIDE if left else EVEN_SCATTER_RATIO
+        return replace(found, instead=_any_scatter(data, less), even_ratio=even)
     if not found.named(name):
         if not (learnt.changes and search.without(best)[name].fit.free):
             return found  # beside a base that is not fitted nothing can be learnt in its place

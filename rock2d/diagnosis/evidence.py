@@ -194,10 +194,12 @@ def _evidence(search: Search, learnt: Learnt, name: str, others: float, known: E
     if not found.named(name):
         if not (learnt.changes and search.without(best)[name].fit.free):
             return found  # beside a base that is not fitted nothing can be learnt in its place
-        # What is learnt may have taken its place: then it must do nearly as well without that, and explain more than
-        # what the forms of the other laws leave to be learnt.
-        plain = Learnt(best.fit, best.held_out, [])
-        return replace(_evidence(search, plain, name, others, known), form_share=FORM_SHARE)
+        # What is learnt may have taken its place: then it must do nearly as well without that, and better than what is
+        # learnt in its place, or explain more than what the forms of the other laws leave to be learnt.
+        found = _evidence(search, Learnt(best.fit, best.held_out, []), name, others, known)
+        return (
+            found if found.alone.total > found.instead.total > 0.0 else replace(found, form_share=FORM_SHARE)
+        )
     if known is not None and abs(alone.total - known.alone.total) < SAME_GAIN * known.alone.total:
         return replace(found, instead=known.instead)
     levers = {"flight": {FLIGHT}, "impact": {*LEVERS} - {FLIGHT}}.get(effect.phase, {*LEVERS})

@@ -20,6 +20,7 @@ import numpy as np
 
 from rock2d.diagnosis.cause_sets import Names
 from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.likelihood import chi_square
 from rock2d.diagnosis.replicates import Ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals
 
@@ -74,7 +75,7 @@ class Sizes:
     """Logarithms of the sizes of residuals, summed over each release, and their number."""
 
     def __init__(self, data: Data, covariance: Array) -> None:
-        self._data = data
+        self._data, self._covariance = data, covariance
         self._sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
         n = len(data.order)
         self.impacts = np.bincount(data.impact_release, minlength=n).astype(float)
@@ -86,18 +87,27 @@ class Sizes:
 
     def of(self, residuals: Residuals) -> Array:
         """(releases,) sums of logarithms."""
-        flights = np.clip(residuals.flights[:, :, :FLIGHT_DEGREES], -LARGEST_SD, LARGEST_SD)
-        return self._summed(self.z(residuals), flights.reshape(len(flights), 3 * FLIGHT_DEGREES))
+        return self._summed(_log_size(self.z(residuals)), self._of_flights(residuals))
+
+    def joint(self, residuals: Residuals) -> Array:
+        """(releases,) the same where the channels of an impact count with their correlations: a change that shows in
+        a combination of them alone is small in each."""
+        square = chi_square(residuals.impacts, self._covariance) / residuals.impacts.shape[1]
+        logs = 0.5 * np.log(np.clip(square, SMALLEST_SD**2, LARGEST_SD**2))
+        return self._summed(logs, self._of_flights(residuals))
 
     def remaining(self, found: RegressedResiduals) -> Array:
         """(releases,) sums of logarithms of what a regression leaves."""
-        return self._summed(found.impacts_remaining, found.flights_remaining)
+        return self._summed(_log_size(found.impacts_remaining), _log_size(found.flights_remaining))
+
+    def _of_flights(self, residuals: Residuals) -> Array:
+        flights = np.clip(residuals.flights[:, :, :FLIGHT_DEGREES], -LARGEST_SD, LARGEST_SD)
+        return _log_size(flights.reshape(len(flights), 3 * FLIGHT_DEGREES))
 
     def _summed(self, impacts: Array, flights: Array) -> Array:
         n, data = len(self.count), self._data
         return np.asarray(
-            np.bincount(data.impact_release, _log_size(impacts), n)
-            + np.bincount(data.flight_release, _log_size(flights), n)
+            np.bincount(data.impact_release, impacts, n) + np.bincount(data.flight_release, flights, n)
         )
 
 

@@ -243,7 +243,7 @@ def closes_nothing(search: Search, name: str) -> float:
     draws = Draws(sizes, seed=0)
 
     def gap(own: CauseSet) -> Array:
-        return draws.gap(sizes.of(own.held_out.residuals))
+        return draws.gap(sizes.joint(own.held_out.residuals))
 
     pairs = [(search.alone[name], search.base), (search.best, search.without(search.best)[name])]
     return min(float(np.mean(gap(less) <= gap(own))) for own, less in pairs)

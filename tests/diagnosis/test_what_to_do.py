@@ -283,6 +283,19 @@ def test_an_effect_beside_the_verdict_is_corrected_after_it():
     assert "one cause at a time" in lines[1] and "7.0" in lines[2]
 
 
+def test_a_twin_beside_the_verdict_is_measured_before_it_is_corrected():
+    both = content("air_drag")
+    fits = {
+        "air_drag": parameters("air_drag", 0.07),
+        "frame_rate_error": parameters("frame_rate_error", 0.98),
+    }
+    both["beside"] = [{"effect": "frame_rate_error", "base": BASE, "parameters": fits}]
+    both["causes"] = [{"effect": "frame_rate_error", "group": ["scale_error"], "closes": 0.3}]
+    said = what_to_do(both, EXPERIMENT)[2]
+    assert said.startswith("These data cannot tell frame rate error and scale error apart. Measure a length")
+    assert "If it is frame rate error: The film was taken with" in said
+
+
 def test_an_effect_without_a_remedy_gets_a_sentence(monkeypatch):
     bare = {"air_drag": replace(catalogue()["air_drag"], remedy=None)}
     monkeypatch.setattr(module, "catalogue", lambda: bare)

@@ -101,13 +101,24 @@ def _after_effect(content: Mapping[str, Any], experiment: Experiment) -> list[st
             f"{listed(beside).capitalize()} {'was' if len(beside) == 1 else 'were'} found as well. Correct one "
             "cause at a time, and diagnose again after each: these numbers hold only together."
         )
-        lines += [instruction(name, content["beside"][-1], experiment) for name in beside]
+        lines += [
+            _doubt(content, name) + instruction(name, content["beside"][-1], experiment) for name in beside
+        ]
     if not all(catalogue()[name].camera for name in (verdict, *beside)):
         lines.append(
             "Until then, `rock2d predict OTHER --diagnosis diagnosis.json --out predictions.csv` predicts other "
             "films of this set-up with the effect."
         )
     return lines
+
+
+def _doubt(content: Mapping[str, Any], name: str) -> str:
+    """What comes before the instruction about a further cause, if these data cannot tell it from others."""
+    rivals: list[str] = next((own["group"] for own in content.get("causes", []) if own["effect"] == name), [])
+    if not rivals:
+        return ""
+    measure = f" {MEASURE_SCALE_AND_RATE}." if TWINS.get(name) in rivals else ""
+    return f"These data cannot tell {listed([name, *rivals])} apart.{measure} If it is {spoken(name)}: "
 
 
 def _alone(content: Mapping[str, Any], name: str, experiment: Experiment) -> str:

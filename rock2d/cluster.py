@@ -32,7 +32,7 @@ class Workers:
 
     Attributes
     ----------
-    processes : of this machine, with one thread each; None: as many as the work takes by default
+    processes : number of processes on this machine, with one thread each; None: as many as the work takes by default
     scheduler : address of a Dask scheduler, whose workers need access to the folder of the results (a shared file
         system) and should have one thread each; it takes the place of processes
     """

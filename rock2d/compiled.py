@@ -35,7 +35,7 @@ from rock2d import compiling
 
 _PACKAGE = Path(__file__).resolve().parent
 _parts = count()
-PARTS_PER_THREAD = 16  # of the releases: the slowest keep no thread waiting for long
+PARTS_PER_THREAD = 16  # parts of the work per thread: many, so that no thread waits long for the slowest part
 _KEPT = 4  # older caches are removed, newest first
 
 
@@ -142,7 +142,7 @@ class _WholeLibrary(JITCodeLibrary):
 
 
 class _NoEnvironment:
-    """Of code that does not run by itself."""
+    """Environment of code that does not run by itself."""
 
     @staticmethod
     def set_env(name, env):

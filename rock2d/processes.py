@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-MOST_DEATHS = 3  # of workers, one after the other without a finished job between them
+MOST_DEATHS = 3  # deaths of workers, one after the other without a finished job between them
 _KILL_AT_DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from rock2d.compiling import COMPILING, heard
 
-MEMORY = 0.3  # of the time so far: what happened longer ago hardly counts
+MEMORY = 0.3  # share of the time so far: what happened longer ago hardly counts
 LOG_INTERVAL_S, LOG_SHARE = 10.0, 0.1  # between two lines in a log file; the second, of the time so far
 FORM = "{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} {unit}{times}{postfix}"
 

@@ -92,7 +92,7 @@ def percentile_estimate(ranked: Mapping[int, float], n: int, percentile: float) 
     low, high = _interval_ranks(n, percentile)
     bounds = (ranked[low] if low >= 0 else float("nan"), ranked[high] if high < n else float("nan"))
     value = a + (b - a) * weight if weight < 0.5 else b - (b - a) * (1.0 - weight)  # as numpy rounds it
-    # of two values the line between them can lie outside
+    # with few values, what is interpolated between two of them can lie outside the interval
     return float(np.fmin(np.fmax(value, bounds[0]), bounds[1])), *bounds
 
 

@@ -16,7 +16,7 @@ from rock2d.runs.run import run
 from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
 
 ENGINE_OF_MODEL = {"deterministic": "batch", "probabilistic": "point_mass"}
-RELEASES_IN_FIGURE_3 = 25  # of each block
+RELEASES_IN_FIGURE_3 = 25  # per block
 FIGURE_DPI = 220
 
 

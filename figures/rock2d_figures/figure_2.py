@@ -12,7 +12,7 @@ from rock2d_figures.style import STYLES
 
 Array = np.ndarray
 
-FEWEST_CROSSINGS = 20  # of a hypothesis, for its distribution to be drawn
+FEWEST_CROSSINGS = 20  # crossings that a hypothesis must have for its distribution to be drawn
 SHARES = np.linspace(0.01, 0.99, 99)
 
 

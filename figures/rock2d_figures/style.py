@@ -16,8 +16,8 @@ STYLES: dict[str, tuple[str, Any, str]] = {
     "deterministic": (SIMULATED_COLOUR, "-", "D"),
     "probabilistic": (BLOCK_COLOURS[0], (0, (5, 1.6)), "s"),
 }
-MARGIN_LEFT_M, MARGIN_RIGHT_M, MARGIN_BELOW_M = 0.12, 0.12, 0.02  # of the picture round ditch and embankment
-SHOWN_LINE_LENGTH_M = 0.11  # of measure lines, so that their names stay in the picture
+MARGIN_LEFT_M, MARGIN_RIGHT_M, MARGIN_BELOW_M = 0.12, 0.12, 0.02  # margins around ditch and embankment
+SHOWN_LINE_LENGTH_M = 0.11  # longest drawn part of a measure line, so that its name stays in the picture
 
 
 def spelled(name: str) -> str:

@@ -20,7 +20,7 @@ Array = np.ndarray
 # in the others. The remaining cases hide one effect.
 SHARE_WITHOUT_CAUSE, SHARE_OUTSIDE = 0.2, 0.2
 SHARE_OF_COUNT = {2: 0.18, 3: 0.11, 4: 0.07}  # number of effects -> share
-LEAST_STRENGTH = 0.02  # of a cause, over the largest plausible one
+LEAST_STRENGTH = 0.02  # smallest strength of a cause, as a share of the largest plausible one
 # block size and mass of the paper's experiment, and its Table 4: k_l, k_ul, k_t, friction coefficient, k_r
 PAPER_BLOCK_SIZE_M, PAPER_BLOCK_MASS_KG = 0.02, 0.0225
 PAPER_LAW = (1.0e4, 6.0e4, 2.5e3, math.tan(math.pi / 6), 0.025)
@@ -41,7 +41,7 @@ class Case:
     Attributes
     ----------
     label : "none", or the hidden effects, and "unknown" for a cause outside the catalogue, joined by "+"
-    shapes : of each block, as the experiment file states it
+    shapes : shape of each block, as the experiment file states it
     heldout : (releases,) mask of those kept for the check
     soil_sd : (5,) scatter of the soil, see `reality.simulate_poses`
     """

@@ -33,8 +33,8 @@ from rock2d.scene.world import World
 Array = np.ndarray
 Worlds = Callable[[Array], tuple[World, World]]
 
-COUNTED_IMPACTS = 16  # of a stretch, whose instants are compared
-APPROACH = 0.3  # of √(radius / g), before and after an impact: so long the ground is turned, where it varies
+COUNTED_IMPACTS = 16  # largest number of impacts of a stretch whose instants are compared
+APPROACH = 0.3  # time before and after an impact during which the ground is turned, in √(radius / g)
 END_MARGIN_S = 1e-9  # the last frame is inside
 # by which an impact with the cause, or with the model, may lie inside a flight of the record, which looks like a longer
 # contact as long as no flight could be seen in between
@@ -49,7 +49,7 @@ class Injected:
     Attributes
     ----------
     experiment : with the changed trajectories
-    releases : of the record
+    releases : number of releases of the record
     pieces, cut : releases of the experiment; and how many of them end early, before an impact where the record flies
     """
 
@@ -80,7 +80,7 @@ def injected(
     ----------
     model, p : what the record was diagnosed with; an effect that it has adds up with the cause, see `with_cause`
     values : parameter -> value; those that are missing are neutral
-    seed : of an effect that varies from impact to impact
+    seed : for an effect that varies from impact to impact
     """
     model, before, after = with_cause(model, p, effect, values)
     film = load_film(experiment)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 CALIBRATION_COLUMNS = ("pairs", "present", "auroc", "brier", "ece", "ece_if_calibrated")
 CALIBRATION_HEAD = ("", "pairs", "present", "AUROC", "Brier", "ECE", "ECE of chance alone")
-KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # of LABEL_KINDS
+KIND_COLOURS = (PAGE_INK, PAGE_ACCENT, "#009e73", PAGE_WARM)  # in the order of LABEL_KINDS
 GROUP_NAMES = {
     "all": "all cases",
     "without_outside": "no outside cause",
@@ -53,7 +53,7 @@ GROUP_NAMES = {
 
 
 def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, path: Path) -> None:
-    """Write the page; `found`: `summary` of the cases, `digest`: of the sealed labels."""
+    """Write the page; `found`: `summary` of the cases, `digest`: that of the sealed labels."""
     outside = found["outside"]
     body = "".join([
         f"<h1>Blind trial of {found['cases']} cases</h1>"

@@ -27,7 +27,7 @@ from rock2d.files.experiment import Experiment, load_experiment, write_experimen
 from rock2d.files.folders import make_folder
 from rock2d.scene.world import World
 
-SHARE_OF_RECORDS = 1.0 / 3.0  # of the cases that can have a record as base
+SHARE_OF_RECORDS = 1.0 / 3.0  # share of all cases whose base is a record, if that many can have one
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Record:
 
     Attributes
     ----------
-    fit : of the diagnosis of the record as it is
+    fit : the fit that the diagnosis of the record as it is settles on
     named : effects that it holds anyway
     curves : effect -> the sizes that the whole record shows; without effects that it cannot show
     """

@@ -35,8 +35,8 @@ from rock2d.files.text_files import read_json
 
 Array = np.ndarray
 
-LARGEST_SHARE = 0.9  # of the plausible range, for what is put in and what the record has together
-CLOSE = 0.5  # of the size: by how much less or more may be found of an effect that the record has anyway
+LARGEST_SHARE = 0.9  # largest sum of effects put in and of the record, as a share of the plausible range
+CLOSE = 0.5  # largest error of an effect that the record has anyway, as a share of the size put in
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Plan:
 
     Attributes
     ----------
-    sizes : of (factor, "seen50" or "seen90"): multiples of the sizes that a linear model expects to be seen with 50 and
-        90 %
-    seed : of the order of the effects and of what varies from impact to impact
+    sizes : (factor, "seen50" or "seen90") of each: a multiple of the size that a linear model expects to be seen with
+        50 or 90 %
+    seed : for the order of the effects and for what varies from impact to impact
     """
 
     cases: int

@@ -31,7 +31,7 @@ Array = np.ndarray
 
 SIGNAL_TO_NOISE_EDGES = (0.0, 2.0, 5.0, 15.0, 50.0, np.inf)
 CLEAR_SIGNAL_TO_NOISE = 5.0  # from which on the data should allow a name
-CALIBRATION_BINS = 10  # of equal numbers of cases
+CALIBRATION_BINS = 10  # bins with equal numbers of cases
 CLAIMED_PROBABILITY = 0.5  # from which on an outside cause is claimed
 SURE_PROBABILITY = 0.9  # with which no wrong effect should be named
 # own signal-to-noise of a hidden effect: below the first it counts as absent, from the second on as present, between
@@ -41,7 +41,7 @@ CLOSURE_MARGIN = 0.15  # share of the gap by which a claimed closure may miss th
 RELEASE_GROUPS = {"below 30": (0, 30), "30 to 80": (30, 81), "above 80": (81, np.inf)}
 COUNT_GROUPS = {"1": (1, 2), "2 to 4": (2, 5)}  # hidden effects of the catalogue
 LABEL_KINDS = ("nothing", "one effect", "2 to 4 effects", "outside cause")
-MISSES = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # of predictions, that are compared
+MISSES = {"base", "base_tail", "diagnosed", "diagnosed_tail"}  # misses of predictions that are compared
 MADE = "made"  # base of a case that the reality engine made
 
 
@@ -59,7 +59,7 @@ class ScoredCase:
     names : each named effect with those that it shares its name with
     claimed, true : share of the gap closed, as the diagnosis says and in truth; None if unknown
     missed : misses of predictions of the held-out film, see `running`; empty without those of the tail
-    sizes : of named effects that are hidden, where they can be compared
+    sizes : errors of the sizes of named effects that are hidden, where they can be compared
     base, of_record : the real record below the case, or MADE; the effects that it holds anyway
     """
 
@@ -334,7 +334,7 @@ def known_closures(cases: Iterable[ScoredCase]) -> list[tuple[str, float, float]
 
 
 def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
-    """Claimed less true closure: of all cases, and of each kind of label."""
+    """Claimed less true closure, for all cases and for each kind of label."""
     known = known_closures(cases)
     groups = {"all": known} | {kind: [own for own in known if own[0] == kind] for kind in LABEL_KINDS}
     out = {}
@@ -349,7 +349,7 @@ def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
 
 
 def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
-    """What predictions of held-out films reach, beside the base law: of all cases, and of each kind of label: median
+    """What predictions of held-out films reach, beside the base law, for all cases and for each kind of label: median
     share by which the typical miss is smaller, and the share of cases in which the tail is not worse."""
     groups = {"all": list(cases)} | {kind: [c for c in cases if c.kind == kind] for kind in LABEL_KINDS}
     out = {}

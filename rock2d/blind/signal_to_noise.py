@@ -26,7 +26,7 @@ RELATIVE_STEP = 0.003
 WINDOW_AFTER_IMPACT = 3.0  # √(size / g): part of the flight after the first impact that is described
 MOST_SIMULATED_RELEASES = 40  # the result is scaled to all releases
 SOIL_DRAWS = 8  # from which the scatter is estimated
-SHRINKAGE = 0.3  # of the covariance that so few draws give, toward its diagonal
+SHRINKAGE = 0.3  # share by which the covariance of so few draws is shrunk toward its diagonal
 LARGEST_DEVIATION = 30.0  # standard deviations that one statistic may count: beyond, the linear picture fails
 LAW_PARAMETERS = ("k_l", "k_ul", "k_t", "mu", "k_r")
 
@@ -37,8 +37,8 @@ def signal_to_noise(case: Case) -> float:
 
 
 def signals_to_noise(case: Case) -> tuple[float, list[float]]:
-    """Of the hidden causes of a case together, and of each: standard errors of what it adds beside the others and they
-    cannot imitate."""
+    """Signal-to-noise of the hidden causes of a case together, and of each: standard errors of what it adds beside the
+    others and they cannot imitate."""
     if len(case.hidden) <= 1:
         own = signal_to_noise(case)
         return own, [own] * len(case.hidden)

@@ -26,10 +26,10 @@ class Meaning:
 
     Attributes
     ----------
-    parameter : of the catalogue
+    parameter : name of the parameter in the catalogue
     of : value of that parameter from the values that the reality engine hides
     neutral : value without the effect, from which sizes count
-    form : of the reality engine in which both mean the same
+    form : number of the form of the reality engine in which both mean the same
     """
 
     parameter: str
@@ -74,7 +74,7 @@ class SizeError:
 
 
 def size_errors(label: Mapping[str, Any], causes: Iterable[Mapping[str, Any]]) -> list[SizeError]:
-    """Of the named effects, from a label and the `causes` of a diagnosis."""
+    """Errors of the named effects, from a label and the `causes` of a diagnosis."""
     of_record = label.get("of_record", [])  # what is found of these is not only what was put in
     hidden = {str(own["name"]): own for own in label["hidden"] if own["name"] not in of_record}
     found = []

@@ -21,7 +21,7 @@ WALK_SCALES = (
     0.3,
 )  # steps over those of the optimal random walk, 2.38 / sqrt(d) (Roberts, Gelman & Gilks 1997)
 
-SHRINKAGE = 0.05  # of correlations between unknowns that move in different groups
+SHRINKAGE = 0.05  # relative increase of variances, against chance correlations across groups of unknowns
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Factor:
     Attributes
     ----------
     log_likelihood : (n, d) -> (n,), -inf where a hypothesis is impossible
-    columns : of the hypotheses, on which it depends
+    columns : columns of the hypotheses on which it depends
     highest : upper bound of it. Proposals that this bound cannot save are refused before it is computed.
     """
 

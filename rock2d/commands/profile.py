@@ -38,7 +38,7 @@ def write_profile(
     ----------
     line : x, y of the first and x, y of the last point of a section through a terrain model
     start : x, y of the point at which the fall line begins, instead
-    layer : of a drawing
+    layer : layer of a drawing
     zones : a table of start, end (stations in m) and name
 
     Raises InputError for what cannot be read, and if `out` exists.

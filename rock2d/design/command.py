@@ -19,7 +19,7 @@ from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
-FLOOR_OF_TARGET = 0.5  # of the target: if the largest size comes no lower, sampling decides the answer
+FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
 MOST_SHOWN = 1000  # releases of each block on the page
 PAGE, PAGE_WORK = "page", 8000.0  # stage, and its work in simulated releases
 

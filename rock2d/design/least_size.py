@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-DEFAULT_RELEASES = 1000  # of a scenario that says nothing about what is not known
+DEFAULT_RELEASES = 1000  # per block and site, for a scenario without the key `uncertainty`
 STEPS_OF_RANGE = 50  # the least size is found to this part of the range
 LARGEST, SMALLER = "largest size", "smaller sizes"  # stages of a search
-LATER_SHARE = 0.13  # of the time of the first size that another one takes, if they share descents
+LATER_SHARE = 0.13  # time of a later size as a share of that of the first, if they share descents
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Judgement:
-    """One size, judged: of each block the median frequency over the sites, and the bounds at the target's confidence.
+    """One size, judged: median frequency of each block over the sites, and the bounds at the target's confidence.
 
     Attributes
     ----------
@@ -237,8 +237,8 @@ def work_of_sizes(search: Search, tolerance: float | None = None) -> dict[str, f
 
 @contextmanager
 def size_bars(search: Search, bars: Bars, tolerance: float | None = None) -> Iterator[Callable[[float], Bar]]:
-    """Give the bar that a size advances: of the largest one, which is judged first and simulates what all sizes share,
-    or of the others."""
+    """Give the bar that a size advances: one bar for the largest size, which is judged first and simulates what all
+    sizes share, one for the others."""
     sites = len(search.sites)
     with ExitStack() as stack:
         first = bar = stack.enter_context(bars.stage(LARGEST, sites, "sites"))

@@ -73,8 +73,8 @@ class OnrFactors:
 
     Attributes
     ----------
-    gamma_e : of the kinetic energy
-    gamma_h : of the passing height
+    gamma_e : factor on the kinetic energy
+    gamma_h : factor on the passing height
     """
 
     gamma_e: float = 1.05

@@ -38,7 +38,7 @@ class PossibleSites:
     Attributes
     ----------
     places : (d,) where the values stand in the scenario file
-    values : (N (d + 2), d) in the order of SALib's Sobol sample: of each of N groups the first and the last site are
+    values : (N (d + 2), d) in the order of SALib's Sobol sample: in each of N groups the first and the last site are
         independent draws, the d in between take one value each from the last
     seed : from which the releases of each group follow
     posterior : draws of a calibration; the value of its factor is the number of a draw

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from rock2d.design.least_size import Answer
 
 PAGE = "report.html"
-REPORTED_TABLES = ("passing", "percentiles", "stops")  # of all releases
+REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
 ZOOM_HEIGHTS = 3.0  # heights of the embankment that are shown before and behind it
 LIMITS = (
     "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
@@ -89,7 +89,7 @@ class SiteResults:
     tables : passing, percentiles and stops of all releases
     remarks : what is not resolved
     assessment : over the possible sites, if something is not known
-    answer : of the search for the least size, if there was one
+    answer : result of the search for the least size, if there was one
     compared : before and after the scenario's diagnosis
     """
 

@@ -76,8 +76,8 @@ class SharedDescents:
     Parameters
     ----------
     smallest, largest : the scenario of each site with the smallest and the largest size
-    seeds : of the releases of each site
-    releases : of each block on each site
+    seeds : seeds of the releases of each site
+    releases : number of releases of each block on each site
     """
 
     def __init__(

@@ -12,8 +12,8 @@ import numpy as np
 Array = np.ndarray
 
 DRAWS = 400
-MEANS = 120  # of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
-LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS = 1.0, 1.0e5, 16  # of nu
+MEANS = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
+LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
 def frequency_draws(passed: Array, releases: int, rng: np.random.Generator) -> Array:

@@ -23,8 +23,8 @@ SENSITIVITY_COLUMNS = (
 )  # fmt: skip
 FREQUENCY = "frequency"
 DESIGN_PERCENTILE = 95.0
-FEWEST_CROSSINGS = 5  # of a site, for a percentile of what crosses there
-DRAWS_PER_SITE = 200  # of the sampling error, for the bounds of the mixture over the sites
+FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
+DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites
 
 
 def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:
@@ -32,8 +32,8 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     UNCERTAIN_COLUMNS.
 
     value: median over the sites. low95, high95: bounds of the mixture, over the sites, of what sampling leaves open
-    about each. share_not_known and share_sampling: of the variance of what is written here. A frequency's upper bound
-    counts unresolved releases as passed; unresolved: their share over all sites.
+    about each. share_not_known and share_sampling: shares of the variance of what is written here. A frequency's upper
+    bound counts unresolved releases as passed; unresolved: their share over all sites.
     """
     import pandas as pd
 

@@ -45,7 +45,7 @@ REGISTERED, BESIDE_REGISTERED = ("camera_tilt", "scale_error"), ("flight_damping
 MOST_REGISTRATIONS = 2
 REGISTERED_Z = 5.0  # standard errors that one of them must have
 OTHER_FLIGHTS = 0.02  # share of the flights that must come or go with them
-EXPLAINING = 0.5  # of the largest gain of a model: one that gains less says nothing of what acts
+EXPLAINING = 0.5  # share of the largest gain of a model: one that gains less says nothing about what acts
 BETTER_RIVAL_Z = 1.0  # standard errors by which a rival must do better than a member
 MOST_RESTARTS = 2  # with a better base law
 
@@ -79,8 +79,8 @@ class Attribution:
         its gain over the set without it. Where no effect gains significantly, the best one
     base_regressed, best_regressed : flexible regression of the residuals of the base and of the last model of the
         chain
-    probabilities : of the single answers: the effects, "none" and "unknown"
-    evidence : of each effect that was in the best set, also of those that are not named
+    probabilities : probabilities of the single answers: the effects, "none" and "unknown"
+    evidence : evidence for each effect that was in the best set, also of those that are not named
     outside : probability that something outside the catalogue acts
     unexplained : significant dependences in the residuals of the last model of the chain, the strongest first
     learnt : what was learnt beside the named effects; beside others, too, if that predicts better (`uncertain`)
@@ -169,7 +169,7 @@ def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array
         residuals = [model.residuals(p, some).impacts for p in corners]
         # channels in units of their median residual over all corners
         scale = np.nanmedian(np.abs(np.concatenate(residuals)), axis=0)
-        scale[scale == 0.0] = 1.0  # of what was not measured
+        scale[scale == 0.0] = 1.0  # channels that were not measured
         misfit = [np.log1p(np.nan_to_num(np.abs(r) / scale, nan=LARGEST_CHI_SQUARE)).sum() for r in residuals]
         for i in np.argsort(misfit)[:BASE_STARTS]:
             found.append(fit(model, some, corners[i], rounds=EXPLORING_ITERATIONS))

@@ -30,8 +30,8 @@ BOOTSTRAPS = 1000
 # what the true law would leave over the floor: median, and standard deviation of its logarithm; measured on films with
 # null twins (`blind.true_closure`)
 TRUE_FLOOR, TRUE_FLOOR_SD = 0.97, 0.07
-LARGEST_SD = 30.0  # of a residual; a larger one, or an impact that cannot be simulated, counts as this
-SMALLEST_SD = 1e-3  # of a segment
+LARGEST_SD = 30.0  # largest residual; a larger one, or an impact that cannot be simulated, counts as this
+SMALLEST_SD = 1e-3  # smallest root mean square of the residuals of an impact or flight
 GAP_UNIT = "typical residual: geometric mean over impacts and flights, in standard deviations of noise and soil scatter"
 LARGEST_CORRECTION = 2.0  # factor that makes shares sum to the whole
 
@@ -158,7 +158,7 @@ def budget(
     ----------
     sets : effects of a model -> (releases,) sums of logarithms; with no effect, with `named`, with each of them alone
         and without each of them; of up to three effects all subsets
-    learnt : of the model with learnt changes
+    learnt : the same for the model with learnt changes
     floors : (1 + draws,) gaps of the floors by regression and by replicates
     """
     gaps = {names: draws.gap(logs) for names, logs in sets.items()}
@@ -176,7 +176,7 @@ def budget(
 
 
 def share(closed: Array, open_gap: Array, spread: tuple[Array, Array] | None = None) -> Share:
-    """Of the gap (1 + draws,) that which is `closed` (1 + draws,), with the smallest and largest over the orders."""
+    """Share of the gap (1 + draws,) that is `closed` (1 + draws,), with the smallest and largest over the orders."""
     if np.quantile(open_gap[1:], 0.025) <= 0.0 or open_gap[0] <= 0.0:  # there is no gap to close
         return Share(0.0, (0.0, 0.0), (0.0, 0.0))
     of = closed / np.maximum(open_gap, 1e-12)

@@ -36,11 +36,12 @@ ADDED_AT_ONCE = 4  # additions that are fitted at each step
 EXCHANGED_AT_ONCE = 2  # rivals of each member that are fitted
 LEAST_EXPECTED_GAIN = 1.0  # log likelihood that screening must expect of an addition
 LEAST_SCATTER_GAIN = 3.0  # log likelihood that an effect which only widens the scatter must gain alone
-REFIT_SHARE = 0.5  # of the largest gain among additions that one must gain to be fitted again
+REFIT_SHARE = 0.5  # share of the largest gain among additions that one must gain to be fitted again
 EXCHANGE_GAIN = 1.0  # log likelihood that an exchange must gain
 MOST_EXCHANGES = 3
 MISSED_BY_FORM = 0.1  # share of what a cause gains that a form which is not quite its own may miss
-# of which a set has one at most: the same change of gravity in flights, and only heights of contacts tell them apart
+# effects of which a set has one at most: in flights they change gravity alike, and only heights of contacts tell them
+# apart
 TWINS = {"scale_error": "frame_rate_error", "frame_rate_error": "scale_error"}
 
 
@@ -58,7 +59,7 @@ class CauseSet:
 
     @property
     def names(self) -> Names:
-        """Of the effects."""
+        """Names of the effects."""
         return frozenset(effect.name for effect in self.fit.model.effects)
 
 
@@ -143,7 +144,7 @@ class Search:
         }
 
     def gain(self, own: CauseSet, other: CauseSet) -> Gain:
-        """Of a set over another one."""
+        """Gain of a set over another one."""
         return held_out_gain(self.data, own, other)
 
     def _ahead(self, own: CauseSet, less: CauseSet, name: str) -> Gain | None:
@@ -387,7 +388,7 @@ def _fit_step(data: Data, step: _Addition | Reduction | _Refit, folder: Path | N
 
 
 def _name(step: _Addition | Reduction | _Refit) -> str:
-    """Of what a step fits, and from where."""
+    """Name of what a step fits, and from where."""
     parts = (step.before.p, getattr(step, "start", None))
     key = hashlib.sha256(b"".join(part.tobytes() for part in parts if part is not None)).hexdigest()[:8]
     return f"{'+'.join(step.names)}_{key}"

@@ -43,7 +43,7 @@ from rock2d.kinematics.impacts import ground_axes
 
 Array = np.ndarray
 
-FALSE_ALARMS = 0.03  # of the checks of means together, and of those of spreads, if the model is right
+FALSE_ALARMS = 0.03  # chance that any check of means fails although the model is right; the same for spreads
 REPLICATES = 5000
 LEAST_LEFT = 0.05  # share of its variance that the fitted parameters must leave of a pattern
 SAID = {"series": "release", "orientation to the ground": "orientation"}  # dependences in plain words
@@ -72,7 +72,7 @@ class Check:
     Attributes
     ----------
     name, compared : what is looked at, and what is measured of it; `largest`: the largest pattern
-    value : of the film, in standard deviations of the replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
+    value : that of the film, in standard deviations of replicates; `replicates`: their quantiles 0.05, 0.5 and 0.95
     p : share of the replicates that are as far out; `p_of_all`: in which any check is as improbable
     """
 
@@ -109,7 +109,7 @@ class Checks:
 
     @property
     def p(self) -> float:
-        """Probability that a true model would look this bad: of a mean as improbable as the most improbable one."""
+        """Probability that a true model would look this bad: have a mean as improbable as the most improbable one."""
         return min((check.p_of_all for check in self.means), default=1.0)
 
     def content(self) -> list[dict[str, Any]]:
@@ -165,7 +165,7 @@ class _Side(NamedTuple):
     ----------
     release : (n,)
     z, weight, slope : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their slopes
-    names, channels : of the checks, and (n, 3, d) what each is of z, in standard deviations
+    names, channels : names of what the checks look at, and (n, 3, d) what each is of z, in standard deviations
     quantities : name -> (n,)
     lever : (n,) by which a pattern acts
     """
@@ -192,9 +192,8 @@ class _Left:
         root = np.linalg.cholesky(covariance)
         whiten, known = np.linalg.inv(root), np.isfinite(r).all(axis=1)
         heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
-        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[
-            :, -3:
-        ]  # of the rates, the last columns
+        # standard deviations of the rates, the last columns
+        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, -3:]
         self._soil = whiten @ fit.slope.scatter
         self._impacts = _Side(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
@@ -235,7 +234,7 @@ class _Left:
     def _chosen(
         self, table: Mapping[str, Sequence[str]], dependences: Entries, side: _Side
     ) -> Iterator[tuple[str, Array, list[str]]]:
-        """Of each check of a table its name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
+        """For each check of a table: name, functions (n, k) of mean 0 unless constant, and names of the patterns."""
         members = {BLOCK: list(self._world.blocks), ZONE: self._world.cross_section.zone_names}
         entries = {name: dependences[name] for names in table.values() for name in names}
         known = bases(entries, side.quantities) if side.quantities else {}

@@ -11,7 +11,7 @@ from rock2d.files.diagnosis import KNOWN_SCHEMAS
 from rock2d.files.diagnosis_keys import DiagnosisFile
 from rock2d.files.fitted_keys import FittedParameter
 
-FEWEST_PROBABILITY = 0.05  # of an effect whose parameters are of interest
+FEWEST_PROBABILITY = 0.05  # probability from which on the parameters of an effect are of interest
 AGREEMENT = 1.0  # largest difference over the half width of its 95 % interval
 PLACE_KEYS = ("phase", "zone", "block", "channel")
 
@@ -126,7 +126,7 @@ def _paired(names: Iterable[str], a: Mapping[str, Any], b: Mapping[str, Any]) ->
 
 
 def _probabilities(a: DiagnosisFile, b: DiagnosisFile) -> list[dict[str, Any]]:
-    """Of every answer, that with the largest probability in either first."""
+    """Probability of every answer, that with the largest one in either diagnosis first."""
     names = list(dict.fromkeys([*a.probabilities, *b.probabilities]))
     pairs = _paired(names, a.probabilities, b.probabilities)
     return sorted(pairs, key=lambda pair: -max(pair["a"] or 0.0, pair["b"] or 0.0))

@@ -46,7 +46,7 @@ class HeldOut:
 
     Attributes
     ----------
-    residuals : of all impacts and flights, each predicted by the fit without its fold
+    residuals : residuals of all impacts and flights, each predicted by the fit without its fold
     score : (releases,) log likelihood of each release
     """
 
@@ -97,7 +97,7 @@ def cross_validate(fit: Fit, data: Data) -> HeldOut:
 
 
 def fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
-    """Of each fold, the parameters of the fit without it, and the residuals at them."""
+    """For each fold, the parameters of the fit without it, and the residuals at them."""
     fold = folds(data)
     impact_fold, flight_fold = fold[data.impact_release], fold[data.flight_release]
     covariance = fit.covariance()

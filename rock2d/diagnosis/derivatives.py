@@ -12,7 +12,7 @@ from rock2d.kinematics.film_segments import STATE_SIZE
 
 Array = np.ndarray
 
-DIFFERENCE_STEP = 0.02  # of a parameter's scale
+DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
 
 
 @dataclass
@@ -48,7 +48,7 @@ def slopes(
     ----------
     at : residuals at p
     soil : (k,) scatter at which the covariance of the noise is computed
-    covariance : of the noise, if it is known
+    covariance : covariance of the noise, if it is known
     known : derivatives by the first parameters at the same place, if they are known
     """
     (n, d), size = at.impacts.shape, model.size

@@ -51,12 +51,12 @@ Array = np.ndarray
 SEEN_Z = 3.0  # standard errors that the gain of an effect must have to be named
 BOOTSTRAPS = 400
 TRIED_SIZES, ZOOMS = 7, 2  # sizes of a search, and searches, each between two sizes of the one before
-SMALLEST_TRIED = 1e-3  # of the largest plausible size
-LEAST_STEEPNESS = 1.0  # of a curve that a coarse search does not resolve
+SMALLEST_TRIED = 1e-3  # smallest size that is tried, as a share of the largest plausible one
+LEAST_STEEPNESS = 1.0  # least steepness that a coarse search gives a curve
 ODDS_90, ODDS_95 = np.log(9.0), np.log(19.0)
-SHARED_SD, OWN_SD = 0.7, 0.4  # of the shifts of curves, in the logarithm of the size
-ONE_SIDED_Z = 1.645  # of a 95 % limit
-SCANNED_SIZES = 60  # of a scatter, for the largest that is possible
+SHARED_SD, OWN_SD = 0.7, 0.4  # prior standard deviations of shifts of curves, in the logarithm of the size
+ONE_SIDED_Z = 1.645  # standard errors of a one-sided 95 % limit
+SCANNED_SIZES = 60  # sizes of a scatter that are tried, to find the largest possible one
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Curve:
     """The probability that an effect of a size is named: 1 / (1 + (seen50 / size)^steepness).
 
     compatible : the largest size that the fit of the record as it is allows
-    value : of its first parameter, that this fit settles on
+    value : value of its first parameter that this fit settles on
     found : whether it was named in the record as it is
     largest : plausible size
     """
@@ -194,8 +194,8 @@ class _Tried:
         return float(np.mean((z > SEEN_Z) & (self._weights @ gain > self._least)))
 
     def _gains(self, size: float) -> list[Array]:
-        """Of each sign (releases,): held-out gain, as the linear model expects it, over what it gains in the record as
-        it is."""
+        """For each sign (releases,): held-out gain, as the linear model expects it, less that in the record as it
+        is."""
         fit, data = self._fit, self._data
         values = values_of_size(self._effect, size, self._world)
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)

@@ -40,7 +40,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-# of films whose flights can still be read
+# faults of films whose flights can still be read
 FAULTS_THAT_LEAVE_FLIGHTS = {
     checks.FEW_RELEASES, checks.FEW_IMPACTS, checks.WRONG_GRAVITY, checks.CONSTANT_ANGLE, checks.BELOW_GROUND,
     checks.ABOVE_GROUND, checks.BESIDE_GROUND,

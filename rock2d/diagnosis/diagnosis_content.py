@@ -25,11 +25,11 @@ from rock2d.laws.contact import INDENTATION
 
 Array = np.ndarray
 
-LEAST_LISTED_PROBABILITY = 0.05  # of an effect among the causes
-# of the size of an effect, 1 standard deviation: no law is exactly that of the ground, the air or the camera; measured
-# on films whose effects are known (`blind.size_errors`)
+LEAST_LISTED_PROBABILITY = 0.05  # probability from which on a cause that is not named is listed
+# relative standard deviation of the size of an effect: no law is exactly that of the ground, the air or the camera;
+# measured on films whose effects are known (`blind.size_errors`)
 MODEL_ERROR = 0.01
-NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # of a cause
+NO_SHARE: dict[str, Any] = dict.fromkeys(("closes", "closes_ci95", "closes_range"))  # for an unknown share
 UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could not be diagnosed
 
 
@@ -49,7 +49,7 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
                 low, high = value - half, value + half
             if parameter.choices:
                 low = high = value
-            if parameter.low == parameter.neutral:  # of one sign, as a standard deviation is
+            if parameter.low == parameter.neutral:  # it has one sign, as a standard deviation has
                 low = max(low, min(parameter.low, value))
             entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
             if (name := parameter.called(float(value))) is not None:

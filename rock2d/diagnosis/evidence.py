@@ -44,28 +44,29 @@ EVEN_RATIO = 0.5  # gain over that of what is learnt in its place at which an ef
 # weak one must gain more than any scatter, as the forms of the others may leave as much; a strong one need not
 EVEN_SCATTER_RATIO, EVEN_SCATTER_RATIO_BESIDE = 0.8, 1.25
 SAME_GAIN = 0.2  # share by which a gain may change before what is learnt in its place is learnt again
-RATIO_STEEPNESS = 8.0  # of the logarithm of the odds against the logarithm of the ratio
+RATIO_STEEPNESS = 8.0  # slope of the logarithm of the odds over the logarithm of the ratio
 RIVAL_Z = 2.0  # standard errors between effects that the data cannot separate
 # An effect of many parameters takes on what another does in a form that is not the catalogue's.
 OTHER_FORMS, OTHER_FORM_Z = {"zone_contrast": ("embankment_yield",)}, 1.5
 MOST_RIVALS = 2  # effects that may stand for one that is named
 NAMED_PROBABILITY = 0.5  # from which on an effect, with its rivals, is one of the causes
-# of what the causes gain: what the forms of their laws may leave to be learnt, and for another effect to explain
+# shares of what causes gain that the forms of their laws may leave: to be learnt (causes in the world, causes in the
+# camera), and for another effect to explain
 FORM_SHARE, CAMERA_SHARE, EFFECT_FORM_SHARE = 0.25, 0.05, 0.05
 FORM_STEEPNESS = 3.0
-# of the plausible range on either side: a smaller size is of no use to anybody, unless its gain is plain, and one at
-# its end fits nothing
+# sizes as shares of the plausible range on either side: a smaller one is of no use to anybody, unless its gain is
+# plain, and one at the end of the range fits nothing
 LEAST_SIZE, LARGEST_SIZE = 0.015, 0.999
 PLAIN_Z = 20.0  # standard errors of a gain
-TRIED_DEPENDENCES = 60  # of which the best is learnt
+TRIED_DEPENDENCES = 60  # number of dependences of which the best is learnt
 UNSEEN = 0.03  # probability that something acts that is not seen
 PRIOR = {"none": 0.25, "unknown": 0.15}  # the effects share the rest
-PRIOR_SHARE = 0.02  # of the probability follows the prior
+PRIOR_SHARE = 0.02  # share of a probability that follows the prior
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Of a member of a set of causes.
+    """Evidence for a member of a set of causes.
 
     Attributes
     ----------
@@ -75,8 +76,8 @@ class Evidence:
         another form, in the flights or impacts in which the effect shows
     chance : probability that chance gives as large a gain, or that it closes no part of the gap
     ahead : rival -> standard errors by which the set is better than with the rival in its place, the closest first
-    form_share : of `others` that may only repair the forms of their laws
-    even_ratio : of the gains `alone` and `instead` at which it is as probable as not
+    form_share : share of `others` that may only repair the forms of their laws
+    even_ratio : ratio of the gains `alone` and `instead` at which it is as probable as not
     """
 
     alone: Gain
@@ -250,7 +251,7 @@ def closes_nothing(search: Search, name: str) -> float:
 
 
 def _form_share(effect: Effect) -> float:
-    """Of what a cause gains, how much the form of its law may leave: a choice nothing."""
+    """Share of what a cause gains that the form of its law may leave; 0 for a choice."""
     if effect.parameters[0].must_choose:
         return 0.0
     return CAMERA_SHARE if effect.camera else FORM_SHARE

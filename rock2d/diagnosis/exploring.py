@@ -22,7 +22,7 @@ WIDE_SCAN = 10.0  # factor on the variance of the second scan
 SCAN_VALUES = 9  # values of a parameter that a scan tries
 MOST_RESCANS = 3
 RESCAN_GAIN = 1.0  # log likelihood that a further scan must gain
-# of a step, below which a fit has converged whose effect gained nothing on some releases
+# gain in log likelihood of a step below which a fit has converged whose effect gained nothing on some releases
 COARSE_CONVERGED_GAIN = 8.0
 EXPLORED_GAIN = 1.0  # log likelihood of an effect on some releases for the fit to start from there
 REFIT_GAIN = 15.0  # log likelihood that an effect must gain before its parameters are searched again
@@ -56,7 +56,7 @@ class Explored(NamedTuple):
 def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
     """Explore a model with more effects than `base` has (which come first), on some releases.
 
-    `on_some`: of `fit_to_some`. The base gains, too, if it is fitted to a few releases.
+    `on_some`: log likelihood that `fit_to_some` returns. The base gains, too, if it is fitted to a few releases.
     """
     some = some_releases(data)
     if some.all():

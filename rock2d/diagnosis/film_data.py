@@ -31,7 +31,7 @@ COARSE_STEPS = 2.0  # times as long: the residuals change by 0.01 of the noise (
 
 @dataclass
 class FilmData(FilmSegments):
-    """n impacts and m flights of a film. `step_fraction`: of the simulated impacts, see `run_batch`.
+    """n impacts and m flights of a film. `step_fraction`: that of the simulated impacts, see `run_batch`.
 
     Attributes
     ----------

@@ -24,10 +24,10 @@ Array = np.ndarray
 
 MOST_ITERATIONS = 30
 START_DAMPING = 1e-3
-MOST_DAMPINGS = 5  # of a step that gains nothing
+MOST_DAMPINGS = 5  # dampings that are tried until a step gains
 START_SCATTER, SMALLEST_START_SCATTER = 0.05, 3e-3
 EXPLORING_ITERATIONS = 5  # iterations of fits that only explore
-MOST_UPDATES = 4  # of derivatives before they are computed again
+MOST_UPDATES = 4  # updates of the derivatives before they are computed again
 CONVERGED_GAIN = 0.2  # gain in log likelihood of a step below which a fit has converged
 BEHIND_SHARE = 0.02  # the same, of the log likelihood by which a rival is ahead
 NOISE_UPDATE_CHANGE = 0.1  # change of a parameter after which the noise is computed again
@@ -128,7 +128,7 @@ def fit(
     slope: Slopes | None = old.slope if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curve = START_DAMPING, np.eye(model.size)
-    updates: int | None = None  # of the derivatives since they were computed; None: they have to be
+    updates: int | None = None  # updates of the derivatives since they were computed; None: compute them
     for round in range(rounds):
         if updates is None:
             # the noise is computed again when the fit has moved far from its start

@@ -61,7 +61,7 @@ class Cell:
 
     Attributes
     ----------
-    share : of the whole; `z`: the same in standard errors
+    share : share of the whole gap; `z`: the same in standard errors
     base, augmented : typical residual there, of the base law and of the best model
     """
 
@@ -81,8 +81,8 @@ class Part:
 
     Attributes
     ----------
-    taken : by which the best explanation reduces those of the base
-    base, augmented : of the base law and of the best model
+    taken : amount by which the best explanation reduces those of the base
+    base, augmented : those of the base law and of the best model
     """
 
     phase: str

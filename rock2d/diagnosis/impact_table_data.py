@@ -35,7 +35,7 @@ START_GAP_RADII = 0.3  # block radii by which the block is moved back before the
 SLOWEST_START_M_S = 0.05  # speed of a slower block when it is moved back
 VELOCITY_STEP_S = 1e-6  # for velocities in the image
 LONGEST_IMPACT = 3.0  # in √(radius / g)
-RELATIVE_PRECISION = 1e-3  # of the numbers in a table, in units of the spread of their column
+RELATIVE_PRECISION = 1e-3  # precision of the numbers in a table, in units of the spread of their column
 
 
 @dataclass

@@ -81,7 +81,7 @@ class LearntModel(Model):
         return found
 
     def coefficients(self, p: Array) -> list[Array]:
-        """Of each answer."""
+        """Coefficients of each answer."""
         ends = np.cumsum([answer.size for answer in self.answers])[:-1]
         return np.split(p[self.named_size :] * self.widths, ends) if self.answers else []
 

@@ -44,9 +44,9 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-COUNTED_IMPACTS = 16  # of a segment, among which a flight is looked for
+COUNTED_IMPACTS = 16  # impacts of a segment among which a flight is looked for
 STEPS_OF_LEAST_FLIGHT = 8  # steps in which a flight is followed, in the shortest flight
-LONGEST_STEP_RADII = 0.25  # of the smallest block, so that no step leads through an edge of the ground
+LONGEST_STEP_RADII = 0.25  # in radii of the smallest block: no step leads through an edge of the ground
 
 
 @dataclass

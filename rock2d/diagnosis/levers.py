@@ -49,7 +49,7 @@ LEVER_QUANTITIES = {
     lever: quantities_of(own) | ({TIME_S} if lever == FRAME else set())  # what the ground does has waves, too
     for lever, own in DEPENDENCES.items()
 }
-FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # of a state, that the numbers of the frame change
+FRAME_COLUMNS = (VX, VY, OMEGA, THETA)  # columns of a state that the numbers of the frame change
 SLOPE_STEP_RAD = 0.003  # for differences
 STATE_STEP = 0.003  # for differences, in units of the block's size and √(gravity × size)
 
@@ -152,7 +152,7 @@ class Levers:
 
     @cached_property
     def impact_quantities(self) -> dict[str, Array]:
-        """Of the impacts, name -> (n,)."""
+        """Quantities of the impacts, name -> (n,)."""
         return self._data.impact_quantities(self.world)
 
     @cached_property

@@ -19,7 +19,7 @@ Array = np.ndarray
 IMPACT_STUDENT_DF = 4.0  # degrees of freedom of the Student distribution of an impact
 FLIGHT_STUDENT_DF = 8.0  # and of a flight's coefficient
 LARGEST_BEND = 2.0 / 3.0  # share of the curvature that large residuals take away
-ROUNDING = 1e-15  # of the curvature: two parameters that no data tell apart leave it singular
+ROUNDING = 1e-15  # relative addition to the curvature, which is singular if no data tell two parameters apart
 LARGEST_CHI_SQUARE = 1e5  # chi-square of an impact; a larger one counts as this
 
 
@@ -88,7 +88,8 @@ def clustered_covariance(
     larger than the model says: the sandwich of White (1982), with releases as clusters (Liang and Zeger 1986,
     Biometrika 73(1), 13-22). No variance is smaller than the inverse of `curve` (P, P) says.
 
-    `curve`: of `normal_equations` and the prior; `release`: of each impact and each flight; `count`: of releases.
+    `curve`: that of `normal_equations` and the prior; `release`: index for each impact and each flight; `count`: number
+    of releases.
     """
     scores = np.zeros((count, len(curve)))
     r, good = np.nan_to_num(residuals.impacts), np.isfinite(residuals.impacts).all(axis=1)

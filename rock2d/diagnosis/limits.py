@@ -12,7 +12,7 @@ from rock2d.errors import InputError
 from rock2d.files.diagnosis_keys import Limit
 from rock2d.files.text_files import read_json
 
-LIMITS, TRUTH = "limits.json", "truth.json"  # of the folder of a study
+LIMITS, TRUTH = "limits.json", "truth.json"  # files in the folder of a study
 EXPECTED = (
     "The limits of the effects are what a linear model expects; no film with a known cause was diagnosed for them "
     "(see `rock2d blind inject`)."

@@ -23,7 +23,7 @@ BASE_WIDTH = np.array([2.0, 0.7, 2.0, 0.7, 2.0])
 LARGEST_LOG_K_L = 4.5  # logarithm of k_l / start; stiffer ground takes long to simulate and looks the same
 STIFFNESS_PARAMETERS = [BASE_K_L, BASE_K_T]  # k_ul follows k_l
 STIFFNESS_HEADROOM = 2.0  # logarithmic, by which effects may raise them
-SMALLEST_STIFFNESS_RATIO = 1.02  # of unloading to loading stiffness
+SMALLEST_STIFFNESS_RATIO = 1.02  # least ratio of unloading to loading stiffness
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rock2d.records.columns import POSITION, THETA
 
 Array = np.ndarray
 
-FAINTEST_NOISE = 5.0e-5  # of block sizes and rad; a film with less has none
+FAINTEST_NOISE = 5.0e-5  # in block sizes and rad; a film with less noise has none
 CAMERA_NOISE = 2.0e-2  # in the same units
 NOISE_SEED = 1
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = np.ndarray
-# of films that cannot be read; any other film is predicted
+# faults of films that cannot be read; any other film is predicted
 UNREADABLE = {
     sanity.NO_FRAMES, sanity.NO_MOTION, sanity.FRAME_RATE, sanity.LENGTH_UNIT, sanity.ANGLE_UNIT,
     sanity.WRONG_GRAVITY, sanity.UPWARD_GRAVITY,
@@ -62,13 +62,13 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
 
 
 def _found(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Base law and effects of a diagnosis: of its joint model, unless that lacks the verdict; then of the verdict."""
+    """Base law and effects of a diagnosis: those of its joint model, or if that lacks the verdict, of the verdict."""
     verdict, model = content["verdict"], _joint(content)
     if model:
         return model["base"], model["parameters"]
     if verdict in ("none", "unknown"):
         return content["base"], {}
-    if content.get("beside"):  # of a diagnosis without the key model
+    if content.get("beside"):  # a diagnosis without the key model
         return content["beside"][-1]["base"], content["beside"][-1]["parameters"]
     return content["effects"][verdict]["base"], {verdict: content["effects"][verdict]["parameters"]}
 

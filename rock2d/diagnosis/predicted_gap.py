@@ -24,9 +24,9 @@ from rock2d.records.columns import THETA
 
 Array = np.ndarray
 
-TAIL_PERCENTILE = 95.0  # of the misses
-REPLICATES = 4  # of each segment, for the floor
-DRAWS = 400  # of the bootstrap over releases
+TAIL_PERCENTILE = 95.0  # percentile of the misses
+REPLICATES = 4  # replicates of each segment, for the floor
+DRAWS = 400  # bootstrap draws of the releases
 # times the tail without a change: more than the tail of other draws of the releases differs
 HARMFUL_TAIL = 1.02
 TINY = 1e-18  # variance that keeps a covariance of states positive definite
@@ -39,11 +39,11 @@ class PredictedGap:
     Attributes
     ----------
     release : (n,) index of the release
-    base, augmented : (n,) of the base law and of the diagnosed model, each fitted to other releases
-    floor : (REPLICATES, n) of the diagnosed model, if it were exact: from the noise of the measured state before the
+    base, augmented : (n,) misses of the base law and of the diagnosed model, each fitted to other releases
+    floor : (REPLICATES, n) misses of an exact diagnosed model: from the noise of the measured state before the
         segment, the scatter of the soil, and the noise of the frames
-    noise : (3,) of a frame, in m, m, rad
-    ends : of both models the median distance in mm and turn in degrees from the film at the ends of the segments; NaN
+    noise : (3,) noise of a frame, in m, m, rad
+    ends : median distance in mm and turn in degrees of both models from the film at the ends of the segments; NaN
         where no angle was measured
     """
 

@@ -22,13 +22,13 @@ Array = np.ndarray
 CONSTANT = "nothing"  # what a constant depends on
 SPLINE, FINE, HARMONICS, KINDS, LINE, WAVES = "spline", "fine", "harmonics", "kinds", "line", "waves"
 SPLINE_DEGREE = 2
-# between quantiles of the measured values: of a usual and of a fine spline
+# number of pieces between quantiles of the measured values, for a usual and for a fine spline
 SPLINE_PIECES = {SPLINE: 5, FINE: 16}
 LEAST_VALUES_PER_PIECE = 6  # measured ones
 SLOWEST_WAVE, FASTEST_WAVE = 0.1, 3.5  # oscillations in √(size / g)
 WAVES_PER_PHASE = 2.0  # frequencies for each further oscillation over the measured times
-FADE = 0.5  # of the measured range: how far beyond it a change has faded to nothing
-LEAST_SPREAD = 1e-9  # of a quantity that varies, relative to its size
+FADE = 0.5  # share of the measured range over which a change fades to nothing beyond its ends
+LEAST_SPREAD = 1e-9  # least range of a quantity that varies, as a share of 1 + its largest magnitude
 
 BLOCK, ZONE, SERIES, HISTORY = "block", "zone", "release of the block", "impact of the release"
 PLACE_M, HEIGHT_M, CLEARANCE_M = "x_m", "y_m", "height_above_ground_m"
@@ -73,14 +73,14 @@ FLIGHT_DEPENDENCES: Entries = {
     "series": ((SERIES, LINE),),
     "history": ((HISTORY, KINDS),),
 }
-# of what the camera or the ground adds to the motion before and after an impact alike
+# dependences of what the camera or the ground adds to the motion before and after an impact alike
 FRAME_DEPENDENCES: Entries = {
     CONSTANT: (),
     "spin": ((OMEGA_RAD_S, LINE),),
     "velocity": ((VX_M_S, LINE), (VY_M_S, LINE)),
     "series": ((SERIES, LINE),),
 }
-# of a slope of the ground that the survey does not show
+# dependences of a slope of the ground that the survey does not show
 SLOPE_DEPENDENCES: Entries = {
     "zone": ((ZONE, KINDS),),
     "place": ((PLACE_M, SPLINE),),
@@ -96,8 +96,8 @@ class Curve:
 
     Attributes
     ----------
-    numbers : of a spline its breakpoints; of harmonics their numbers; of kinds the members; of a line the unit;
-        of waves their angular frequencies
+    numbers : breakpoints of a spline, orders of harmonics, members of kinds, unit of a line, or angular frequencies of
+        waves
     measured : lowest and highest measured value of a line or waves; those of a spline are its ends
     """
 
@@ -115,7 +115,7 @@ class Curve:
         return np.clip(1.0 - beyond / (FADE * (ends[1] - ends[0])), 0.0, 1.0)
 
     def features(self, values: Array) -> Array:
-        """(n, k) functions of the values (n,): of a spline a line and B-splines, which keep their last value beyond its
+        """(n, k) functions of values (n,): for a spline a line and B-splines, which keep their last value beyond its
         breakpoints."""
         if self.kind in (HARMONICS, WAVES):
             return np.column_stack([f(k * values) for k in self.numbers for f in (np.sin, np.cos)])

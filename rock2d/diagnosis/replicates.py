@@ -25,13 +25,13 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-NEAR_SHARE = 0.03  # of all pairs that count as near-replicates
+NEAR_SHARE = 0.03  # share of all pairs that count as near-replicates
 FEWEST_NEAR_PAIRS = 20
 FEWEST_IN_CELL = 5  # impacts of a block in a zone
 MOST_IN_CELL = 700  # every k-th of more
-JACKKNIFE_GROUPS = 10  # of releases, for the standard error
+JACKKNIFE_GROUPS = 10  # groups of releases, for the standard error
 SMALLEST_RATIO = 0.02
-HARMONIC = 4  # of the orientation: a square looks the same after a quarter of a turn
+HARMONIC = 4  # order in the orientation: a square looks the same after a quarter of a turn
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-SCATTER_STEP = 0.02  # of a parameter's scale, for differences
+SCATTER_STEP = 0.02  # step of finite differences, as a share of a parameter's scale
 
 
 @dataclass

@@ -23,8 +23,8 @@ from rock2d.effects.effect import Effect, Parameter
 
 Array = np.ndarray
 
-LARGEST_STEP = 1.0  # of an effect's parameter, on the scale of `Model`
-LARGEST_MULTIPLE = 1.5  # of the size that an effect has alone
+LARGEST_STEP = 1.0  # largest step of an effect's parameter, on the scale of `Model`
+LARGEST_MULTIPLE = 1.5  # largest size of an effect, as a multiple of the size that it has alone
 
 
 @dataclass
@@ -50,7 +50,7 @@ class Screening:
         self._fit, self._data, self._linear = fit, data, LinearModel(fit, data)
 
     def expected(self, effect: Effect, alone: Array) -> Expected:
-        """Of an effect; `alone`: parameters of the fit of the base law with it."""
+        """Expected gain of an effect; `alone`: parameters of the fit of the base law with it."""
         own = self._fit
         model = replace(own.model, effects=[*own.model.effects, effect], beside=own.p)
         start, first, parameters = extended(own, model), len(own.p), model.parameters[-1]
@@ -87,7 +87,7 @@ class Screening:
         return Expected(gain, np.clip(p, low, high), np.max(chance, axis=0))
 
     def all(self, effects: Mapping[str, Effect], alone: Mapping[str, Array]) -> dict[str, Expected]:
-        """Of every effect that shifts means and is not in the model."""
+        """Expected gain of every effect that shifts means and is not in the model."""
         present = {effect.name for effect in self._fit.model.effects}
         return {
             name: self.expected(effect, alone[name])

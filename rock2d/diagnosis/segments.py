@@ -27,7 +27,7 @@ class Segments:
     ----------
     flight : (n,) the flight before
     block, release, number : (n,) index of the block; of the release; of the segment in its release
-    frames : of each its frames in the film
+    frames : frames of each in the film
     instants_s : (n, k) recorded time of its frames from the start of the simulation, infinite beyond the last
     began_s : (n,) recorded time of the start of the simulation in its release
     frame_s : recorded time from frame to frame

@@ -34,7 +34,7 @@ class OverReleases:
 
     @property
     def significance(self) -> float:
-        """Of the gain."""
+        """Significance of the gain, in standard errors."""
         return significance(self.gain)
 
 

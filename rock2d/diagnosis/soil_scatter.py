@@ -12,10 +12,10 @@ from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
 Array = np.ndarray
 
 PRIOR_SCATTER = 0.3  # logarithmic standard deviation of the soil above which it becomes implausible
-BOUNDS = 1e-4, 1.0  # of the logarithmic standard deviations
+BOUNDS = 1e-4, 1.0  # limits of the logarithmic standard deviations
 CONVERGED_GAIN = 1e-3  # log likelihood of a step
 MOST_STEPS = 30
-LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # of the logarithms of the standard deviations
+LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
 
 def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
@@ -67,7 +67,7 @@ class _Cost(NamedTuple):
 
     @classmethod
     def of(cls, r: Array, slope: Slopes) -> _Cost:
-        """Of the impacts that could be simulated."""
+        """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
         return cls(r[good], slope.scatter[good], slope.covariance[good])
 

@@ -1,7 +1,7 @@
 """Which effects these data can show at all: those with which some residual changes by more than a trace of its noise.
 
 Flights alone show nothing of impacts, a table of impacts nothing of the air, a ball without marks nothing of its spin.
-Such effects are not tried: of them nothing is known but that they are possible.
+Such effects are not tried: nothing is known of them but that they are possible.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = np.ndarray
 
 # effects that differ from another one only in the spin
 SPIN_TWINS = {"flight_damping": "air_drag"}
-TRACE = 0.05  # of a standard deviation, by which no residual changes
+TRACE = 0.05  # change of a residual, in standard deviations, up to which it does not show
 
 
 def unseen(

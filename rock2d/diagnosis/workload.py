@@ -15,7 +15,7 @@ READING, BASE, EXPLORING, ALONE = "reading the film", "base law", "exploring eff
 SETS, EVIDENCE, GAP, REPORT = "sets of effects", "evidence", "gap", "report"
 STARTING = "processes"  # start within the exploring
 
-START = 300.0  # of the processes
+START = 300.0  # starting the processes
 SHARED_CORES = 0.3  # processes are faster by this power of their number: others use the cores, too
 BASE_ON_ALL, BASE_ON_SOME = 170.0, 320.0  # the latter if some releases are all of them
 EXPLORED, FITTED = 70.0, 27.0  # for each effect; the first as before
@@ -26,7 +26,7 @@ REGRESSED = 400.0  # dependences and regressions of residuals, whatever there is
 UNEXPLAINED_GAIN = 50.0
 LEAST_GAIN = 15.0  # log likelihood of an effect that is worth more than chance gives
 FEWEST_SETS, SETS_OF_A_CAUSE = 8, 6  # that are fitted
-USUAL_SHARE = 0.4  # of the releases, on which effects are explored
+USUAL_SHARE = 0.4  # share of the releases on which effects are explored
 USUAL_SETS, USUAL_LEARNT, USUAL_CAUSES = 10, 1.0, 3  # before anything is known
 LIKELY_SETS, LIKELY_LEARNT = 10, 2.0  # if an effect gains something
 
@@ -77,7 +77,7 @@ class DiagnosisBars(Bars):
             bar.extend(count)
 
     def fitted(self, names: str) -> None:
-        """One of them is done: of these effects."""
+        """One of these fits is done, that of the effects `names`."""
         if (bar := self._of_fits) is not None:
             bar.step(names)
 

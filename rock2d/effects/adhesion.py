@@ -10,8 +10,8 @@ from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
 from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 
-ONSET_M_S = 0.02  # of the leaving speed: a pull that sprang up at rest would make a lying block chatter
-ONSET_WAY = 0.1  # of the way out of the indentation, over which the pull sets in
+ONSET_M_S = 0.02  # leaving speed up to which the pull grows: a sudden one would make a lying block chatter
+ONSET_WAY = 0.1  # share of the way out of the indentation over which the pull sets in
 
 
 @kernel

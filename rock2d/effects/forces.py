@@ -13,7 +13,7 @@ columns, in the order of `Effect.columns`. The engines call a law only where one
 - recoil(columns): 1 / mass in 1/kg of a ground that gives horizontally as a body, see `effects/embankment_yield.py`
 - departure(columns, vx, vy, omega): the velocities (m/s, m/s, rad/s) at the end of an impact in this zone
 
-depth, peak : penetration in m, and the deepest of this contact; rate : of the depth, in m/s; slip : tangential velocity
+depth, peak : penetration in m, and the deepest of this contact; rate : of the depth in m/s; slip : tangential velocity
 of the contact point in m/s. No law adds energy; the energy that they dissipate is the audit's share "effects".
 """
 

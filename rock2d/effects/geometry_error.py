@@ -14,8 +14,8 @@ from rock2d.scene.cross_section import CrossSection, ditch_facets
 from rock2d.scene.world import World
 from rock2d.wording import number
 
-STEEPEST_RAD = np.deg2rad(170.0)  # of a facing; beyond the vertical it overhangs
-CREST_LEFT = 0.1  # of the crest's width that a flatter facing leaves
+STEEPEST_RAD = np.deg2rad(170.0)  # steepest facing; beyond the vertical it overhangs
+CREST_LEFT = 0.1  # share of the crest's width that a flatter facing leaves
 
 
 def apply(world: World, values: Sequence[float]) -> World:

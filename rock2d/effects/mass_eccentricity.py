@@ -11,7 +11,7 @@ from rock2d.effects.fitted import Fitted
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
-SMALLEST_INERTIA = 0.1  # of the stated one, for blocks much smaller than the others
+SMALLEST_INERTIA = 0.1  # least inertia as a share of the stated one, for blocks much smaller than the others
 
 
 def apply(world: World, values: Sequence[float]) -> World:

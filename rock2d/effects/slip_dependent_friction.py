@@ -13,7 +13,7 @@ from rock2d.effects.fitted import Fitted
 from rock2d.scene.world import World
 from rock2d.wording import number
 
-LEAST = 0.05  # of tan φ: friction never vanishes
+LEAST = 0.05  # least tan φ (u) / tan φ (0): friction never vanishes
 
 
 @kernel

@@ -29,7 +29,7 @@ from rock2d.laws.contact import (
 )
 from rock2d.records.columns import OMEGA, VX, VY
 
-LARGEST_STEP_GROWTH = 5.0  # of contact steps as the motion dies down
+LARGEST_STEP_GROWTH = 5.0  # largest factor on contact steps as the motion dies down
 
 
 @kernel

@@ -115,7 +115,7 @@ def find_features(q, reach, near, world, memory, found):
     """Fill `found` with each contact's nearest feature and depth at state q; contacts keep the feature they follow.
 
     near : (first, one past the last) index of the facets that are looked at
-    reach : of vertices and smooth profiles, features farther above the ground (in m) are left out (depth NOWHERE)
+    reach : features of vertices and smooth profiles farther above the ground (in m) are left out (depth NOWHERE)
     """
     pose = pose_of(q)
     x, y, c, s = pose
@@ -243,8 +243,8 @@ def _smooth_features(pose, reach, near, world, memory, found):
                 _offer(memory, found, (SMOOTH_FACET, f, 0), depth, 2 * int(facets[f, PATCH]))
             if along <= facets[f, LENGTH]:
                 continue
-        # of a facet that faces away, only the back is near; but at a vertex sharper than a right angle it may be that
-        # the block lies before the next facet
+        # only the back of a facet that faces away is near; but if the vertex at its end is sharper than a right angle,
+        # the block may lie before the next facet
         if f + 2 < facets.shape[0] and (above > 0.0 or _is_spike(f, x, y, facets)):
             _offer_vertex(f, pose, reach, world, memory, found)
     for j in range(ints.shape[0]):

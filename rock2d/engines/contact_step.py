@@ -80,7 +80,7 @@ from rock2d.laws.contact import (
 from rock2d.records.columns import EFFECTS, FRICTION, N_STATE, OMEGA, PLASTIC, RECOIL, ROLLING, VX, VY
 from rock2d.scene.blocks import Block
 
-SURFACE_TOLERANCE = 1e-10  # of the block's radius: a landing on the surface may fall short by rounding
+SURFACE_TOLERANCE = 1e-10  # share of the block's radius by which a landing may fall short by rounding
 FINE_STEP_FRACTION = 0.03  # phase in rad of the stiffest contact oscillation that one step may cover
 
 
@@ -142,7 +142,7 @@ def _commit(world, contacts, active, audit):
             reals[j, PEAK], reals[j, DISPLACEMENT], reals[j, ROTATION] = 0.0, 0.0, 0.0
             reals[j, ACTING] = 0.0
             reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
-    change_t, change_r = 0.0, 0.0  # of what the springs hold, in J
+    change_t, change_r = 0.0, 0.0  # energy that the tangential and the rolling springs gain, in J
     for a in range(active):
         gained_t, gained_r = _commit_contact(a, world, contacts, audit)
         change_t += gained_t
@@ -307,8 +307,8 @@ def look_again(q, near, world, memory, found):
 @kernel(forceinline=True)
 def _trial(q, direction, h, body, contacts, scratch, effects):
     """A step of h into `scratch.state`; its works into `scratch.shares`. Returns (energy that it made in J, energy that
-    this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act: of them,
-    the work is known no better than the motion."""
+    this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act:
+    their work is known no better than the motion."""
     q1, shares, loaded = scratch.state, scratch.shares, scratch.loaded
     rows, trial = loaded.rows, loaded.trial
     pressing, active = contacts

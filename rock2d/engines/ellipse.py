@@ -18,7 +18,7 @@ def half_of_ellipse(px, py, a, b):
 def nearest_on_ellipse(px, py, a, b, half):
     """Nearest point of the ellipse x²/a² + y²/b² = 1 to (px, py), by curvature-centre iteration (A. Kemper's method).
 
-    half : of the ellipse where the search begins, see `half_of_ellipse`. Deep inside, each half has a point of its own
+    half : that of the ellipse where the search begins, `half_of_ellipse`. Deep inside, each half has a point of its own
         that is nearest. Beyond the longer axis the one of the given half is followed on, so that the depth of a contact
         is smooth; near the ends of that axis, and outside, both halves give the same point.
     """

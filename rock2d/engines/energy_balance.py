@@ -29,7 +29,7 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-AUDIT_TOLERANCE = 1e-6  # of the initial energy: an audit that leaves less than this closes
+AUDIT_TOLERANCE = 1e-6  # share of the initial energy: an audit that leaves less than this closes
 # the same where effects act: their work is known no better than the motion, so nothing corrects the contact steps
 AUDIT_TOLERANCE_WITH_EFFECTS = 1e-3
 

@@ -37,9 +37,9 @@ from rock2d.engines.loaded_contacts import LEAST_EVENT
 from rock2d.laws.contact import K_L, K_UL, normal_force, residual
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-MOST_LANDINGS = 8  # of a step on its events: near a vertex the way to an event is far from a cubic
-LEAST_GAP = 1e-12  # of the block's radius: between two features, more than rounding
-LANDED = 0.99  # of a step: an event that comes later is the one that it has landed on
+MOST_LANDINGS = 8  # landings of a step on its events: near a vertex the way to an event is far from a cubic
+LEAST_GAP = 1e-12  # gap between two features as a share of the block's radius: more than rounding
+LANDED = 0.99  # share of a step: an event that comes later is the one that it has landed on
 
 
 @kernel(forceinline=True)
@@ -211,7 +211,7 @@ def _beyond(corner, vertex, q, ground, block):
     _, _, c, s = pose
     px, py = ground.facets[vertex, POINT_X], ground.facets[vertex, POINT_Y]
     past, tx, ty = beyond_corner(corner, px, py, pose, block.sides)
-    vx, vy = q[VX] - q[OMEGA] * (py - q[Y]), q[VY] + q[OMEGA] * (px - q[X])  # of the block's material there
+    vx, vy = q[VX] - q[OMEGA] * (py - q[Y]), q[VY] + q[OMEGA] * (px - q[X])  # velocity of the material there
     return past, -(vx * (c * tx - s * ty) + vy * (s * tx + c * ty))
 
 

@@ -69,7 +69,7 @@ from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, RO
 
 # why a series of fast steps ended; 0: none of these. After a hop the guard still holds
 GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
-GUARD_SHARE = 0.3  # of the guard that one step without pressure may use
+GUARD_SHARE = 0.3  # share of the guard that one step without pressure may use
 
 
 class StepSizes(NamedTuple):
@@ -248,7 +248,7 @@ def _step(q, direction, h, world, contacts, loaded, anchor, q1, advance, effects
             continue
         for a in range(active):
             note_outcome(a, loaded, effects)
-        if effects:  # of them, the work is known no better than the motion
+        if effects:  # their work is known no better than the motion
             break
         error, scale, too_long, work_t, work_r = step_error(
             q, q1, first, (work_t, work_r), body, active, loaded
@@ -313,7 +313,7 @@ def _first_event(h, whole, active, rows, trial, effects):
 def _commit(active, loaded, works, audit):
     """Take a finished step into the loaded memory and the audit; returns (sum of forces, largest depth).
 
-    works : of the tangential and of the rolling springs in J
+    works : work in J that the tangential and the rolling springs took
     """
     rows, trial = loaded.rows, loaded.trial
     stored_t = stored_r = total = deepest = 0.0

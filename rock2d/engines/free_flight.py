@@ -8,9 +8,8 @@ from rock2d.compiled import kernel
 from rock2d.effects.forces import flight
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
-STRIDE_SHARE = (
-    0.1  # of the time in which air or weight change the motion much: a stride of a flight through air
-)
+# a stride of a flight through air, as a share of the time in which air or weight change the motion much
+STRIDE_SHARE = 0.1
 
 
 @kernel(forceinline=True)

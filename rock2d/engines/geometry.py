@@ -75,9 +75,9 @@ class BlockArrays(NamedTuple):
     semi_b: float
     mass: float
     inertia: float
-    radius: float  # of the smallest circle about the centre of mass that holds the block
+    radius: float  # radius of the smallest circle about the centre of mass that holds the block
     rounding: float
-    centre_x: float  # of a smooth profile, in the block's axes
+    centre_x: float  # centre of a smooth profile, in the block's axes
     centre_y: float
 
 
@@ -261,7 +261,7 @@ def crosses(f, pose, facets, sides):
     bx, by = c * dx + s * dy, -s * dx + c * dy
     tx = c * facets[f, TANGENT_X] + s * facets[f, TANGENT_Y]
     ty = -s * facets[f, TANGENT_X] + c * facets[f, TANGENT_Y]
-    begin, end = 0.0, facets[f, LENGTH]  # of the part of the facet below all faces so far
+    begin, end = 0.0, facets[f, LENGTH]  # ends of the part of the facet below all faces so far
     for k in range(sides.shape[0]):
         depth = sides[k, FACE_OFFSET] - sides[k, FACE_X] * bx - sides[k, FACE_Y] * by
         climb = sides[k, FACE_X] * tx + sides[k, FACE_Y] * ty
@@ -332,9 +332,9 @@ def contact_point(kind, index, part, pose, block, ground):
 
 @kernel(forceinline=True)
 def load_feature(kind, index, part, block, facets):
-    """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: of a corner its centre,
-    its radius and on which side of a vertex it lies; of a face its normal and offset; of a smooth profile semi-axes
-    and centre. Of a smooth profile at a vertex, `part` is the half of the ellipse and stands for the normal."""
+    """What `place_feature` needs of a feature: ground point, facet normal, and four numbers: for a corner its centre,
+    its radius and on which side of a vertex it lies; for a face its normal and offset; for a smooth profile semi-axes
+    and centre. For a smooth profile at a vertex, `part` is the half of the ellipse and stands for the normal."""
     px, py, nx, ny = facets[index, POINT_X], facets[index, POINT_Y], 0.0, 0.0
     if kind in (CORNER_FACET, SMOOTH_FACET):
         nx, ny = facets[index, NORMAL_X], facets[index, NORMAL_Y]

@@ -37,7 +37,7 @@ from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 GUARD = 3  # column of an anchor (x, y, theta, guard in m): the pose whose guard is known
 TURN_ARM = 1.5  # block radii with which rotation counts as motion: a vertex near the block is as far off
 VIEW_RADII = 2.0  # radii to each side within which a contact knows the ground
-BALL_VIEW_RADII = 10.0  # of a ball, which hops far between two contacts
+BALL_VIEW_RADII = 10.0  # the same for a ball, which hops far between two contacts
 VIEW_FACETS = 16  # facets beyond the block that it is worth while to know
 
 

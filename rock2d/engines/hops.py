@@ -15,8 +15,8 @@ from rock2d.engines.guard import GUARD
 from rock2d.engines.loaded_contacts import DEPTH_0, L_BOTTOM, L_KIND, L_OFFSET, RATE_0
 from rock2d.records.columns import VX, VY, X, Y
 
-BEHIND_LANDING = 1.01  # of the way to a landing, so that the step finds it
-BEFORE_LIFT_OFF = 0.9  # of the way out of the ground: what is left is for a full step
+BEHIND_LANDING = 1.01  # duration of a hop as a multiple of the time to its landing, so that the step finds it
+BEFORE_LIFT_OFF = 0.9  # duration of a hop as a share of the time to lift-off: the rest is for a full step
 
 
 @kernel

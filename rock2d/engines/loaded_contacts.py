@@ -57,8 +57,8 @@ TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
     DEPTH_0, RATE_0, DEPTH_1, RATE_1, ARM, SLIP, PEAK_1, DISPLACEMENT_1, ROTATION_1, NORMAL_0, NORMAL_1, ACTING_1,
     TANGENTIAL_0, TANGENTIAL_1, MOMENT_1, PLASTIC_WORK,
 ) = range(16)  # fmt: skip
-LEAST_FORCE_N = 1e-300  # of a pressing contact: its springs hold up to the instant at which it lifts off
-LEAST_EVENT = 1e-3  # of a step: an event that comes sooner has been landed on, but for rounding
+LEAST_FORCE_N = 1e-300  # least force of a pressing contact: its springs hold until it lifts off
+LEAST_EVENT = 1e-3  # share of a step: the step has landed, but for rounding, on an event that comes sooner
 
 
 class LoadedContacts(NamedTuple):
@@ -148,7 +148,7 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     unpressed), the power that its tangential and rolling springs and its effects take up, and the acceleration along x
     that recoiling ground adds.
 
-    velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m, rotation in rad: of its springs
+    velocity : (vx in m/s, vy in m/s, ω in rad/s); displacement in m and rotation in rad of its springs
     """
     depth, nx, ny, rx, ry = placed(rows, a, pose)
     vx, vy, omega = velocity

@@ -147,7 +147,7 @@ def next_impact(surface, stack, flight, gravity, current, limit):
             start = (box - first_leaf) * BOX_FACETS
             for j in range(start, min(start + BOX_FACETS, len(facets))):
                 tau, v_n = facet_impact(facets, j, flight, gravity, j == current, surface.reach_m)
-                # of two facets met at once, at a joint, the one that is hit harder
+                # if two facets are met at once, at a joint, the one that is hit harder counts
                 if 0.0 <= tau < best or (tau == best and (found < 0 or v_n < best_v_n)):
                     best, found = tau, j
                     best_v_n = v_n

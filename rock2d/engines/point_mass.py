@@ -86,7 +86,7 @@ class Inputs(NamedTuple):
     """What `descend` reads of the block, the law and the limits, in SI."""
 
     mass: float
-    radius: float  # of the spin
+    radius: float  # radius of the spin, see `spin_radius_m`
     size: float
     table: Array  # (zones, columns) rows of the rebound law
     gravity: float

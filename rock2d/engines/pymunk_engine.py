@@ -50,7 +50,7 @@ from rock2d.scene.cross_section import CrossSection
 
 BLOCK, GROUND = 1, 2
 MARGIN = 0.25  # thickness of the zone around a facet in which pymunk reports it, in block radii
-LONGEST_FLIGHT_STRIDE = 2.0  # of a flight, in units of √(radius / g)
+LONGEST_FLIGHT_STRIDE = 2.0  # longest step in flight, in √(radius / g)
 
 
 class CallbackError(RuntimeError):
@@ -60,7 +60,7 @@ class CallbackError(RuntimeError):
 class PymunkRelease:
     """One block falling onto one cross-section in a pymunk space.
 
-    `parameters`: of the contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
+    `parameters`: contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
     (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground
     starts in an indentation of that depth: its contacts have no force.
     """
@@ -100,7 +100,7 @@ class PymunkRelease:
         rest.forget_rest(self._watch)
         self._error: BaseException | None = None
         self._events: list[Knot] = []
-        self._zone = -1  # of the impact that is open
+        self._zone = -1  # zone of the open impact; -1: none is open
         self._build_space()
         self._start = self.q.copy()
         self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))

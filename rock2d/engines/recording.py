@@ -36,7 +36,7 @@ from rock2d.records.columns import (
     Y,
 )
 
-# of an impact's largest force: below it the ground no longer presses
+# share of an impact's largest force; below it the ground no longer presses
 LEAST_PRESSURE = 1e-6
 # columns of a measure line: its two ends
 LINE_X, LINE_Y, LINE_END_X, LINE_END_Y = range(4)

@@ -78,9 +78,9 @@ from rock2d.records.columns import (
     Y,
 )
 
-LARGEST_BATCH_STEP_GROWTH = 4.0  # of contact steps as the motion dies down: a quarter of a radian is the most
+LARGEST_BATCH_STEP_GROWTH = 4.0  # largest factor on contact steps as the motion dies down
 STEPS_BETWEEN_LOOKS = 8  # contact steps between two looks at what energy is left
-LEAST_STRIDE = 0.01  # of a contact step: the bound of a ball is renewed as long as it gains this much
+LEAST_STRIDE = 0.01  # share of a contact step: the bound of a ball is renewed as long as it gains this much
 LONGEST_CONTACT_STRIDE = 0.1  # radii that a longer step may move a block where its contacts may change
 FLOATING_STEPS = 8.0  # steps may be so much longer while a block floats unpressed above its own indentation
 TREE_STACK = 64  # nodes that a search of the tree of facets may have waiting

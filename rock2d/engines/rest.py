@@ -17,9 +17,9 @@ from rock2d.records.columns import VX, VY, X, Y
 # creeps without gaining speed. A block that slides above the friction angle, or tips, gains speed. A ball that an
 # elastic rolling spring swings to and fro stays in its box, but has more than REST_ENERGY m g radius.
 REST_WINDOW, REST_BOX, REST_DRIFT, REST_GROWTH, REST_ENERGY = 2.0, 0.6, 0.4, 0.01, 0.25
-HOLDING_SHARE = 0.7  # of the friction must hold a captured block; what is over stops it
-# of weight × radius that a captured block may have left: with more, the tremor that lifts it off its contacts carries
-# it on, or the ground falls away nearby
+HOLDING_SHARE = 0.7  # share of the friction that must hold a captured block; what is over stops it
+# energy that a captured block may have left, in weight × radius: with more, the tremor that lifts it off its contacts
+# carries it on, or the ground falls away nearby
 CAPTURE_ENERGY = 0.02
 LARGEST_FRICTION = 100.0  # friction coefficient used for friction without limit
 # what is watched: begin, x and y there, bounds x_min, x_max, y_min, y_max, largest kinetic energy, net motion of the

@@ -24,11 +24,11 @@ from rock2d.engines.loaded_contacts import (
 from rock2d.laws.contact import K_R, K_T, K_UL
 from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
 
-LARGEST_STEP_ERROR = 0.0005  # of the energy of a step: beyond it the step is too long
-MOST_HALVINGS = 12  # of a step that errs too much
-LARGEST_CORRECTION = 0.01  # of the impulse of a step: what is more waits for the next one
-LEAST_ERROR = 1e-7  # of the kinetic energy: less may always wait
-POSE_ROUNDING = 2e-15  # of positions and of arms times angles: several times the spacing of numbers
+LARGEST_STEP_ERROR = 0.0005  # share of the energy that a step may err by; beyond it the step is too long
+MOST_HALVINGS = 12  # halvings of a step that errs too much
+LARGEST_CORRECTION = 0.01  # largest correction, as a share of a step's impulse; the rest waits
+LEAST_ERROR = 1e-7  # share of the kinetic energy: a smaller error may always wait
+POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angles: several machine epsilons
 
 
 @kernel(forceinline=True)

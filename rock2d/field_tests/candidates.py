@@ -27,7 +27,7 @@ class Change:
 
     Attributes
     ----------
-    name : of the change
+    name : name of the change
     of : takes the data of a scenario file to those of the changed one, in place; False if there is nothing to change
     """
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REPORT_STREAM = 11  # first number of a spawn key
-DENSITY_KG_M3 = 2700.0  # of the shapes that are compared
+DENSITY_KG_M3 = 2700.0  # density of the shapes that are compared
 SHAPE_SOILS = 32  # draws of the posterior with which they are simulated
 
 

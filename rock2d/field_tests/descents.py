@@ -50,8 +50,8 @@ class Descents:
     ----------
     scenario : with the field test; gives blocks, starts and sections
     releases : n releases
-    copies : of each
-    seed : of every random draw
+    copies : number of descents of each
+    seed : seed of every random draw
     engine : "batch", or "point_mass"
     other_blocks : name -> block, of releases whose blocks are none of the scenario's
     """

@@ -28,16 +28,13 @@ ANYWHERE, LONGEST_M = 0.002, 200.0
 # priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
 # model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
 DISCREPANCY_M, CAUGHT = (2.0, 16.0), (0.005, 0.25)
-PRIOR_SOILS, REFINED_SOILS = (
-    256,
-    64,
-)  # that are simulated: of the prior, and in each round where they are likely
+PRIOR_SOILS, REFINED_SOILS = 256, 64  # soils from the prior, and in each round where they are likely
 COPIES = 3  # descents of each release with each soil
-KEPT_DEPTH = 2.0  # of log-likelihood below the best, per release: less is as good as impossible
+KEPT_DEPTH = 2.0  # log likelihood below the best, per release: less is as good as impossible
 # Powers of the likelihood from which each round is drawn. Far from what was simulated the Gaussian process may promise
 # what is not there: each round simulates its promises, and the next knows better.
 ROUNDS = (0.4, 0.4, 0.7, 1.0)
-DRAWS = 256  # of a posterior
+DRAWS = 256  # draws of a posterior
 PRIOR, REFINED, SMC = range(3)  # spawn keys
 
 
@@ -56,7 +53,7 @@ class Unknowns:
 
     @property
     def dimensions(self) -> int:
-        """Of the unit cube: the numbers, and last the discrepancy and the share that is caught."""
+        """Dimensions of the unit cube: the numbers, and last the discrepancy and the share that is caught."""
         return len(self.quantiles) + 2
 
     def values(self, u: Array) -> dict[str, float]:
@@ -105,7 +102,7 @@ def log_density(measured_m: Array, simulated_m: Array, sd_m: Array | float, caug
     ----------
     measured_m : (n,)
     simulated_m : (m,) or (n, m); NaN: a block that did not start, which does not count
-    sd_m : of the normal kernel about each simulated distance, a number or the shape of simulated_m
+    sd_m : standard deviation of the normal kernel about each simulated distance, a number or the shape of simulated_m
     caught : share that stops anywhere on its way, likewise
     """
     x, some = measured_m[:, None], np.atleast_2d(simulated_m)

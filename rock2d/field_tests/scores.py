@@ -29,7 +29,7 @@ class Forecasts:
     Attributes
     ----------
     some : (k,) indices of the releases
-    found : of these
+    found : their forecast
     """
 
     some: Array
@@ -89,8 +89,8 @@ def score_table(
     median_error_m : forecast less measured median of all releases of the block
     log_score, log_score_se : mean log of the density in 1/m at what was measured, and its standard error
     inside80, inside90 : share of the releases within their central 80 and 90 %, with Wilson's 95 % intervals
-    passing_rmse, rmse_floor : of the passing frequencies at the lines, and the median of a perfect model's with so few
-        releases
+    passing_rmse, rmse_floor : root mean square error of the passing frequencies at the lines, and its median for a
+        perfect model with so few releases
     unresolved : share of the forecast's descents that were cut short or buried; they count as stopped there
     """
     import pandas as pd

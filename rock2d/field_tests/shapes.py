@@ -40,7 +40,7 @@ def shape_forecasts(
     unknowns: Unknowns, soils: Array, blocks: dict[str, Block], seed: int,
     on_progress: Callable[[int], Any] = lambda count: None,
 ) -> dict[str, Forecast]:  # fmt: skip
-    """Of each block, released once from every known start with each of these soils."""
+    """Forecast of each block, released once from every known start with each of these soils."""
     assert unknowns.scenario.terrain is not None
     starts = unknowns.scenario.terrain.known.starts_m
     names = tuple(name for name in blocks for _ in starts)

@@ -70,7 +70,7 @@ class Effort:
     ----------
     prior, refined : soils drawn from the prior, and in each round where they are likely
     copies : descents of each release with each of them
-    draws : of a posterior, from which a forecast is made
+    draws : draws of a posterior, from which a forecast is made
     """
 
     prior: int = PRIOR_SOILS
@@ -96,7 +96,7 @@ class Calibration:
     def forecast(
         self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress = _nothing
     ) -> Forecast:
-        """Of releases, with draws of a posterior."""
+        """Forecast of releases, with draws of a posterior."""
         seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(TURNS)
         scenario = self.unknowns.scenario
         descents = [Descents(scenario, releases, 1, int(own), self.engine) for own in seeds]
@@ -153,7 +153,7 @@ def calibrate(
 def study_forecasts(
     scenario: Scenario, calibration: Calibration, on_progress: OnProgress = _nothing
 ) -> dict[str, Forecasts]:
-    """Of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
+    """Forecasts of the other blocks from those of `calibrate_on`, and of all releases, each fold from the others."""
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
     source = known.of(*sources)

@@ -13,7 +13,7 @@ from rock2d.files.setup_keys import FARTHEST_M, Coordinate, Name, Point
 from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
-LONGEST_VIDEO_S = 20.0  # of a release, if the file does not say how slow it is shown
+LONGEST_VIDEO_S = 20.0  # longest video of a release, if the file does not say how slow it is shown
 PACES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]

@@ -20,7 +20,7 @@ from rock2d.scene.cross_section import CrossSection
 Array = np.ndarray
 Limits = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in m
 
-PIXEL_FRACTION_BITS = 6  # of cv2's fixed-point coordinates: 1/64 px
+PIXEL_FRACTION_BITS = 6  # fractional bits of cv2's fixed-point coordinates: 1/64 px
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rock2d.files.folders import atomic_file
 
 LINESTYLES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.2)), (0, (6, 1.4, 1.5, 1.4)))
 TEXT_PT, SMALL_PT = 9.0, 7.5
-FILE_DPI = 200  # of figures that are files
+FILE_DPI = 200  # resolution of figures that are files
 
 
 class PlainFigure(Figure):

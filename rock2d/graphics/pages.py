@@ -21,8 +21,8 @@ PAGE_STYLE = (
     "td,th{padding:.15rem .8rem .15rem 0;border-bottom:1px solid #eee;vertical-align:top;text-align:left}"
     ".wide{overflow-x:auto}img,video{max-width:100%}p,li,code{overflow-wrap:anywhere}"
 )
-PAGE_FIGURE_DPI = 110  # of embedded PNG pictures
-SVG_DPI = 150  # of the parts of an SVG that are pixels
+PAGE_FIGURE_DPI = 110  # resolution of embedded PNG pictures
+SVG_DPI = 150  # resolution of the parts of an SVG that are pixels
 
 
 def html_page(title: str, body: str) -> str:

@@ -48,7 +48,7 @@ def tornado_figure(sensitivity: pd.DataFrame) -> Figure:
 
 
 def _shortened(name: str) -> str:
-    """A place in the scenario file, short: of a parameter of a law its name and where it applies."""
+    """A place in the scenario file, short: for a parameter of a law its name and where it applies."""
     parts = name.split(".")
     text = f"{parts[-1]} ({', '.join(parts[2:-1])})" if parts[0] == "model" else name
     return text if len(text) <= LONGEST_LABEL else "..." + text[3 - LONGEST_LABEL :]

@@ -31,7 +31,7 @@ STOP_MARKERS = {
 }
 
 
-MOST_WAYS = 200  # of a block, in a figure
+MOST_WAYS = 200  # ways per block in a figure
 
 
 def trajectories_figure(

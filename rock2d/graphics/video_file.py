@@ -26,7 +26,7 @@ Progress = Callable[[int, int], None]
 
 ENCODER_THREADS = 2  # a fixed number: the file must not depend on the machine
 WAITING_PICTURES = 4  # drawn and not yet encoded, at most
-LARGEST_DENOMINATOR = 1001  # of a frame rate as a fraction: 30000/1001 is that of television
+LARGEST_DENOMINATOR = 1001  # for a frame rate as a fraction: 30000/1001 is that of television
 
 
 class Encoder(NamedTuple):

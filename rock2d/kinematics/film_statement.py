@@ -30,8 +30,8 @@ Array = np.ndarray
 
 FILM_FILE = "film.json"
 SCALE_OR_RATE = ("scale_error", "frame_rate_error")
-DRAG_COEFFICIENT = {"circle": 0.5}  # of a ball; Hoerner (1965), Fluid-dynamic drag
-OTHER_DRAG_COEFFICIENT = 1.0  # of a body with edges
+DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
+OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
 LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
 CLEAR_HEIGHT = 4.0  # standard errors
 

@@ -34,8 +34,8 @@ from rock2d.statistics import NORMAL_95, student, weighted_median
 Array = np.ndarray
 
 PARABOLA = 3  # polynomials of a parabola
-SLOW_DEGREES = 2  # of the polynomials next to it
-VARIANCE_ROUNDS = 5  # of the estimate of σ and τ, at most
+SLOW_DEGREES = 2  # polynomials of the next higher degrees, at most
+VARIANCE_ROUNDS = 5  # rounds of the estimate of σ and τ, at most
 CONVERGED_VARIANCE = 0.01  # relative change of the variances below which they are known
 SLOW_CHANCE, SCATTER_CHANCE = 0.05, 0.1  # chance below which errors count as slow, and flights as scattered
 CLEAR_JITTER = 1.0  # standard errors of τ² from which on it counts
@@ -43,7 +43,7 @@ EDGE_FRAMES, FRAMES_PER_EDGE_FRAME = (
     3,
     16,
 )  # left out at an end next to a contact; at most one of so many frames
-OUTLYING_ERRORS = 6.0  # of a flight that belongs to something else
+OUTLYING_ERRORS = 6.0  # standard errors beyond which a flight belongs to something else
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 START_HEIGHT_RADII = 0.5  # block radii above the ground at which the simulation of an impact starts
-COMPARISON_WINDOW = 2.0  # of the flight after, in √(radius / g): how much of it is compared
+COMPARISON_WINDOW = 2.0  # compared part of the flight after an impact, in √(radius / g)
 
 
 @dataclass

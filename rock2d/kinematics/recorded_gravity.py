@@ -13,14 +13,14 @@ from rock2d.records.columns import POSITION, X, Y
 Array = np.ndarray
 
 WINDOWS = (768, 384, 192, 96, 64, 48, 32, 20, 12)  # frames of the parabolas from which gravity is read
-FEWEST_WINDOWS = 20  # of one length
+FEWEST_WINDOWS = 20  # windows of one length
 CLEAR_CURVATURE = 8.0  # standard errors
 UNBIASED_CURVATURE = 12.0  # standard errors from which on the clear windows are all windows
 FEWEST_FALLING_RELEASES = 3  # whose accelerations must agree
 AGREEING_SPREAD = 0.1  # largest relative spread of accelerations of which most are those of free flights
 FREE_FALL_SPREAD = 0.03  # the same where noise hides stated gravity
-STEEP = 5.0  # of a path, down over along: no ground is as steep
-# of recorded and stated gravity in a film whose lengths and times may be right
+STEEP = 5.0  # steepness of a path, down over along: no ground is as steep
+# ratio of recorded to stated gravity in a film whose lengths and times may be right
 LEAST_RATIO, LARGEST_RATIO = 0.6, 1.6
 
 

@@ -25,7 +25,7 @@ Array = np.ndarray
 
 CAMERA_GRID = 21  # positions of the camera's axis that are tried along x and y each, within the image's width
 CROSS_SECTION_GRID = 9  # values of each parameter of the cross-section that are tried
-MOST_REGISTRATION_FRAMES = 5000  # of all releases, among which their lowest points are searched
+MOST_REGISTRATION_FRAMES = 5000  # about how many frames of all releases are searched for their lowest points
 BEYOND_CATALOGUE = 0.1  # by which scale and tilt (rad) may leave the ranges of the catalogue
 USUAL_DEPTH_RADII = 0.2  # block radii to which blocks sink into soil
 ASIDE_RADII = 0.05  # block radii of misfit that a camera must save to aim one image's width aside
@@ -41,7 +41,7 @@ def below_ground(world: World, film: Film) -> float:
 
 
 def lowest_gaps(world: World, film: Film) -> tuple[Array, Array]:
-    """Of each release (releases,): height of the block above the ground at its lowest, in radii, negative in the
+    """For each release (releases,): height of the block above the ground at its lowest, in radii, negative in the
     ground; and the number of frames after that one."""
     step = max(1, len(film.t_s) // MOST_REGISTRATION_FRAMES)
     blocks = [(block_arrays(b), b.radius_m) for b in world.blocks.values()]

@@ -20,8 +20,8 @@ Array = np.ndarray
 
 REST_FRAMES = 10  # last frames of a release, in which a block at rest does not move
 STILL_SDS = 8.0  # standard deviations of the noise by which their positions may differ
-FEWEST_RESTS = 5  # of a block
-# of the mean height, in its standard errors, and in block radii
+FEWEST_RESTS = 5  # per block
+# mean height from which on it counts, in its standard errors and in block radii
 CLEAR_HEIGHT, LEAST_HEIGHT_RADII = 4.0, 0.005
 FARTHEST_RADII = 2.0  # from the ground, of a block that lies on it
 
@@ -39,7 +39,7 @@ class RestHeight:
 
 
 def rest_heights(film: Film, world: World) -> list[RestHeight]:
-    """Of each block that comes to rest on the ground of a world, or near it."""
+    """Height at rest of each block that comes to rest on the ground of a world, or near it."""
     found = []
     for b, (name, block) in enumerate(world.blocks.items()):
         heights = _rest_heights_m(film, world, b)

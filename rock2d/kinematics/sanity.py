@@ -34,7 +34,7 @@ Array = np.ndarray
 
 FEWEST_RELEASES = 2  # one is compared with what the others say
 FEWEST_IMPACTS = 15
-FEWEST_REBOUNDS = 6  # of these, where blocks stick
+FEWEST_REBOUNDS = 6  # impacts that a flight follows, where blocks stick
 MIRRORED_SIGNS = {"": (1.0, 1.0, 1.0), "x": (-1.0, 1.0, 1.0), "y": (1.0, -1.0, 1.0)}
 IMPOSSIBLE_BELOW_GROUND = 0.2  # share of the frames with the centroid in the ground
 MOST_FRAMES = 20000  # in which blocks are sought in the ground

@@ -18,13 +18,13 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 HARMONICS = (1, 2, 3, 4)
-TELLING = (1, 3)  # of the harmonics: the second and the fourth
-FEWEST_IMPACTS = 20  # of a block
-MOST_FRAMES = 40  # of an impact; a longer contact is a roll or a slide
+TELLING = (1, 3)  # indices of the second and the fourth harmonic
+FEWEST_IMPACTS = 20  # per block
+MOST_FRAMES = 40  # frames of an impact; a longer contact is a roll or a slide
 # in block radii (half of what a square shows that is stated as the circle around it), in standard errors
 LARGEST_AMPLITUDE_RADII, CLEAR_AMPLITUDE = 0.06, 6.0
 LARGEST_CONDITION = 1.0e3
-LARGEST_DEVIATION = 6.0  # of a depth from the median, in median deviations
+LARGEST_DEVIATION = 6.0  # distance of a depth from the median, in median deviations
 
 
 def shape_remarks(data: FilmSegments, world: World) -> list[str]:
@@ -42,8 +42,8 @@ def shape_remarks(data: FilmSegments, world: World) -> list[str]:
 
 
 def _lowest_points(data: FilmSegments, world: World) -> tuple[Array, Array, Array]:
-    """Of each impact: height of the block above the ground at its lowest, in radii, angle between block and ground, and
-    index of the block."""
+    """For each impact: height of the block above the ground at its lowest, in radii, angle between block and ground,
+    and index of the block."""
     flights, film, blocks = data.segmentation.flights, data.film, list(world.blocks.values())
     arrays = [block_arrays(b) for b in blocks]
     ground = ground_arrays(world.cross_section)

@@ -26,10 +26,10 @@ Array = np.ndarray
 
 RESIDUAL_DEGREES = 5  # polynomial degrees 2 to 6 of the residuals of a flight
 FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
-FREE_MOTION_STEP_S = 0.01  # of a flight through air; its error is far below the states' noise
-AIR_ROUNDS = 12  # of the fit of a flight through air, whose forces depend on the state, at most
-CONVERGED_SLOPE = 1e-3  # of the noise of a frame: a smaller slope that is left in a flight does not matter
-LEAST_ANSWER, MOST_ANSWER = 0.03, 2.0  # of the slope of a flight to the velocity at its start, without air 1
+FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the states' noise
+AIR_ROUNDS = 12  # rounds of the fit of a flight through air, whose forces depend on the state
+CONVERGED_SLOPE = 1e-3  # share of the noise of a frame: a smaller slope left in a flight does not matter
+LEAST_ANSWER, MOST_ANSWER = 0.03, 2.0  # change of a slope per change of the first velocity; 1 without air
 
 
 @dataclass

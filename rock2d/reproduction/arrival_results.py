@@ -158,8 +158,8 @@ def arrival_results(
 def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
     """A table (blocks, lines) of Table 2 in %, and what hypotheses give for it; one row for each block and line.
 
-    published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: over hypotheses; p: of the
-    published number under the hypotheses.
+    published_low95, published_high95: exact 95 % interval of 50 releases; low95, high95: interval over hypotheses;
+    p: probability of a number as far out as the published one under the hypotheses.
     """
     import pandas as pd
 

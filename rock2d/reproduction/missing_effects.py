@@ -43,7 +43,7 @@ Array = np.ndarray
 # (values of hypotheses, block, draws, name of a candidate, (k, parameters) its sizes in [0, 1]) -> outcome
 Simulation = Callable[[Values, str, Array, str, Array], Outcome]
 
-HYPOTHESES, SIZES = 48, 4  # of the posterior; of a candidate for each of them
+HYPOTHESES, SIZES = 48, 4  # hypotheses of the posterior; sizes of a candidate for each of them
 REBOUND_DRAWS = 24  # parameters of the point mass model that are tried for each hypothesis
 # held-out tests: the blocks that a candidate is calibrated on, and those that it is scored on
 TESTS = (
@@ -51,10 +51,10 @@ TESTS = (
     (("cube",), ("parallelepiped",)),
     (("parallelepiped",), ("cube",)),
 )
-SHARE_OF_RELEASES = 0.6  # of those of the calibrations
-RESAMPLES = 200  # of the hypotheses, for the errors of scores
+SHARE_OF_RELEASES = 0.6  # number of releases as a share of that of the calibrations
+RESAMPLES = 200  # bootstrap samples of the hypotheses, for the errors of scores
 
-LARGEST_SLOPE_REDUCTION_DEG = 60.0  # of a block as far from round as a square
+LARGEST_SLOPE_REDUCTION_DEG = 60.0  # for a block as far from round as a square
 SQUARE_OUT_OF_ROUND = np.sqrt(2.0) - 1.0
 LARGEST_FRICTION_CHANGE_DEG = 30.0
 SMALLEST_FACTOR = 0.2  # on a parameter of the point mass model

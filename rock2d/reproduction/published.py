@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-RELEASES = 50  # of each block
+RELEASES = 50  # per block
 BLOCKS = ("sphere", "cube", "parallelepiped")
 LINES = ("line_1", "line_2", "line_3")
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SPACES = {"deterministic": DETERMINISTIC_SPACE, "probabilistic": PROBABILISTIC_SPACE}
-PREDICTION_RELEASES = 128  # of each block and hypothesis
+PREDICTION_RELEASES = 128  # per block and hypothesis
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,9 @@ class Effort:
 
     Attributes
     ----------
-    hypotheses : of each posterior, in multiples of twice the moves; half of them come from each of two independent runs
-    releases : of each block, simulated for each hypothesis; powers of 2 spread evenly
+    hypotheses : number in each posterior, in multiples of twice the moves; half of them come from each of two
+        independent runs
+    releases : number of each block, simulated for each hypothesis; powers of 2 spread evenly
     moves : rounds of moves at each step of the sampler
     prior_draws : draws of the prior for each hypothesis
     """

@@ -42,7 +42,7 @@ Array = np.ndarray
 
 BLOCK = "sphere"
 SHARE_OF_HYPOTHESES = 0.5  # one block has few unknowns
-PREDICTION_RELEASES = 128  # of each hypothesis
+PREDICTION_RELEASES = 128  # per hypothesis
 SIGNIFICANT = 0.05
 
 
@@ -53,7 +53,7 @@ class Reading:
     Attributes
     ----------
     facing_deg : slope of the facing
-    line_tilt_deg : of the measure lines, from upright
+    line_tilt_deg : tilt of the measure lines from upright
     momentum_factor : on both thresholds M½ of Table 3
     """
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rock2d.runs.results import RunResult
 
 DESIGN_PERCENTILE = 95.0
-MOST_RELEASES = 10_000  # of each block of a campaign, that are simulated with each model
+MOST_RELEASES = 10_000  # releases of each block of a campaign that are simulated with each model
 OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),
     "passing_height_m": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m"),

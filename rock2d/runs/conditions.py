@@ -82,7 +82,7 @@ class Group(NamedTuple):
     states : (n, 6) incident states
     seeds : (n,) of the releases' own random streams
     conditions : n conditions, or a single one for all
-    past : of releases that were held on their way; None at the start
+    past : past of releases that were held on their way; None at the start
     """
 
     block: int
@@ -173,7 +173,7 @@ class Conditions:
 
     @cached_property
     def common(self) -> list[Condition]:
-        """Of each block, as the scenario states it."""
+        """Condition of each block, as the scenario states it."""
         parameters = engine_named(self.engine).parameters
         met = [self._with_causes(b, parameters(self.scenario, b)) for b in self.blocks]
         return [Condition(block, self.cross_section, own, {}) for block, own in met]
@@ -215,7 +215,7 @@ class Conditions:
 
     @cached_property
     def _scattered(self) -> list[tuple[str, tuple[str | int, ...], Any, float]]:
-        """Of each scattered number: place, path, distribution, and the value in the file."""
+        """For each scattered number: place, path, distribution, and the value in the file."""
         document, found = self.scenario.document, []
         for place, draw in self.scenario.scatter.items():
             assert document is not None  # the places were checked with it
@@ -244,7 +244,7 @@ class Conditions:
             drawn = ", ".join(f"{place} = {value:.6g}" for place, value in values.items())
             message = f"{error.message}; that is release {release} of block {block.name} with {drawn}"
             raise InputError(message, error.file, error.line, error.column, code=error.code) from None
-        except ValueError as error:  # of a block
+        except ValueError as error:  # raised by the block
             raise self.scenario.error(f"{error}; that is release {release}", "scatter") from None
 
     def _ground(self, block: int, release: int) -> CrossSection:

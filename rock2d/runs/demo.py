@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-PYMUNK_RELEASES = 24  # of each block; the point-mass engine runs the scenario's own number
+PYMUNK_RELEASES = 24  # per block; the point-mass engine runs the scenario's own number
 VIDEO: dict[str, Any] = {"slow_motion": 8.0, "size_px": (960, 540)}
 
 

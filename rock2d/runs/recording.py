@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-FRAME_TOLERANCE = 1e-9  # of a frame: one at the very end of a release counts in spite of rounding
+FRAME_TOLERANCE = 1e-9  # share of a frame interval: a frame at the very end counts in spite of rounding
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,10 @@ Array = np.ndarray
 Parameters = TypeVar("Parameters")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
-LOWEST_EMBANKMENT = 0.02  # of the cross-section's relief: what rises less is roughness
-FLAT_GROUND = (
-    0.05  # of an embankment's height: what rises less above the ground beside it is ditch or run-out
-)
-SHORTEST_FACET = 1e-9  # of the cross-section's extent
+LOWEST_EMBANKMENT = 0.02  # share of the cross-section's relief: what rises less is roughness
+# share of an embankment's height: what rises less above the ground beside it is ditch or run-out
+FLAT_GROUND = 0.05
+SHORTEST_FACET = 1e-9  # share of the cross-section's extent
 
 
 class CrossSectionError(ValueError):
@@ -87,7 +86,7 @@ class CrossSection:
         zones: Sequence[str],
         measure_lines: Mapping[str, Sequence[Sequence[float]] | Array] | None = None,
     ) -> None:
-        points = np.array(points_m, float, order="C")  # of its own: engines keep what they derive from it
+        points = np.array(points_m, float, order="C")  # a copy: engines keep what they derive from it
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
             raise CrossSectionError("points_m must be at least two [x, y] points", "points_m")
         if not np.isfinite(points).all():

@@ -33,8 +33,8 @@ class EmbankmentSizes:
 
     Attributes
     ----------
-    x_m : of its uphill foot, on the natural ground
-    height_m : of the crest above the natural ground at the foot
+    x_m : x of its uphill foot, on the natural ground
+    height_m : height of the crest above the natural ground at the foot
     crest_m : width of the crest
     uphill_deg, downhill_deg : slopes of the facing and of the back; 90 is vertical
     """
@@ -52,8 +52,8 @@ class DitchSizes:
 
     Attributes
     ----------
-    width_m : of the bottom
-    depth_m : of the bottom below the natural ground at the embankment's foot
+    width_m : width of the bottom
+    depth_m : depth of the bottom below the natural ground at the embankment's foot
     uphill_deg : slope of the uphill wall; 90 is vertical
     """
 

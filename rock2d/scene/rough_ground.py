@@ -54,7 +54,7 @@ def roughened(
     count = np.maximum(pieces, 1)  # a smooth facet is one piece
     last = np.cumsum(count) - 1
     facet = np.arange(len(count)).repeat(count)
-    place = np.arange(len(facet)) - (last - count + 1)[facet]  # of a piece within its facet
+    place = np.arange(len(facet)) - (last - count + 1)[facet]  # index of a piece within its facet
     step = (length / count)[facet]
     off = np.zeros(len(facet))
     odd = (pieces[facet] > 0) & (place % 2 == 0)
@@ -69,5 +69,5 @@ def roughened(
 
 
 def _pieces(length_m: float, roughness: Roughness | None) -> int:
-    """Of a facet; 0 if it stays as it is."""
+    """Number of pieces of a facet; 0 if it stays as it is."""
     return 0 if roughness is None else 2 * round(length_m / (2.0 * roughness.length_m))

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-TIME_LIMIT_TIMES = 10.0  # of √(2 L / g); the slowest of a thousand balls on a field slope takes a third of it
+TIME_LIMIT_TIMES = 10.0  # in √(2 L / g); the slowest of a thousand balls on a field slope takes a third of it
 MOST_ABOVE_FOOT = 3.0  # inradii above a line's foot: beside any usual facing a centroid crosses lower
 
 

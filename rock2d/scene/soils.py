@@ -30,7 +30,7 @@ class SoilClass:
     tangential_restitution : r_t of the rebound law, in [0, 1]
     slope_reduction_deg : roughness, for the rebound law: α, drawn from U(0, α) at every impact
     rolling_share : k_r / (k_l d²), without unit
-    source : of description and restitution
+    source : source of description and restitution
     assumed : what no source gives
     """
 

@@ -16,8 +16,8 @@ from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
-# of the inverse of the lens: a step this small, relative to the largest distance, is the last; Newton's error is then
-# its square
+# Newton's method for the inverse of the lens: a step this small, relative to the largest distance, is the last; the
+# error is then its square
 LENS_TOLERANCE, MOST_LENS_STEPS = 1e-9, 30
 
 

@@ -22,7 +22,7 @@ from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import INDENTATION
 from tests.kinematics.synthetic_films import LAW, film, series_order, world
 
-RELEASES, FEW = 16, 10  # of each block; ten tell apart what is as large as the hidden effects here
+RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
 RIVALS = (
     "angle_offset",
     "inertia_error",

@@ -106,7 +106,8 @@ def test_the_units_of_a_segment_cancel_in_a_share():
         sizes = Sizes(data, unit**2 * np.eye(6) * np.ones((RELEASES, 1, 1)))
         own = Draws(sizes, seed=0)
         ratios.append(own.gap(sizes.of(large))[0] / own.gap(sizes.of(small))[0])
-    assert ratios[0] == pytest.approx(ratios[1]) == pytest.approx(np.sqrt(2.0))  # of half the segments
+    # half of the segments are twice as large
+    assert ratios[0] == pytest.approx(ratios[1]) == pytest.approx(np.sqrt(2.0))
 
 
 def test_near_replicates_tell_the_noise_below_a_curve_that_no_model_follows():

@@ -20,7 +20,7 @@ from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from tests.kinematics.synthetic_films import film, series_order, world
 
-RELEASES = 20  # of each block
+RELEASES = 20  # per block
 FILMS = 60  # draws of residuals; would miss false alarms at twice the stated rate
 
 

@@ -104,7 +104,6 @@ def test_an_angle_that_was_not_measured_is_no_measured_spin_of_zero(tmp_path):
     assert (np.sqrt(noise[sphere, OMEGA, OMEGA]) > 28.0).all()  # rad/s: √(g / r), of the slowest
     assert (np.sqrt(noise[~sphere, OMEGA, OMEGA]) < 20.0).all()
     _, whole = prepared(full, setup)
-    assert np.median(data.film.noise[THETA]) == pytest.approx(
-        whole.film.noise[THETA], rel=0.1
-    )  # of the cubes alone
+    # the noise of the angles of the cubes alone
+    assert np.median(data.film.noise[THETA]) == pytest.approx(whole.film.noise[THETA], rel=0.1)
     assert np.isfinite(log_likelihood(residuals, data.outcome_noise())).all()

@@ -36,7 +36,7 @@ from rock2d.progress import Bars
 from tests.kinematics.synthetic_films import film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
-RELEASES = 6  # of each block: as few as can be diagnosed
+RELEASES = 6  # per block: as few as can be diagnosed
 EFFECTS = {name: catalogue()[name] for name in ("camera_tilt", "inertia_error")}
 
 

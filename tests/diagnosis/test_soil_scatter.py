@@ -19,7 +19,7 @@ def impacts(soil, count=800, seed=5):
     root = 0.05 * rng.normal(size=(count, 6, 6))
     noise = root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(6)
     drawn = (by_soil @ (soil * rng.normal(size=(count, len(soil))))[..., None])[..., 0]
-    # of a Student distribution, as the likelihood takes them, so that no outlier is missing
+    # residuals from a Student distribution, as the likelihood takes them, so that no outlier is missing
     heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
     own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
     return heavy * (drawn + own), Slopes(np.empty((count, 6, 0)), np.empty((0, 3, 2, 0)), by_soil, noise)

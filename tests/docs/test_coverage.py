@@ -117,7 +117,7 @@ def test_examples_of_files_are_valid(tmp_path):
     assert site.releases == 500 and site.scatter and site.roughness
     begun = starts(Conditions(site, site.engine, site.seed), 20)
     assert {start.block for start, _ in begun} == {"boulder", "slab", "scree_blocks"}
-    assert {len(met.drawn) for _, met in begun} == {1, 2, 3}  # of the slab, the boulder and the population
+    assert {len(met.drawn) for _, met in begun} == {1, 2, 3}  # numbers drawn for slab, boulder and population
     further = [t for t in examples("design.md") if t.startswith("design_values:") or "\n  site:" in t]
     assert len(further) == 2
     scenario.write_text("".join(examples("own-slope.md") + further), encoding="utf-8")

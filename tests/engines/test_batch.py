@@ -119,7 +119,7 @@ def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
     )
     assert one.samples[:, -1, 0].min() > 0.05
     apart = np.abs(one.samples[..., :2] - many.samples[..., :2]).max(axis=(1, 2))
-    assert (apart < 2e-3 * one.samples[:, -1, 0]).all()  # of the way, as steps differ
+    assert (apart < 2e-3 * one.samples[:, -1, 0]).all()  # relative to the way, as steps differ
 
 
 def test_a_release_reaches_its_time_limit_with_an_event_of_the_law_just_before_it():

@@ -27,10 +27,11 @@ from rock2d.files.scenario import load_scenario
 from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
 EFFORT = Effort(prior=24, refined=8, copies=1, draws=32)
-LEAST = Effort(prior=8, refined=2, copies=1, draws=8)  # of forecasts that nobody judges
+LEAST = Effort(prior=8, refined=2, copies=1, draws=8)  # for forecasts that nobody judges
 FEW_TURNS = 2  # with 32 draws a forecast has 64 distances
 FEW_SOILS = 8  # with which shapes are compared
-# Of forecasts whose 90 % intervals hold half of these releases, the share inside is above 0.7 in 4 of 100 cases.
+# If 90 % intervals hold each of these releases with probability 0.5 only, the share inside is above 0.7 in 4 of 100
+# cases.
 RELEASES = 16
 
 

@@ -17,8 +17,8 @@ Array = np.ndarray
 
 GRAVITY_M_S2 = 9.81
 SHAPES = ("circle", "ellipse", "square", "rectangle", "polygon")
-ROCK_KG_M2 = 2700.0  # of a slice one metre thick
-TIME_LIMIT = 250.0  # of a release, in units of √(radius / g)
+ROCK_KG_M2 = 2700.0  # mass per area of a slice one metre thick
+TIME_LIMIT = 250.0  # time limit of a release, in √(radius / g)
 
 
 @dataclass(frozen=True)

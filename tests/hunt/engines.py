@@ -14,7 +14,7 @@ from tests.hunt.own_geometry import LeftOutError
 
 Array = np.ndarray
 
-APART = 0.01  # of the incident speed: engines further apart after an impact disagree
+APART = 0.01  # share of the highest possible speed: engines further apart after an impact disagree
 
 
 class Apart(NamedTuple):

@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.design.small_site import small_site
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-FEW_RELEASES = 12  # of each film that is diagnosed, so that this takes less than a minute
+FEW_RELEASES = 12  # releases of each film that is diagnosed, so that this takes less than a minute
 
 
 def _nothing(inputs: Path, out: Path) -> None:

@@ -36,7 +36,7 @@ from tests.test_processes import heed_interrupts
 MARK = "ROCK2D_HUNT"  # variable that marks the processes of a command
 SIGNALS = {"kill": signal.SIGKILL, "interrupt": signal.SIGINT, "terminate": signal.SIGTERM}
 FAULTS = (*SIGNALS, "kill a worker", "full disk", "file too large", "read-only")
-SHARES_TRIED = 4  # of the duration, each half of the one before, until a signal meets what it is for
+SHARES_TRIED = 4  # shares of the duration, each half of the one before, until a signal meets what it is for
 EARLIEST_S = 1.0  # a signal before that meets Python while it starts
 LONGEST_END_S = 5.0  # from a signal to the end
 LONGEST_REFUSAL_S = 8.0  # from the start to the refusal of a read-only folder

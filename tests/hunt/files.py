@@ -25,7 +25,7 @@ from tests.hunt.valid_files import Files
 FAILURES = (FAILED, HANG)
 REPORT_EVERY = 500
 LIMIT_SECONDS = 30.0  # for one file
-# of so many files one is used, not only read; and one is also given to the command
+# one in so many files is used, not only read; and one in so many is also given to the command
 USED_EVERY = {"scenario": 50, "experiment": 1, "diagnosis": 2}
 COMMAND_EVERY = {"scenario": 250, "experiment": 100, "diagnosis": 25}
 

@@ -34,7 +34,7 @@ QUIRKS = (
 )  # fmt: skip
 REFUSED_SOON, RARE = (ONE_RELEASE, NO_IMPACT), 0.3  # such films can hardly be diagnosed: fewer of them
 KIND_SHARES = {"run": 0.55, "table": 0.1, "import": 0.1, "film": 0.05, "profile": 0.1, "outside": 0.1}
-SHARE_PLAIN = 0.25  # of the loops without a quirk
+SHARE_PLAIN = 0.25  # share of the loops without a quirk
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ NUMBERS = {
     "before_after.csv": ("releases", "passed", "frequency", "low95", "high95"),
     "design.csv": ("size",),
 }
-ROUNDED = 6e-3  # of a number on a page, three digits
+ROUNDED = 6e-3  # relative rounding of a number on a page, which has three digits
 
 
 def unnumbered(path: Path) -> tuple[str, str] | None:

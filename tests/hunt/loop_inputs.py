@@ -17,8 +17,8 @@ from tests.hunt import loop_cases as cases
 from tests.hunt.loop_cases import ANGLE_NOISE_RAD, SMALL, Loop
 from tests.hunt.valid_files import SCENARIOS
 
-SHARE_LOST = 0.05  # of the frames
-FIELD_STOPS_M = {"cube": [60.0, 70.0], "box": [55.0, 65.0]}  # of the field test's releases
+SHARE_LOST = 0.05  # share of the frames
+FIELD_STOPS_M = {"cube": [60.0, 70.0], "box": [55.0, 65.0]}  # block -> where its releases stop
 
 
 def document(loop: Loop, name: str) -> dict[str, Any]:

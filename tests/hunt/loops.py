@@ -30,7 +30,7 @@ from tests.hunt.loop_cases import KIND_SHARES, Loop, named, random_loop
 from tests.hunt.loop_commands import Fault
 
 WHOLE, BROKEN, REFUSED = "whole", "broken", "refused"
-LIMIT_SECONDS = 150.0  # of processor time of one loop
+LIMIT_SECONDS = 150.0  # processor time of one loop
 LONGEST_WAIT_S = 1800.0  # for one loop on a busy machine
 MOST_TEXT = 1500
 COARSE_DPI = 40
@@ -63,7 +63,7 @@ def gone(loop: Loop, folder: Path) -> Outcome:
         refusal = str(error)
     except BrokenError:
         pass
-    except Exception as error:  # of the hunt itself, or of files that it cannot read
+    except Exception as error:  # a fault of the hunt itself, or of files that it cannot read
         chain.note(f"{type(error).__name__} in the loop", traceback.format_exc())
     what = BROKEN if chain.faults else REFUSED if refusal else WHOLE
     faults = tuple(Fault(cause, facts[-MOST_TEXT:], count) for cause, facts, count in chain.faults)

@@ -33,14 +33,14 @@ FAULTS = {
     "moved": "the same release, run without its companions, ends elsewhere, if only in the last bit",
     "apart": "the engines differ after the first impact by over 1 % of the incident speed, for no reason found",
 }
-GAIN = 1e-6  # of an impact's kinetic energy
-RESTLESS = 0.25  # of m g r
+GAIN = 1e-6  # share of an impact's kinetic energy that it may gain
+RESTLESS = 0.25  # kinetic energy that a block at rest may have, in m g r
 SITE_RELEASES = 10  # on each random site
-SITES = 60  # of one call of the engine
+SITES = 60  # sites in one call of the engine
 SAMPLES = 150  # instants at which the centroid is looked at
 IMPACTS = 60  # recorded of each release
-ALONE = 10  # of how many sites one is run again without its companions
-PYMUNK = 100  # of how many releases one is run in the pymunk engine too
+ALONE = 10  # one in so many sites is run again without its companions
+PYMUNK = 100  # one in so many releases is run in the pymunk engine too
 
 
 class Finding(NamedTuple):

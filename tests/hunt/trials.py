@@ -18,7 +18,7 @@ from tests.hunt.valid_files import Files
 
 ACCEPTED, REFUSED, FAILED, HANG = "accepted", "refused", "traceback", "hang"
 LONGEST_MESSAGE = 1000
-RUN_SECONDS = 0.5  # of simulated time
+RUN_SECONDS = 0.5  # simulated time
 COMMAND_SECONDS = 120.0
 
 

@@ -21,7 +21,7 @@ from tests.kinematics.synthetic_films import film, world
 Files = Mapping[str, bytes]
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MEASURED = (b"from_experiment", b"field_test")  # keys of scenarios that need measured data
-FEW_RELEASES = 8  # of a film from the data folder: enough for a diagnosis, few enough to be read often
+FEW_RELEASES = 8  # per film of the data folder: enough for a diagnosis, few enough to be read often
 BASE = dict(zip(BASE_NAMES, (1.1e4, 7.0e4, 3.0e3, 32.0, 0.03), strict=True))
 
 

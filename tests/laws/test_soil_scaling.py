@@ -24,10 +24,10 @@ from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.soils import SOIL_CLASSES
 
-RATIO = 3.0  # of two sizes
+RATIO = 3.0  # larger over smaller size
 EXACT_RATIO = 4.0  # its root is a power of two, too
 STEP_FRACTION = 0.1
-DURATION_S = 3.0  # of the smaller block: several impacts
+DURATION_S = 3.0  # time that the smaller block moves: several impacts
 BLOCKS = {
     "ball": {"shape": "circle", "diameter_m": 0.4, "mass_kg": 90.0, "inertia": "solid_sphere"},
     "cube": {"shape": "square", "side_m": 0.4, "mass_kg": 170.0},

@@ -149,5 +149,5 @@ def test_the_likelier_candidate_gets_the_odds_of_its_likelihood():
     odds = np.exp(ll[2] - ll[0]) * table.loc["none", "prior"] / table.loc["adhesion", "prior"]
     assert table.loc["adhesion", "bayes_factor"] == pytest.approx(odds)
     cells = summary.cells_table([run])
-    assert cells["predicted"].tolist() == pytest.approx([20.0] * 3)  # of the hypotheses without a candidate
+    assert cells["predicted"].tolist() == pytest.approx([20.0] * 3)  # from the hypotheses without a candidate
     assert cells["effective"].tolist() == pytest.approx([2.0] * 3)

@@ -92,5 +92,5 @@ def test_what_was_finished_before_an_interruption_is_not_asked_again(tmp_path):
         work.arrays("two", pressed)
     again = FinishedStages(tmp_path / "kept", {"seed": 1}, Bars(False))
     assert again.arrays("one", pressed)["a"].tolist() == [0, 1, 2]
-    with pytest.raises(KeyboardInterrupt):  # of another seed
+    with pytest.raises(KeyboardInterrupt):  # with another seed, nothing is finished
         FinishedStages(tmp_path / "kept", {"seed": 2}, Bars(False)).arrays("one", pressed)

@@ -32,7 +32,7 @@ class Tracked:
 
     experiment: Experiment
     shots: list[Shot]
-    pictures: list[list[int]]  # of each release: which pictures of the film its frames are
+    pictures: list[list[int]]  # for each release: which pictures of the film its frames are
     releases: list[FollowedRelease]
     film: TrackedFilm
     setup: Setup

@@ -49,7 +49,7 @@ def test_slopes_of_the_covered_share_are_its_derivatives(shape):
         for k, (dx, dy, ds) in enumerate(1e-5 * np.eye(3)):
             ahead = cover(x + dx, y + dy, outline.edges, a, b, 1.3 + ds, none)
             behind = cover(x - dx, y - dy, outline.edges, a, b, 1.3 - ds, none)
-            # of an ellipse the distance is of first order, and so is its slope
+            # the distance to an ellipse is a first-order approximation, and so is its slope
             assert slope[k] == pytest.approx(
                 (ahead - behind) / 2e-5, abs=0.05 if shape == "ellipse" else 1e-6
             )

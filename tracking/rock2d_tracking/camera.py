@@ -12,7 +12,7 @@ import numpy as np
 
 Array = np.ndarray
 
-UNDISTORTION_ROUNDS = 20  # of the fixed-point iteration that removes distortion
+UNDISTORTION_ROUNDS = 20  # rounds of the fixed-point iteration that removes distortion
 
 
 @dataclass(frozen=True)

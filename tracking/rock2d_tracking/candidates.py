@@ -10,16 +10,14 @@ Array = np.ndarray
 
 CHUNK_SAMPLES = 41  # pictures whose median the background is
 CHANGED_SIGMAS, LEAST_CHANGE_GREY = 6.0, 3.0  # by which a pixel that moves differs, in noise and grey levels
-LEAST_AREA_PX = 6  # of a candidate in the coarse picture
-LARGEST_AREA_SHARE = 0.2  # of the picture
-MOST_CANDIDATES = 30  # of a frame
-CORE_SHARE = 0.45  # of a strong change: the weaker rim of a candidate is blur and shadow
-STRONG_QUANTILES = (
-    0.9,
-    0.6,
-)  # of a candidate's changes: the first cuts shadows off, the second keeps round highlights
-SAME_PX, SAME_AREA = 1.5, 1.25  # of two cores that are one
-SHADOW_RATIOS = (0.4, 0.985)  # of a shadow's light over that of the ground without it ...
+LEAST_AREA_PX = 6  # area of a candidate in the coarse picture
+LARGEST_AREA_SHARE = 0.2  # area of a candidate, as a share of the picture
+MOST_CANDIDATES = 30  # per frame
+CORE_SHARE = 0.45  # share of a strong change: the weaker rim of a candidate is blur and shadow
+# quantiles of a candidate's changes that count as strong: the first cuts shadows off, the second keeps round highlights
+STRONG_QUANTILES = (0.9, 0.6)
+SAME_PX, SAME_AREA = 1.5, 1.25  # distance in coarse pixels and ratio of areas below which two cores are one
+SHADOW_RATIOS = (0.4, 0.985)  # ratio of the light in a shadow to that of the ground without it ...
 SHADOW_COLOURS, SHADOW_SPREAD = 0.06, 0.15  # ... alike in all colours, and from pixel to pixel
 
 

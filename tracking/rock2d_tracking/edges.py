@@ -17,16 +17,14 @@ from rock2d_tracking.outline import Outline
 
 Array = np.ndarray
 
-POINT_SPACING_PX = 1.5  # of the points on the outline
+POINT_SPACING_PX = 1.5  # spacing of the points on the outline
 FEWEST_POINTS, MOST_POINTS = 24, 120
-CORNER_SHARE = 0.12  # of a side next to a corner, where there is no single normal
+CORNER_SHARE = 0.12  # share of a side next to a corner that has no points: there is no single normal
 SAMPLES_PER_PX = 2.0  # along a normal
-WIDE_SHARE, NARROW_SHARE = (
-    0.75,
-    0.45,
-)  # of the inner radius on which the edge is looked for, at first and at last
+# half the width in which the edge is looked for, as a share of the inner radius, at first and at last
+WIDE_SHARE, NARROW_SHARE = 0.75, 0.45
 NARROWEST_PX, WIDEST_PX = 3.0, 4.5  # limits of the narrow search
-INNER_SHARE = 0.45  # of the inner half of a normal, from which the block's colour is taken
+INNER_SHARE = 0.45  # share of the inner half of a normal from which the block's colour is taken
 LEAST_SHADING_PX = 4.0  # half a normal; on a shorter one, blur looks like shading
 SHADING_POINTS = 7  # neighbours on the outline that share a slope of colour
 SHADING_SHARE = 0.5  # largest change of colour over the edge, over the colour
@@ -39,7 +37,7 @@ STRONG, ENOUGH_STRONG = (
 FOUND_PX, FOUND_RADII = 0.7, 0.04  # distance from the outline within which an edge point counts as seen
 TUKEY_SIGMAS = 4.685
 SMALLEST_SCATTER_PX = 0.03
-JACKKNIFE_PARTS = 8  # of an outline
+JACKKNIFE_PARTS = 8  # parts of an outline
 EDGE_SHIFT_PX = 0.15  # 1 sigma, by which a whole edge looks too far out or in
 
 

@@ -150,7 +150,7 @@ def _draw(folder: Path, film: Iterable[Array], motion: Motion) -> None:
 
 
 def _draw_arcs(picture: Array, motion: Motion, scale: float) -> None:
-    """Every arc: of blocks green, other falls yellow, the rest white."""
+    """Every arc: those of blocks green, other falls yellow, the rest white."""
     import cv2
 
     own = {id(a) for c in motion.chains for a in c.arcs}

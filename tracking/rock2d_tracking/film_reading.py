@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-KEPT_BYTES = 2_000_000_000  # of decoded frames that are kept; a longer film is decoded anew for each reading
+KEPT_BYTES = 2_000_000_000  # decoded frames that are kept; a longer film is decoded anew for each reading
 FULL_RANGE = 2  # FFmpeg's mark of brightness from 0 to 255; else it is 16 to 235
 STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).astype(np.uint8)
 # by which a time between frames may be off: share of the usual one, and ticks of the clock

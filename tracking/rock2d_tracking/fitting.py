@@ -26,9 +26,9 @@ Array = np.ndarray
 
 FIT_ROUNDS = 25
 START_ANGLE_STEP_RAD = np.deg2rad(22.5)
-LARGEST_MISFIT = 0.2  # of the edge, over the contrast; a larger misfit is not this block
+LARGEST_MISFIT = 0.2  # misfit of the edge in units of the contrast; a larger misfit is not this block
 FAINTEST_CONTRAST_SIGMAS, FAINTEST_CONTRAST_GREY = 4.0, 3.0  # in noise and in grey levels
-FAINTEST_CONTRAST_SHARE = 0.3  # of the usual contrast; what is fainter is dust or an afterimage
+FAINTEST_CONTRAST_SHARE = 0.3  # share of the usual contrast; what is fainter is dust or an afterimage
 LARGEST_ERROR_PX = 0.5  # standard error; a frame with a larger one is lost
 WINDOW_MARGIN_PX = 6.0
 # confidence of an outline that is trusted, over the share with which a block is followed
@@ -44,7 +44,7 @@ class Fitter:
     background : the picture without a block
     visible : (height, width) uint8, 0 where soil may hide a block
     least_seen : share of the outline that must be seen
-    grey, contrast : of the block that was fitted last
+    grey, contrast : those of the block that was fitted last
     """
 
     def __init__(self, background: Background, visible: Array, least_seen: float) -> None:
@@ -112,7 +112,7 @@ class Fitter:
     ) -> Sight:
         """The block at a start (3,), or why it is not there.
 
-        grey : of the block, None if it is not known
+        grey : grey of the block, None if it is not known
         least : share of the outline that must be seen, if not the usual one
         """
         if looks.kind == "edge":

@@ -394,5 +394,5 @@ class _Follower:
 
 
 def _nearest_angle(angle: float, near: float, symmetry: float) -> float:
-    """Of the angles at which the block looks the same, the nearest to `near`."""
+    """The angle nearest to `near` among those at which the block looks the same."""
     return near + (angle - near + 0.5 * symmetry) % symmetry - 0.5 * symmetry

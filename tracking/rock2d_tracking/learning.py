@@ -20,16 +20,16 @@ Shots = list[tuple[int, Array, Array]]  # number, picture, and place (2,) in px 
 FEWEST_SHOTS, MOST_SHOTS = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
 LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
-FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # of places by edge about an arc, over that of places by outline
+FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # pairs on an arc; ratio of scatter by edge to that by outline
 SEEN_TO_START = 0.75  # share of the outline that must be seen where nothing else says that it is a block
 SEEN_FOR_SIZE = 0.6  # share of the outline that must be seen to measure its size
-LEAST_SIZE_CHANGE = 0.012  # of the outline; below it the size that is stated is the better one
+LEAST_SIZE_CHANGE = 0.012  # relative change of the outline's size below which the stated size is better
 LARGEST_SIZE_CHANGE = 0.5
 LARGEST_SIZE_SPREAD = 0.08  # from frame to frame; a larger one is no outline
 SIZE_ROUNDS, SIZE_CONVERGED = 5, 0.002
-WIDE_PICTURE = 1.5  # of a learned picture with enough around the block to see its edge, over the usual one
+WIDE_PICTURE = 1.5  # width of a learned picture that shows the block's edge, in units of the usual width
 UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over the reach of the block
-CENTRE_STEP_PX = 0.25  # of the places that are tried
+CENTRE_STEP_PX = 0.25  # spacing of the places that are tried
 
 
 def shots_of(film: Iterable[Array], motion: Motion) -> Shots:

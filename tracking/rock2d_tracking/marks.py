@@ -10,7 +10,7 @@ RING_SAMPLES = 256  # samples on a ring
 RING_RADII = np.linspace(0.2, 0.85, 12)  # radii at which marks are sampled, over that of the block
 REFERENCE_UPDATE = 0.05  # share of each frame that the reference takes over
 SMALLEST_CORRELATION = 0.5  # with the reference; below it the marks are not recognised
-HIGHEST_HARMONIC = 40  # of the angle that is compared; finer ones are noise
+HIGHEST_HARMONIC = 40  # highest harmonic of the angle that is compared; finer ones are noise
 SMALLEST_MARK_CONTRAST = 0.05  # standard deviation of the grey values over the contrast; below it no marks
 
 

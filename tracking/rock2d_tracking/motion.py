@@ -26,9 +26,9 @@ Array = np.ndarray
 
 COARSE_WIDTH_PX = 640  # width of the picture in which motion is looked for, at most
 COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at least
-CHUNK_BYTES = 400_000_000  # of coarse pictures that share a background
+CHUNK_BYTES = 400_000_000  # coarse pictures that share a background
 FULL_SAMPLES = 25  # pictures of full size that are kept for the background of the fits
-SHADOW_WEIGHT = 0.2  # of the frames of a chain that look like a shadow
+SHADOW_WEIGHT = 0.2  # weight of frames in which a chain looks like a shadow
 CASTER_PX, CASTER_SHARE = 3.0, 0.08  # change of the distance from a block to its shadow, and share of its way
 LONGEST_LINK_S, LONGEST_LINK_FRAMES = 0.25, 4  # between two arcs of one release
 FEWEST_CHAIN_FRAMES = 6
@@ -83,7 +83,7 @@ class Motion:
 
     Attributes
     ----------
-    candidates : of each frame
+    candidates : candidates of each frame
     chains : releases as their arcs show them, in the order filmed
     samples : pictures of full size, evenly over the film
     arcs : all arcs, of the blocks and of other things
@@ -171,7 +171,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
         low, high = np.pi * min(radii_px) ** 2 * 0.3, np.pi * max(radii_px) ** 2 * 2.5
         kept = [c for c in kept if low < c.area_px2 < high]
     kept = [_caster(c, arcs) or c for c in kept]
-    # of two things at one time, the block is the one that falls longer, stands out more, and has its size
+    # where two chains overlap in time, the block is the one that falls longer, stands out more, and has a block's size
     kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
     for chain in kept:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SUBPIXEL_BINS = 10  # of the position of a centre within its pixel
+SUBPIXEL_BINS = 10  # bins of the position of a centre within its pixel
 
 
 def write_page(

@@ -23,8 +23,8 @@ COMPARED_FRAMES = 4  # frames on each side that a frame is compared with
 JUMP_SIGMAS = 6.0  # largest distance of a frame from the parabola through its neighbours
 SMALLEST_JUMP_PX, SMALLEST_JUMP_RAD = 0.75, 0.05  # a smaller distance is never a jump
 COMPARED_STEPS = 3  # steps on each side that a step is compared with
-SMALLEST_NOISE_PX = 0.01  # of the positions in a film without noise
-SMALLEST_STEP_SIGMA_PX = 0.02  # of the steps in a film without noise
+SMALLEST_NOISE_PX = 0.01  # noise of the positions in a film without noise
+SMALLEST_STEP_SIGMA_PX = 0.02  # noise of the steps in a film without noise
 LONG_STEP_SIGMAS = 7.0  # by which a step over a dropped frame is longer than the others
 SHORTEST_MOTION_PX = 3.0  # what moves less is no release, but a stone in the soil, a person or a shadow
 

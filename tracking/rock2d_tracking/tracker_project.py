@@ -25,7 +25,7 @@ from rock2d_tracking.tracked_points import Points
 
 LINE = "line"  # attribute of an element: where it stands in the file
 LARGEST_FRAME_DIGITS = 9
-PIXEL_CENTRE_PX = 0.5  # of the first pixel, as Tracker counts; 0 as rock2d does
+PIXEL_CENTRE_PX = 0.5  # centre of the first pixel, as Tracker counts; 0 as rock2d does
 
 
 def looks_like_project(text: str) -> bool:

@@ -21,10 +21,9 @@ from rock2d.scene.world import World
 
 Array = np.ndarray
 
-DEEP_PENETRATION_SIZES = 0.1  # of the block's size: penetration from which the ground hides part of the block
-LOW_REBOUND_SIZES = (
-    0.25  # of the block's size: rebound below which a flight is too short for precise velocities
-)
+DEEP_PENETRATION_SIZES = 0.1  # in block sizes: penetration from which on the ground hides part of the block
+# in block sizes: rebound below which a flight is too short for precise velocities
+LOW_REBOUND_SIZES = 0.25
 
 
 def flights_and_impacts(
@@ -67,8 +66,8 @@ def _flights(experiment: Experiment, data: FilmSegments, middle: Array, misfit: 
 
 
 def _errors(data: FilmSegments, which: Array, dt: Array, misfit: Array) -> Array:
-    """(n, 6) standard errors of the states of flights `which`, dt after their middle: of the noise, or of what the
-    parabola leaves where that is more."""
+    """(n, 6) standard errors of the states of flights `which`, dt after their middle: from the noise, or from what
+    the parabola leaves where that is more."""
     error = np.sqrt(np.diagonal(data.state_covariance(which, dt), axis1=1, axis2=2))
     return error * np.tile(np.maximum(misfit[which], 1.0), 2)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rock2d.blind.reality.data_model import World
 
 CAUSES = {**known_causes(), **outside_causes()}
-FORMS = {name: cause.forms for name, cause in known_causes().items()}  # of the effects that a diagnosis knows
+FORMS = {name: cause.forms for name, cause in known_causes().items()}  # number of forms of each effect
 OUTSIDE = {name: cause.sentence for name, cause in outside_causes().items()}
 LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strength` and all of it
 

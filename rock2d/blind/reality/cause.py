@@ -42,7 +42,7 @@ class Cause:
     columns : column of `parameters` in which the compiled motion finds each value
     switches : columns of `parameters` that are 1 while the cause acts
     recorded : (poses, view, values) -> poses that the camera records; None if the recording is correct
-    sentence : of a cause outside the catalogue: what happens
+    sentence : what happens, for a cause outside the catalogue
     draw_order : place among the causes when a seed assigns them to cases; causes of the same place follow by name
     """
 

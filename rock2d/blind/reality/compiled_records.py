@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rock2d.blind.reality.data_model import Array
 
-X, Y, THETA, VX, VY, OMEGA = range(6)  # of a state
+X, Y, THETA, VX, VY, OMEGA = range(6)  # columns of a state
 K_L, K_UL, K_T, MU, K_R = range(5)  # columns of soil rows
 # columns of `MotionInputs.bodies`: mass, inertia about the centre of mass, largest radius from it, rounding of the
 # corners, position of the centroid, number of corners that share a contact (0: a circle), size

@@ -50,13 +50,13 @@ from rock2d.blind.reality.data_model import Array
 from rock2d.blind.reality.forces import N_MEMORY, acts_in_flight, air_acceleration
 from rock2d.blind.reality.ground import facet_at, is_below, nearest_on_facet
 
-OSCILLATION_STEP_RAD = 0.03  # of the stiffest oscillation, in a contact step
-LANDING_STEP = 0.1  # of a contact step: least step in flight, so that contacts begin close to the surface
+OSCILLATION_STEP_RAD = 0.03  # phase of the stiffest oscillation that one contact step covers
+LANDING_STEP = 0.1  # least step in flight, as a share of a contact step: contacts begin close to the surface
 DAMPING_STEP = 0.2  # share of a speed that a damping cause may take in a step
-AIR_STEP = 4e-3  # of √(size / g): longest step with forces of the air
-AIR_STEP_SIZE = 0.1  # of the size of the block: longest path of such a step
-REST_TIME = 2.0  # of √(size / g): a block that stays in place for so long is at rest
-REST_DISTANCE = 0.01  # of the size of the block (and rad): largest displacement during that time
+AIR_STEP = 4e-3  # longest step with forces of the air or on moving ground, in √(size / g)
+AIR_STEP_SIZE = 0.1  # longest path of a step with forces of the air, as a share of the block's size
+REST_TIME = 2.0  # time in √(size / g) after which a block that stays in place is at rest
+REST_DISTANCE = 0.01  # largest displacement during that time, as a share of the block's size, and turn in rad
 MOST_STEPS = 4_000_000
 
 

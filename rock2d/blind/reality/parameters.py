@@ -39,14 +39,14 @@ from __future__ import annotations
     STRIP_PERIOD,  # m
     SIDE_LOG_RATIO,  # log of the stiffness of the hard side over that of the soft one
     SIDE_ANGLE,  # direction of the soft side in the block, rad
-    SHAKE_AMPLITUDE,  # of the vertical motion of the ground, m
+    SHAKE_AMPLITUDE,  # amplitude of the vertical motion of the ground, m
     SHAKE_RATE,  # rad/s
     SHAKE_PHASE,  # rad
     SPIN_KICK,  # speed at lift-off gained over |spin| × radius, 1
     SPEED_LOSS,  # 1: impacts take a share of the horizontal speed
     FRICTION_FALL,  # friction is divided by 1 + FRICTION_FALL × normal speed at the start of the contact, s/m
     WAVE_LOG_FACTOR,  # largest log of the factor on the unloading stiffness, which changes with x as a sine
-    WAVE_NUMBER,  # of this sine, rad/m
+    WAVE_NUMBER,  # wave number of this sine, rad/m
     WAVE_PHASE,  # rad
 ) = range(45)
 N_PARAMETERS = WAVE_PHASE + 1

@@ -32,7 +32,7 @@ MODEL_STYLES: dict[str, tuple[str, Any, str]] = {
 # smallest residual in standard deviations, fill, area in pt²
 MISS_CLASSES = ((0.0, "#f2f2f2", 9.0), (1.5, "#f5b041", 22.0), (2.5, "#8c2d04", 40.0))
 MARKERS = {"circle": "o", "square": "s", "rectangle": "d", "ellipse": "h", "polygon": "^"}
-OTHER_MARKER = "p"  # of all other shapes
+OTHER_MARKER = "p"  # for all other shapes
 
 
 @dataclass

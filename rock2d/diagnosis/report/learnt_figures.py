@@ -44,8 +44,8 @@ LEVER_WORDS = {
     FLIGHT: "acceleration in flight", SLOPE: "slope of the ground", FRAME: "motion of the camera or the ground",
 }  # fmt: skip
 UNITS = {"m": "m", "rad": "rad", "m_s": "m/s", "rad_s": "rad/s", "m2_s2": "m²/s²", "m_s2": "m/s²", "s": "s"}
-POINTS = 200  # of a curve
-LEAST_SWING = 0.2  # of the largest, relative to typical sizes; numbers that change less are left out
+POINTS = 200  # points of a curve
+LEAST_SWING = 0.2  # share of the largest change, in typical sizes; numbers that change less are left out
 MOST_DRAWN = 3  # numbers of a lever
 WIDE_IN, HIGH_IN = 4.6, 2.6
 

@@ -43,9 +43,9 @@ Progress = Callable[[str], None]
 PAGE = "report.html"
 FOLDED_PROBABILITY = 0.005  # names with a smaller one are folded away
 SHOWN_CELLS = 8  # places; the others are folded away
-MOST_REPORTED_FRAMES = 150_000  # of the film for the practical indicators
+MOST_REPORTED_FRAMES = 150_000  # frames of the film for the practical indicators
 MOST_REPORTED_RELEASES = 4_000  # simulated for them
-PARTS = 5  # of the page of a film
+PARTS = 5  # parts of the page of a film, as its progress bar counts them
 LINEAR_GAIN = 10.0  # log likelihood up to which gains are drawn to a linear scale
 
 
@@ -316,7 +316,7 @@ def _film(
 
 
 def _passing_tile(quantities: Sequence[Quantity], labels: Mapping[str, str]) -> list[text.Tile]:
-    """The passing frequency that the base law misses most: of the film and of the models, in %."""
+    """The passing frequency that the base law misses most, in the film and by the models, in %."""
     rows = [row for q in quantities if q.title == PASSING for row in q.rows]
     if not rows:
         return []

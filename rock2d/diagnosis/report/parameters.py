@@ -17,8 +17,8 @@ from rock2d.wording import interval, number, spoken
 
 Array = np.ndarray
 
-UNDETERMINED_WIDTH = 0.7  # of the prior's width: the data do not determine a parameter with a wider interval
-EDGE_DISTANCE = 0.01  # of its plausible range: a parameter nearer to an end was stopped there
+UNDETERMINED_WIDTH = 0.7  # share of the prior's width: a parameter with a wider interval is undetermined
+EDGE_DISTANCE = 0.01  # share of the plausible range: a parameter nearer to an end was stopped there
 LAW = (
     ("k<sub>l</sub>", "loading stiffness", "N/m"),
     ("k<sub>ul</sub>", "unloading stiffness", "N/m"),

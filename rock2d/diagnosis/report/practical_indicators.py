@@ -27,7 +27,7 @@ PASSING = "Passing frequency"
 COMPARED_PERCENTILES = (50.0, 75.0, 95.0)
 FEWEST_VALUES = 8  # for a percentile
 INDICATOR_BOOTSTRAPS = 400
-VELOCITY_WINDOW = 0.15  # of √(radius / g): half the time over which a velocity is fitted
+VELOCITY_WINDOW = 0.15  # half the time over which a velocity is fitted, in √(radius / g)
 ENERGY = CROSSING_COLUMNS.index("kinetic_J") - CROSSING_COLUMNS.index("t_s")  # column of `crossing_values`
 
 

@@ -26,8 +26,8 @@ from rock2d.scene.cross_section import CrossSection
 Array = np.ndarray
 
 SHOWN_SEGMENTS = 6
-LINE_POINTS = 160  # of a predicted line
-SHOWN_AFTER = 2.5  # of the flight after an impact, in units of `Impacts.window_s`
+LINE_POINTS = 160  # points of a predicted line
+SHOWN_AFTER = 2.5  # shown part of the flight after an impact, in units of `Impacts.window_s`
 FLIGHT_POINTS = 12
 MOST_FLIGHTS = 600
 MOST_SCENES = 3

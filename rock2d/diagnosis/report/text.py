@@ -16,7 +16,7 @@ from rock2d.scene.cross_section import embankment_facets
 from rock2d.wording import listed, number, percent, plus_minus, spoken
 
 MOST_POSSIBLE = 5  # causes that are listed, if none can be named
-LEAST_PART = 0.1  # of the gap, that effects beside an unknown cause must close to be named
+LEAST_PART = 0.1  # share of the gap that an effect beside an unknown cause must close to be named
 # effects that are hard to separate with such data
 LOOKALIKES = (
     ("scale_error", "frame_rate_error"),
@@ -39,7 +39,7 @@ HINTS = {  # by the lever of a dependence, see `discrepancy`
     "slope": "the ground has another slope than stated",
     "frame": "camera or ground move",
 }
-SIGNIFICANT_PLACE_Z = 2.0  # of a place where the gap lies
+SIGNIFICANT_PLACE_Z = 2.0  # standard errors from which on the gap in a place is significant
 
 
 def share_closed(value: float, ci95: Sequence[float]) -> str:
@@ -416,4 +416,4 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "spoken": spoken,
     "percent": percent,
     "number": number,
-}  # of the templates
+}  # filters of the templates

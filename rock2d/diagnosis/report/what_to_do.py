@@ -17,7 +17,7 @@ from rock2d.kinematics import sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.wording import listed, number, percent, spoken
 
-LEAST_PROBABILITY = 0.5  # of a verdict on which one should act
+LEAST_PROBABILITY = 0.5  # probability of a verdict from which on one should act on it
 MEASURE_SCALE_AND_RATE = (
     "Measure a length in the plane of motion, and film a clock: one of scale and frame rate is wrong"
 )

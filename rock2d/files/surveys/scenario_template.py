@@ -15,7 +15,7 @@ from rock2d.scene.soils import SOIL_CLASSES
 Array = np.ndarray
 
 DEFAULT_ZONE = "slope"
-RELEASE_SHARE = 0.05  # of the length, at the top, in which blocks start
+RELEASE_SHARE = 0.05  # share of the length, at the top, in which blocks start
 DEFAULT_CLASS = "medium_scree"
 CLASS_OF_WORD = {
     "rock": "bedrock", "cliff": "bedrock", "scree": "medium_scree", "talus": "coarse_talus", "meadow": "deep_soil",

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 EDGE = "edge"  # zone of the ground at the start
-BEHIND_M, LENGTH_M = 5.0, 250.0  # of a section, behind the start and ahead of it
+BEHIND_M, LENGTH_M = 5.0, 250.0  # extent of a section behind the start and ahead of it
 TRUSTED_CELLS = 1.0  # cells around the known starts and stops within which heights are trusted
-LINE_STEP_M, LINE_HEIGHT_M = 10.0, 50.0  # of measure lines
+LINE_STEP_M, LINE_HEIGHT_M = 10.0, 50.0  # spacing and length of measure lines
 NEARBY_M = 10.0  # starts so close to each other have the same direction
 
 

@@ -35,7 +35,7 @@ MOST_RELEASES_IN_MEMORY = 10_000  # a run of more releases than this is a campai
 OWN_CONDITIONS_CHUNK = 10_000  # most releases of a chunk if each is prepared for itself, which takes longer
 BYTES_OF_A_SAMPLE = 32
 READ_OUTPUTS = {"crossings", "ends"}  # by tables; more than once if they are very large
-TABLES_SHARE = 0.02  # of the time of the releases, that their tables take
+TABLES_SHARE = 0.02  # time of the tables as a share of that of the releases
 MANIFEST = "campaign.json"
 WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
 THIS_PROCESS = Workers()  # on all threads
@@ -325,7 +325,7 @@ def _compute_in_threads(
 
     def compute(k: int) -> None:
         left = min(threads, len(todo) - k)
-        numba.set_num_threads(threads // left)  # of this thread
+        numba.set_num_threads(threads // left)  # for calls from this thread alone
         run_chunk(job, todo[k], count)
 
     pool = ThreadPoolExecutor(min(threads, len(todo)))

@@ -33,7 +33,7 @@ RUNOUT_PERCENTILES = (50.0, 95.0, 99.0)
 
 
 def all_counts(job: Job, chunks: Sequence[Chunk]) -> list[Counts]:
-    """Of each block, the counts of its chunks, which are done."""
+    """Counts of each block over its chunks, which are done."""
     found = [Counts.none(job) for _ in job.blocks]
     for chunk in chunks:
         add_counts(found[chunk.block], job, chunk)

@@ -76,7 +76,7 @@ def foot_and_up(line: Array, cross_section: CrossSection) -> tuple[Array, Array]
 
 
 def crossing_rows(found: Array, feet: Array, ups: Array, masses: Array) -> tuple[Array, Array, Array]:
-    """Of crossings `found` (n, lines, 7: t and state, NaN where there is none), release after release: index of the
+    """For crossings `found` (n, lines, 7: t and state, NaN where there is none), release after release: index of the
     release (k,), of the line (k,), and values (13, k), see `crossing_values`.
 
     `feet`, `ups` (lines, 2): see `foot_and_up`; `masses` (n, 2).

@@ -25,7 +25,7 @@ ENVELOPE_COLUMNS = (
 QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")
 PERCENTILES = (50.0, 95.0, 99.0)
 STATIONS = 61
-INSTANTS = 400  # of a track between which positions are taken as straight lines, beside its knots
+INSTANTS = 400  # instants of a track, beside its knots, between which positions are taken as straight lines
 FEWEST_PASSED = 5  # at a station, for percentiles
 
 
@@ -38,7 +38,7 @@ def envelope_table(
     """Percentiles over the blocks that come past each station, in the direction of x; ENVELOPE_COLUMNS.
 
     - x_m: stations, evenly spread over the cross-section; those that fewer than 5 blocks pass are left out
-    - height_m: of the centroid above the ground, vertically, at its first passing; speed_m_s and kinetic_J likewise
+    - height_m: vertical height of the centroid above the ground, at its first passing; speed_m_s and kinetic_J likewise
     - low95, high95: distribution-free interval of the percentile; a bound that so few passings cannot give is NaN
     """
     import pandas as pd

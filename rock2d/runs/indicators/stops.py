@@ -19,7 +19,7 @@ STOP_COLUMNS = ("block", "release", "stop", "t_s", "x_m", "y_m", "zone", "runout
 def stops_table(tracks: Iterable[Track], cross_section: CrossSection) -> pd.DataFrame:
     """Where and how every release ended; STOP_COLUMNS.
 
-    zone: of the facet nearest to the centroid, None if the block left the cross-section.
+    zone: zone of the facet nearest to the centroid, None if the block left the cross-section.
     runout_m: horizontal distance from the track's start to its end, positive toward the embankment.
     """
     import pandas as pd

@@ -375,9 +375,8 @@ def test_percentiles_are_numpys_and_look_at_no_more_values_than_they_say(n, perc
     ranked = np.sort(np.random.default_rng(seed).normal(size=n))
     seen = {rank: float(ranked[rank]) for rank in percentile_ranks(n, percentile)}
     value, low, _ = percentile_estimate(seen, n, percentile)
-    assert value == np.fmax(
-        np.percentile(ranked, percentile), low
-    )  # of two values numpy's can lie below the bound
+    # numpy's percentile of two values can lie below the bound
+    assert value == np.fmax(np.percentile(ranked, percentile), low)
 
 
 @pytest.mark.parametrize("damage", ["[" * 100_000, "[]", "{"])

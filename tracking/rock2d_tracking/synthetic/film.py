@@ -69,7 +69,7 @@ class FilmOptions:
 
     Attributes
     ----------
-    seed : of soil, noise, dust and dropped frames; the same seed makes the same film
+    seed : seed of soil, noise, dust and dropped frames; the same seed makes the same film
     faults, look : what spoils the film; light and paint
     releases : which releases, in this order; all of them if None
     rest_frames : empty frames before each release

@@ -22,14 +22,14 @@ LOOK_KINDS = ("matte", "shaded", "shiny black", "textured", "coloured", "half tr
 LOOK_SEVERITIES = {"mild": 0.25, "moderate": 0.6, "severe": 1.0}
 FINE = 3  # parts of the side of a pixel
 EXPOSURE_POSES = 6  # poses while the shutter is open
-MOST_SIZE_ERROR = 0.03  # of the size that is stated for a block
+MOST_SIZE_ERROR = 0.03  # relative error of the size that is stated for a block
 REFLECTANCE_TEXTURE = 0.6  # share by which the darkest spot of a textured block is darker
 SKIN = np.array([0.22, 0.34, 0.55])  # blue, green, red
 SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are balls
-H264_SHARE, MILDEST_CRF = 0.5, 17.0  # of the looks whose films are H.264, and its least rate factor
+H264_SHARE, MILDEST_CRF = 0.5, 17.0  # share of the looks whose films are H.264, and its least rate factor
 LENGTH_RATIO = 0.6  # height of a rectangle over its length
 REST_FRAMES = 6  # at the start, in which the hand holds the block
-SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # of the shadow on the wall behind the block
+SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall behind the block
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class RealLook:
     radius_px : half the size of the block
     stated_size : size that a set-up file states, over the true one
     step_px, fall_px : way of the block in a frame, and gravity in px per frame squared
-    quality, crf : of JPEG, 1 to 100; of H.264, its constant rate factor, 0 where the film is of JPEG pictures
+    quality, crf : quality of JPEG, 1 to 100; constant rate factor of H.264, 0 where the film is of JPEG pictures
     """
 
     kind: str

@@ -21,9 +21,9 @@ Pose = tuple[float, float, float]
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom; the last two exclusive
 Window = tuple[slice, slice]
 
-SMOOTH_CORNERS = 512  # of the polygon for a smooth profile
+SMOOTH_CORNERS = 512  # corners of the polygon for a smooth profile
 SUPERSAMPLING = 3  # parts of the side of a pixel
-SMALLEST_COVER = 0.01  # of a pixel; a block that covers less of every pixel is out of the picture
+SMALLEST_COVER = 0.01  # share of a pixel; a block that covers less of every pixel is out of the picture
 SURFACE_STEP_PX = 3.0  # distance of the corners of the drawn surface
 MARK_DOTS = ((0.42, 0.42, 0.17), (-0.45, 0.36, 0.11), (-0.12, -0.5, 0.14))  # x, y, radius of marks, in radii
 MARK_LINE = np.array([[-0.85, -0.05], [0.85, -0.05], [0.85, 0.05], [-0.85, 0.05]])

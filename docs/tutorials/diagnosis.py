@@ -12,7 +12,7 @@ import numpy as np
 
 import rock2d
 
-RELEASES = 12  # of each block
+RELEASES = 12  # with each block
 
 scenario = rock2d.load_scenario("scenarios/paper_setup.yaml")
 del scenario.blocks["parallelepiped"], scenario.incident["parallelepiped"]

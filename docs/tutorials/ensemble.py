@@ -7,7 +7,7 @@
 # %%
 import rock2d
 
-RELEASES = 300  # of each block
+RELEASES = 300  # with each block
 
 scenario = rock2d.load_scenario("scenarios/slope_embankment.yaml")
 result = rock2d.run(scenario, engine="point_mass", releases=RELEASES)

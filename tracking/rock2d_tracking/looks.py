@@ -15,7 +15,7 @@ Array = np.ndarray
 
 GREY_BGR = np.array([0.114, 0.587, 0.299])  # weights of the usual grey
 COLOUR_GAIN = 1.5  # by which a colour must separate better than grey before it is used
-CORE_RADII, RING_RADII = 0.7, (1.4, 2.2)  # radii of the pixels of block and background around an arc's place
+CORE_RADII = 0.7  # radii of the pixels of the block around its place on an arc
 TEMPLATE_RADII = 1.35  # half width of a learned picture
 LEAST_MATCH = 0.6  # correlation with the learned picture
 PICTURE_ERROR_PX = 0.1  # standard error of a place that correlation found, before frames are compared

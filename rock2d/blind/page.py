@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,17 +25,7 @@ from rock2d.blind.scoring import (
 )
 from rock2d.blind.size_errors import LARGEST_ERROR
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import (
-    PAGE_ACCENT,
-    PAGE_INK,
-    PAGE_RULE,
-    PAGE_WARM,
-    blank_axes,
-    html_figure,
-    html_list,
-    html_page,
-    html_table,
-)
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_RULE, PAGE_WARM, Section, blank_axes, page
 from rock2d.statistics import share_text, wilson_interval
 
 if TYPE_CHECKING:
@@ -54,48 +43,44 @@ GROUP_NAMES = {
 
 def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, path: Path) -> None:
     """Write the page; `found`: `summary` of the cases, `digest`: that of the sealed labels."""
-    outside = found["outside"]
-    body = "".join([
-        f"<h1>Blind trial of {found['cases']} cases</h1>"
-        f"<p>SHA-256 of the sealed labels: <code>{html.escape(digest)}</code></p>"
-        "<p>The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
-        "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.</p>",
-        _base_part(found.get("by_base", {})),
-        "<h2>Single verdicts</h2>"
-        + html_table((name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()),
-        "<h2>Inclusion probabilities</h2>"
-        f"<p>Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its "
-        f"own of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
-        f"{found['inclusion']['undecidable']} pairs between them are undecidable and left out. ECE: expected "
-        "calibration error.</p>",
-        _calibration_table(found["inclusion"]),
-        html_figure("Stated and actual inclusion", _reliability(cases), image_format="svg"),
-        "<h2>Hidden effects that are named</h2>" + _recall_table(found),
-        "<h2>Named effects that are hidden</h2>"
-        + html_table((GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items())
-        + f"<p>Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}</p>",
-        "<h2>By number of releases</h2>" + _release_table(found["by_releases"]),
-        "<h2>Causes from outside the catalogue</h2>"
-        f"<p>Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without.</p>"
-        + html_table([
-            ("AUROC", f"{outside['auroc']:.3g}"),
-            (f"clear ones with a probability of at least {CLAIMED_PROBABILITY:g}", share_text(outside["recall_clear"])),
-            ("false alarms", share_text(outside["false_alarms"])),
-        ]),
-        f"<h2>Wrong effects with a probability above {SURE_PROBABILITY:g}</h2>",
-        html_list([_wrong_text(w) for w in found["wrong_and_sure"]] or ["none"]),
-        _closure_part(cases, found["closure"]),
-        _prediction_part(found["predicted"]),
-        _size_part(found["sizes"]),
-        f"<p>Median time for a case: {found['median_seconds']:.0f} s</p>",
+    write_whole(path, page(f"Blind trial of {found['cases']} cases", list(_sections(cases, found, digest))))
+
+
+def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -> Iterator[Section]:
+    yield Section(text=[
+        f"SHA-256 of the sealed labels: `{digest}`",
+        "The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
+        "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.",
     ])  # fmt: skip
-    write_whole(path, html_page("Blind trial", body))
+    yield from _of_bases(found.get("by_base", {}))
+    yield Section(
+        "Single verdicts",
+        rows=[(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()],
+    )
+    yield _calibration(found["inclusion"])
+    yield Section("Stated and actual inclusion", figure=_reliability(cases), image_format="svg")
+    yield _recall(found)
+    yield Section(
+        "Named effects that are hidden",
+        [f"Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}"],
+        rows=[(GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()],
+    )
+    yield _releases(found["by_releases"])
+    yield _outside(found["outside"])
+    yield Section(
+        f"Wrong effects with a probability above {SURE_PROBABILITY:g}",
+        items=[_wrong_text(wrong) for wrong in found["wrong_and_sure"]] or ["none"],
+    )
+    yield from _closure(cases, found["closure"])
+    yield from _predictions(found["predicted"])
+    yield from _sizes(found["sizes"])
+    yield Section(text=[f"Median time for a case: {found['median_seconds']:.0f} s"])
 
 
-def _base_part(found: dict[str, dict[str, Any]]) -> str:
+def _of_bases(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
     """Made cases and those from each real record; nothing if all are made."""
     if not found:
-        return ""
+        return
     rows = [
         (
             base, *(_clear_text(groups) for groups in (own["recall"], {"": {"": own["first_right_single"]}})),
@@ -106,7 +91,7 @@ def _base_part(found: dict[str, dict[str, Any]]) -> str:
     ]  # fmt: skip
     head = ("base", f"named (signal-to-noise from {CLEAR_SIGNAL_TO_NOISE:g})", "single causes of these named first",
             "named effects right", "nulls with a cause named", "median size of the error")  # fmt: skip
-    return "<h2>By base of the cases</h2>" + html_table(rows, head=head)
+    yield Section("By base of the cases", rows=rows, head=head)
 
 
 def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
@@ -118,7 +103,7 @@ def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
     return f"{hits} of {sum(share[3] for share in shares):.0f}"
 
 
-def _prediction_part(found: dict[str, Any]) -> str:
+def _predictions(found: dict[str, Any]) -> Iterator[Section]:
     """What predictions of held-out films reach; nothing if there are none."""
     rows = [
         (name, f"{100 * own['median_smaller']:.0f} %", share_text(own["tail_not_worse"]))
@@ -126,33 +111,54 @@ def _prediction_part(found: dict[str, Any]) -> str:
         if own["tail_not_worse"][3]
     ]
     head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's")
-    return "<h2>Predictions of held-out films</h2>" + html_table(rows, head=head) if rows else ""
+    if rows:
+        yield Section("Predictions of held-out films", rows=rows, head=head)
 
 
-def _calibration_table(found: dict[str, Any]) -> str:
+def _calibration(found: dict[str, Any]) -> Section:
     rows = {"all": found, **found["by_effect"]}
-    return html_table(
-        ((name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()),
+    return Section(
+        "Inclusion probabilities",
+        [f"Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its own "
+         f"of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
+         f"{found['undecidable']} pairs between them are undecidable and left out. ECE: expected calibration error."],
+        rows=[(name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()],
         head=CALIBRATION_HEAD,
-    )
+    )  # fmt: skip
 
 
-def _recall_table(found: dict[str, Any]) -> str:
+def _recall(found: dict[str, Any]) -> Section:
     groups = [
         (f"{count} hidden, {GROUP_NAMES[beside]}", own)
         for beside, counts in found["recall"].items()
         for count, own in counts.items()
     ] + [("named first (single causes)", found["first_right_single"])]
-    return html_table(
-        ((level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]),
+    return Section(
+        "Hidden effects that are named",
+        rows=[
+            (level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]
+        ],
         head=("signal-to-noise", *(name for name, _ in groups)),
     )
 
 
-def _release_table(found: dict[str, dict[str, list[float]]]) -> str:
+def _releases(found: dict[str, dict[str, list[float]]]) -> Section:
     head = ("releases", f"present effects named (signal-to-noise from {PRESENT_SIGNAL_TO_NOISE:g})",
             "named effects right", "nulls with a cause named")  # fmt: skip
-    return html_table(((name, *map(share_text, own.values())) for name, own in found.items()), head=head)
+    rows = [(name, *map(share_text, own.values())) for name, own in found.items()]
+    return Section("By number of releases", rows=rows, head=head)
+
+
+def _outside(found: dict[str, Any]) -> Section:
+    return Section(
+        "Causes from outside the catalogue",
+        [f"Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without."],
+        rows=[
+            ("AUROC", f"{found['auroc']:.3g}"),
+            (f"clear ones with a probability of at least {CLAIMED_PROBABILITY:g}", share_text(found["recall_clear"])),
+            ("false alarms", share_text(found["false_alarms"])),
+        ],
+    )  # fmt: skip
 
 
 def _wrong_text(wrong: dict[str, Any]) -> str:
@@ -161,10 +167,8 @@ def _wrong_text(wrong: dict[str, Any]) -> str:
     return f"case {wrong['case']}: {wrong['effect']} (probability {wrong['p']:.2f}); hidden {truth}"
 
 
-def _closure_part(cases: Iterable[ScoredCase], found: dict[str, Any]) -> str:
+def _closure(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Section]:
     """Claimed against true closure; nothing if no case has both."""
-    if found["all"]["within_15_points"][3] == 0:
-        return ""
     rows = [
         (name, f"{100 * own['median_claimed_less_true']:+.1f} points", share_text(own["within_15_points"]),
          share_text(own["claimed_too_much"]))
@@ -178,35 +182,27 @@ def _closure_part(cases: Iterable[ScoredCase], found: dict[str, Any]) -> str:
         f"within {margin}",
         f"claimed more than {margin} too much",
     )
-    return (
-        "<h2>Claimed and true closure</h2>"
-        + html_table(rows, head=head)
-        + html_figure("Closure of the gap, claimed against true", _closures(cases), image_format="svg")
-    )
+    if rows:
+        figure = _closures(cases)
+        yield Section("Claimed and true closure", rows=rows, head=head, figure=figure, image_format="svg")
 
 
-def _size_part(found: dict[str, dict[str, Any]]) -> str:
+def _sizes(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
     """Sizes of named effects against the hidden ones; nothing if none can be compared."""
     if not found["all"]["count"]:
-        return ""
+        return
     rows = [
         (
-            name,
-            f"{own['count']}",
-            f"{100 * own['median']:+.0f} %",
-            f"{100 * own['median_absolute']:.0f} %",
-            share_text(own["within"]),
-            share_text(own["covered"]),
+            name, f"{own['count']}", f"{100 * own['median']:+.0f} %", f"{100 * own['median_absolute']:.0f} %",
+            share_text(own["within"]), share_text(own["covered"]),
         )
         for name, own in found.items()
-    ]
+    ]  # fmt: skip
     head = ("effect", "compared", "median error", "median size of the error", f"within {100 * LARGEST_ERROR:.0f} %",
             "95 % intervals that hold the hidden size")  # fmt: skip
-    return (
-        "<h2>Sizes of named effects</h2>"
-        "<p>Where a parameter means the same in the catalogue and in the reality engine. Errors are relative to the "
-        "hidden size; of factors, their logarithms are compared.</p>" + html_table(rows, head=head)
-    )
+    text = ("Where a parameter means the same in the catalogue and in the reality engine. Errors are relative to the "
+            "hidden size; of factors, their logarithms are compared.")  # fmt: skip
+    yield Section("Sizes of named effects", [text], rows=rows, head=head)
 
 
 def _reliability(cases: Sequence[ScoredCase]) -> Figure:

@@ -3,57 +3,56 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from rock2d.graphics.rendering import rendered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PAGE_INK, PAGE_ACCENT, PAGE_WARM, PAGE_RULE = "#2b2b2b", "#0072b2", "#d55e00", "#bbbbbb"
-PAGE_STYLE = (
-    f"body{{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;color:{PAGE_INK};padding:0 1rem}}"
-    "td,th{padding:.15rem .8rem .15rem 0;border-bottom:1px solid #eee;vertical-align:top;text-align:left}"
-    ".wide{overflow-x:auto}img,video{max-width:100%}p,li,code{overflow-wrap:anywhere}"
-)
 PAGE_FIGURE_DPI = 110  # resolution of embedded PNG pictures
 SVG_DPI = 150  # resolution of the parts of an SVG that are pixels
 
 
-def html_page(title: str, body: str) -> str:
-    """A whole page. `title` is text and is escaped; `body` is HTML."""
-    return (
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width,initial-scale=1'>"
-        f"<title>{html.escape(title)}</title><style>{PAGE_STYLE}</style></head>"
-        f"<body>{body}</body></html>\n"
-    )
+@dataclass(frozen=True)
+class Section:
+    """A part of a page. What is missing is left out; all text is escaped, and what stands in backticks is code.
+
+    Attributes
+    ----------
+    text : paragraphs
+    items : bullets of a list
+    rows, head : cells of a table, and its column names
+    video : file beside the page
+    figure, image_format : figure below the rest, as "png" or "svg"
+    """
+
+    title: str = ""
+    text: Sequence[str] = ()
+    items: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    head: Sequence[str] = ()
+    video: str = ""
+    figure: Figure | None = None
+    image_format: str = "png"
+
+    @property
+    def picture(self) -> str:
+        """The data URI of the figure."""
+        return "" if self.figure is None else embedded(self.figure, self.image_format)
 
 
-def html_table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
-    """A table of text cells, which are escaped, below an optional line of column names. It scrolls where the page is
-    narrower."""
-    names = "".join(f"<th>{html.escape(name)}</th>" for name in head)
-    lines = [f"<tr>{names}</tr>"] if head else []
-    lines += [f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in rows]
-    return f"<div class='wide'><table>{''.join(lines)}</table></div>"
-
-
-def html_list(items: Iterable[str]) -> str:
-    """A bullet list of texts, which are escaped."""
-    return f"<ul>{''.join(f'<li>{html.escape(item)}</li>' for item in items)}</ul>"
-
-
-def html_figure(title: str, figure: Figure, text: str = "", image_format: str = "png") -> str:
-    """A heading, an optional paragraph and a figure inside the page. `title` and `text` are escaped."""
-    paragraph = f"<p>{html.escape(text)}</p>" if text else ""
-    heading = html.escape(title)
-    return f"<h2>{heading}</h2>{paragraph}<img alt='{heading}' src='{embedded(figure, image_format)}'>"
+def page(title: str, sections: Sequence[Section]) -> str:
+    """A whole page."""
+    return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections}, {})
 
 
 def embedded(figure: Figure, image_format: str = "png") -> str:

@@ -9,26 +9,25 @@ import numpy as np
 from PIL import Image
 
 from rock2d.graphics.figure_style import save_figure
-from rock2d.graphics.pages import (
-    blank_axes,
-    embedded,
-    embedded_picture,
-    html_figure,
-    html_list,
-    html_page,
-    html_table,
-)
+from rock2d.graphics.pages import Section, blank_axes, embedded, embedded_picture, page
 
 
-def test_text_is_escaped():
-    page = html_page("a <b>", html_table([("<i>", "&")], head=("<h>", "x")) + html_list(["<script>"]))
-    assert "<title>a &lt;b&gt;</title>" in page
-    assert "<td>&lt;i&gt;</td><td>&amp;</td>" in page and "<th>&lt;h&gt;</th>" in page
-    assert "<script" not in page and "<li>&lt;script&gt;</li>" in page
+def test_text_is_escaped_and_what_stands_in_backticks_is_code():
+    section = Section("<u>", ["a `<tt>` b"], ["<script>"], [("<i>", "&")], ("<h>", "x"), video="<v>.webm")
+    shown = page("a <b>", [section])
+    assert "<title>a &lt;b&gt;</title>" in shown and "<h2>&lt;u&gt;</h2>" in shown
+    assert "<td>&lt;i&gt;</td><td>&amp;</td>" in shown and "<th>&lt;h&gt;</th>" in shown
+    assert "<script" not in shown and "<li>&lt;script&gt;</li>" in shown
+    assert "<p>a <code>&lt;tt&gt;</code> b</p>" in shown and 'src="&lt;v&gt;.webm"' in shown
+
+
+def test_what_a_section_does_not_have_is_left_out():
+    shown = page("a", [Section()])
+    assert not any(f"<{tag}" in shown for tag in ("h2", "p", "ul", "table", "video", "figure"))
 
 
 def test_pages_fit_the_width_of_a_phone():
-    assert "<meta name='viewport' content='width=device-width" in html_page("a", "b")
+    assert '<meta name="viewport" content="width=device-width' in page("a", [])
 
 
 def test_figures_are_inside_the_page():
@@ -38,8 +37,7 @@ def test_figures_are_inside_the_page():
     kind, data = embedded(figure).split(",")
     assert kind == "data:image/png;base64" and base64.b64decode(data).startswith(b"\x89PNG")
     assert embedded(figure, "svg") == embedded(figure, "svg")
-    shown = html_figure("it's <1>", figure, "text & more", image_format="svg")
-    assert "<h2>it&#x27;s &lt;1&gt;</h2><p>text &amp; more</p>" in shown and "image/svg+xml" in shown
+    assert "data:image/svg+xml" in page("a", [Section("title", figure=figure, image_format="svg")])
 
 
 def test_a_figure_from_its_file_is_the_figure_drawn_for_the_page(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,15 +10,7 @@ import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import (
-    PAGE_ACCENT,
-    PAGE_RULE,
-    blank_axes,
-    html_figure,
-    html_list,
-    html_page,
-    html_table,
-)  # fmt: skip
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, blank_axes, page
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.film_statement import film_statement
 from rock2d.kinematics.flight_gravity import flight_gravity
@@ -55,15 +46,14 @@ def write_page(
          "that the tracker prefers some places.", _bias(film, data)),
         ("Trust", "Confidence of every frame, release after release; lost frames have 0.", _trust(frames)),
     ]  # fmt: skip
-    pictures = "".join(html_figure(title, figure, text) for title, text, figure in figures)
     said = film_statement(data, setup_world(film.experiment), film.experiment.fps).sentences()
-    body = (
-        f"<h1>{html.escape(name)}: tracked</h1>{html_list(film.remarks)}"
-        f"<h2>What the film says of itself</h2>{html_list(said)}"
-        f"{html_table(_summary(film, flights, impacts).items())}"
-        f"<video controls src='overlay.webm'></video>{pictures}"
-    )
-    write_whole(path, html_page(f"{name}: tracked", body))
+    rows = list(_summary(film, flights, impacts).items())
+    sections = [
+        Section(items=film.remarks),
+        Section("What the film says of itself", items=said, rows=rows, video="overlay.webm"),
+        *(Section(title, [text], figure=figure) for title, text, figure in figures),
+    ]
+    write_whole(path, page(f"{name}: tracked", sections))
 
 
 def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) -> dict[str, str]:

@@ -19,7 +19,7 @@ import rock2d
 from rock2d import api
 from rock2d.errors import CODES, InputError
 from rock2d.files.shipped_scenarios import scenario_file
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 WITH_EXAMPLES = [
     "rock2d",

@@ -9,7 +9,7 @@ from rock2d.commands.run import run_scenarios
 from rock2d.design.assessment import assess
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
 

@@ -13,7 +13,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, l
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 PLACE = "embankment.height_m"
 TARGET = Target("crest", 0.1, 0.95)

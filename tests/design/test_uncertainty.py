@@ -11,7 +11,7 @@ from rock2d.design.assessment import Assessment
 from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import sensitivity_table, uncertain_table
 from rock2d.files.scenario_variants import variant
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 
 def saltelli(n: int, d: int, seed: int) -> PossibleSites:

@@ -12,7 +12,7 @@ from rock2d.files.places import number_at
 from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.uncertainty_keys import Uncertainty
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 
 def test_a_variant_has_the_new_numbers_and_the_scenario_keeps_its_own(tmp_path):

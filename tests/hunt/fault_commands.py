@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 FEW_RELEASES = 12  # releases of each film that is diagnosed, so that this takes less than a minute

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -12,17 +14,8 @@ from rock2d.engines.pymunk_engine import run_pymunk
 from rock2d.laws.contact import ContactParameters
 from rock2d.records.columns import E_TAKEN, EFFECTS, VELOCITIES_AFTER
 from rock2d.scene.cross_section import CrossSection
-from tests.effects.worlds import (
-    CATALOGUE,
-    FLOOR,
-    SPHERE,
-    elastic,
-    pymunk_release,
-    replace,
-    run,
-    with_effect,
-    world,
-)
+from tests.effects.worlds import CATALOGUE, FLOOR, elastic, pymunk_release, run, with_effect, world
+from tests.laboratory import SPHERE, after
 
 M, R = SPHERE.mass_kg, SPHERE.radius_m
 NO_ROLLING = {"k_r_Nm_rad": 0.0}
@@ -32,9 +25,7 @@ def rebound(w, vx=0.0, vy=-2.0, omega=0.0, **options) -> dict[str, np.ndarray]:
     """Velocities of a ball after its first impact, by either engine; the ball starts just above y = 0."""
     state = np.array([0.0, R + 1e-4, 0.0, vx, vy, omega])
     batch = run(w, state[None], impact_limit=1, impact_room=1, **options).impacts[0, 0, VELOCITIES_AFTER]
-    impact = first_impact(w, state)
-    keys = ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")
-    return {"batch": batch, "pymunk": np.array([impact[k] for k in keys])}
+    return {"batch": batch, "pymunk": after(first_impact(w, state))}
 
 
 def taken_by_effects(result) -> float:
@@ -106,9 +97,9 @@ def test_adhesion_takes_pull_times_way():
     w = with_effect(plain, "adhesion", [4.0])
     pull = w.contact[0, 0, column("adhesion_N")]
     indentation = 2.0 / np.sqrt(law.k_l_N_m / M) * (1 - law.k_l_N_m / law.k_ul_N_m)
-    before, after = rebound(plain), rebound(w)
+    before, later = rebound(plain), rebound(w)
     for engine, tolerance in (("pymunk", 1e-4), ("batch", 5e-3)):
-        lost = 0.5 * M * (before[engine][1] ** 2 - after[engine][1] ** 2)
+        lost = 0.5 * M * (before[engine][1] ** 2 - later[engine][1] ** 2)
         assert lost == pytest.approx(pull * indentation * (1 - ONSET_WAY / 2), rel=tolerance), engine
 
 

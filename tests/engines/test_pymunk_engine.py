@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,61 +18,32 @@ from rock2d.records.columns import AUDIT_NAMES, TIME
 from rock2d.records.track import Track, ballistic
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.laboratory import (
+    BLOCKS,
+    CONTRAST,
+    CUBE,
+    FLOOR,
+    LAW,
+    SETUP,
+    SLAB,
+    SPHERE,
+    after,
+    random_state,
+    rough,
+)
 from tests.laws.test_contact import REFERENCE
+from tests.programs import other_hash_seed, printed
 
-SPHERE = make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025)
-CUBE = make_block("cube", "square", 0.0233, side_m=0.019)
-SLAB = make_block("parallelepiped", "rectangle", 0.0231, length_m=0.035, height_m=0.014)
-EGG = make_block("egg", "ellipse", 0.0231, length_m=0.035, height_m=0.02)
-STONE = make_block(
-    "stone", "polygon", 0.0231, vertices_m=[[0, 0], [0.02, 0], [0.03, 0.01], [0.01, 0.025], [-0.005, 0.015]]
-)
-BLOCKS = {b.name: b for b in (SPHERE, CUBE, SLAB, EGG, STONE)}
-LAW = ContactParameters()
-FLOOR = CrossSection([[-5, 0], [5, 0]], ["floor"])
-SETUP = CrossSection(
-    [[-0.7, 0.547], [0, 0], [0.13, 0], [0.1819, 0.083], [0.2369, 0.083], [0.3599, 0], [0.86, 0]],
-    ["slope", "ditch", "face", "crest", "back", "out"],
-)
 # an overhang of 27° beyond the vertical, and an upright wall
 WALLS = CrossSection(
     [[-0.5, 0.35], [0, 0], [0.15, 0], [0.1, 0.1], [0.22, 0.12], [0.22, 0.02], [0.6, 0]], list("abcdef")
 )
-CONTRAST = {
-    "slope": ContactParameters(1e4, 1e5, 2.5e3, 35, 0.02),
-    "ditch": ContactParameters(3e3, 9e3, 3e3, 20, 0.0),
-    "face": ContactParameters(3e4, 9e4, 2e3, 40, 0.1),
-    "default": ContactParameters(8e3, 2.4e4, 0.0, 30, 0.05, rolling_cap=True),
-}
 every_block = pytest.mark.parametrize("name", BLOCKS)
-
-
-def rough(seed: int) -> CrossSection:
-    """A rough slope with convex and concave corners, zones dealt at random."""
-    rng = np.random.default_rng(seed)
-    x = np.cumsum(rng.uniform(0.005, 0.04, 40))
-    y = -0.6 * x + rng.normal(0, 0.003, 40)
-    return CrossSection(
-        np.column_stack([x - 0.1, y]), rng.choice(["slope", "ditch", "face", "other"], 39).tolist()
-    )
-
-
-def random_state(seed: int) -> np.ndarray:
-    """A release onto the set-up, near those of the paper."""
-    rng = np.random.default_rng(seed)
-    return np.array(
-        [
-            rng.normal(0.01, 0.02), rng.normal(0.1, 0.01), rng.uniform(0, 2 * np.pi),
-            rng.normal(1.3, 0.2), rng.normal(-2.0, 0.2), rng.normal(-30, 20),
-        ]
-    )  # fmt: skip
 
 
 def velocities(track: Track, block) -> np.ndarray:
     """Outgoing velocities of the first impact in m/s, the spin times the block's radius."""
-    impact = track.impacts[0]
-    v = [impact["vx_after_m_s"], impact["vy_after_m_s"], block.radius_m * impact["omega_after_rad_s"]]
-    return np.array(v)
+    return after(track.impacts[0]) * [1, 1, block.radius_m]
 
 
 def first_impact(block, cross_section, parameters, state, **options) -> dict:
@@ -411,9 +378,4 @@ def digest() -> str:
 
 def test_two_processes_with_unlike_hash_seeds_agree_to_the_last_bit():
     code = "from tests.engines.test_pymunk_engine import digest; print(digest())"
-    other = "1" if os.environ.get("PYTHONHASHSEED") == "2718" else "2718"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2],
-        env={**os.environ, "PYTHONHASHSEED": other},
-    )  # fmt: skip
-    assert done.stdout.strip() == digest()
+    assert printed(code, PYTHONHASHSEED=other_hash_seed()) == digest()

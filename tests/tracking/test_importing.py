@@ -8,6 +8,7 @@ import pytest
 from rock2d_tracking.importing import read_points
 
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, read_trajectories
+from tests.programs import refusal
 from tests.tracking.tracked_files import (
     CUBE,
     DEEPLABCUT,
@@ -17,7 +18,6 @@ from tests.tracking.tracked_files import (
     SPHERE,
     TRACKER,
     imported,
-    refusal,
 )
 
 

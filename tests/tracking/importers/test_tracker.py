@@ -9,7 +9,8 @@ from rock2d_tracking.importers.tracker import write_tracker
 from rock2d_tracking.importing import read_points
 
 from rock2d.scene.blocks import make_block
-from tests.tracking.tracked_files import TRACKER, imported, refusal, values
+from tests.programs import refusal
+from tests.tracking.tracked_files import TRACKER, imported, values
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from rock2d_tracking.importing import read_points
 
-from tests.tracking.tracked_files import CUBE, SPHERE, imported, refusal, values
+from tests.programs import refusal
+from tests.tracking.tracked_files import CUBE, SPHERE, imported, values
 
 TRACKER = "org.opensourcephysics.cabrillo.tracker"
 ORIGIN_PX, PX_PER_M, FPS = (100.0, 300.0), 400.0, 50.0

@@ -7,10 +7,6 @@ from dataclasses import fields
 import pandas as pd
 from rock2d_tracking.importing import CameraScale, ImportOptions, TrackedFiles, import_tracks
 
-from rock2d.scene.blocks import make_block
-
-SPHERE = make_block("sphere", shape="circle", diameter_m=0.025, mass_kg=0.022, inertia="solid_sphere")
-CUBE = make_block("cube", shape="square", side_m=0.019, mass_kg=0.0233, inertia="uniform")
 SCALE = {"metres_per_unit": 1.0, "y": "up", "fps": 1000.0}
 
 TRACKER = """\

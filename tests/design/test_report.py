@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from html.parser import HTMLParser
-
 import pytest
 
 from rock2d.commands.run import run_scenarios
 from rock2d.design.report_tables import quantity_text, three_digits, with_interval
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from tests.diagnosis.test_report import Page
 from tests.scenarios_of_tests import UNKNOWN, scenario_file
 
 COMMAND = "rock2d run 'a <b>.yaml' --report"
-
-
-class Page(HTMLParser):
-    """Tags, alternative texts and headings of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.alts: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        if tag == "img":
-            self.alts.append(dict(attrs)["alt"])
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +26,7 @@ def folder(tmp_path_factory):
 def test_the_page_holds_figures_with_words_and_one_first_heading(folder):
     page = Page((folder / "report.html").read_text())
     assert page.tags.count("h1") == 1
-    assert page.tags.count("img") >= 6 and all(len(alt) > 30 for alt in page.alts)
+    assert page.tags.count("img") >= 6 and all(len(image["alt"]) > 30 for image in page.of("img"))
     assert "script" not in page.tags
     for name in ("trajectories", "embankment", "envelopes", "stops", "distributions", "tornado"):
         assert (folder / f"{name}.png").stat().st_size > 5000

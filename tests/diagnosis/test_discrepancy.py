@@ -7,16 +7,13 @@ import pytest
 
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.discrepancy import discrepancies
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.learnt import LEAST_GAIN
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities
 from rock2d.effects import catalogue
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import setup_world
-from tests.kinematics.synthetic_films import film, series_order, world
+from tests.kinematics.synthetic_films import START, data_of, film, series_order, world
 
 RELEASES = 16
 
@@ -28,13 +25,11 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
     if effect is not None:
         true = known[effect].apply(true, values)
     experiment = film(true, RELEASES, seed=4)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
-    start = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
-    base = fit(Model(setup, start), data)
+    setup, data = data_of(experiment)
+    base = fit(Model(setup, START), data)
     if effect is None:
         return base, base, data
-    full = Model(setup, start, [known[effect]])
+    full = Model(setup, START, [known[effect]])
     return base, fit(full, data, np.concatenate([base.p, full.start()[len(base.p) :] + 0.05])), data
 
 

@@ -18,15 +18,12 @@ from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
-from tests.kinematics.synthetic_films import BLOCKS, film, series_order, world
+from tests.kinematics.synthetic_films import BLOCKS, START, data_of, film, series_order, world
 
 RELEASES = 24
-START = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
 HARDENED = 2.5  # factor on k_ul in the second half of the series: a step, which no effect of the catalogue is
 
 
@@ -40,8 +37,7 @@ def hardening(releases: int) -> World:
 
 
 def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     base = fit(Model(setup, START), data)
     return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
 
@@ -139,8 +135,7 @@ def test_the_answer_to_a_change_of_the_law_is_the_derivative_of_the_residuals(ha
 
 def test_a_uniform_acceleration_answers_as_another_gravity_does():
     experiment = film(world(), 6, seed=2)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     paths = flight_paths(data, setup)
     answer = response(data, setup, paths, bases(FLIGHT_DEPENDENCES, paths.quantities)[CONSTANT])
     push = -0.3

@@ -8,11 +8,11 @@ import pytest
 
 from rock2d.diagnosis.predict import predict
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.errors import InputError
 from rock2d.kinematics.flights import clearances
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.diagnosis.test_predict import known
 from tests.kinematics.synthetic_films import film, world
+from tests.programs import refusal
 
 POSES = ["x_m", "y_m", "theta_rad"]
 # lever -> coefficients of a constant change far above any that is learnt: m/s², m, m/s, rad
@@ -83,9 +83,9 @@ def test_what_a_table_taught_is_used_for_a_film_and_a_film_says_what_a_table_can
     film_ = learnt(("outcome", [[0.0], [0.0], [0.0], *STRONG["outcome"][3:]]))
     pd.testing.assert_frame_equal(predict(other, table), predict(other, film_))
     for lever in ("flight", "slope", "outcome"):
-        with pytest.raises(InputError, match=f"learnt a change of a film .{lever} of nothing") as caught:
-            predict(impacts(plain_world(), 30, seed=4, noise=0.01), learnt((lever, STRONG[lever])))
-        assert caught.value.code == "wrong_kind"
+        said = f"learnt a change of a film .{lever} of nothing"
+        measured = impacts(plain_world(), 30, seed=4, noise=0.01)
+        assert refusal(predict, measured, learnt((lever, STRONG[lever])), said=said).code == "wrong_kind"
 
 
 @pytest.mark.parametrize("lever", STRONG)

@@ -19,16 +19,9 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_UL, MU
 from rock2d.scene.cross_section import CrossSection
 from rock2d.schemas import SCHEMAS, file_schema
-from tests.kinematics.synthetic_films import BLOCKS, POINTS, ZONES
+from tests.kinematics.synthetic_films import BLOCKS, POINTS, SOIL, ZONES
 
 FPS = 1000.0
-BASE = {
-    "k_l_N_m": 1.1e4,
-    "k_ul_N_m": 7.0e4,
-    "k_t_N_m": 3.0e3,
-    "friction_angle_deg": 32.0,
-    "k_r_Nm_rad": 0.03,
-}
 NUMBER = r"(-?\d+(?:\.\d+)?)"
 EXPERIMENT = Experiment("tests", 9.81, FPS, 3e-4, 0.02, CrossSection(POINTS, ZONES), dict(BLOCKS),
                         trajectories=pd.DataFrame(columns=list(TRAJECTORY_COLUMNS)))  # fmt: skip
@@ -47,7 +40,7 @@ def parameters(name: str, *values: float, half: float = 1e-6) -> dict:
 
 def said(name: str, *values: float, experiment: Experiment = EXPERIMENT) -> str:
     """The instruction about an effect with these values, digits as they are known."""
-    fit = {"base": BASE, "parameters": {name: parameters(name, *values)}}
+    fit = {"base": SOIL, "parameters": {name: parameters(name, *values)}}
     return instruction(name, fit, experiment)
 
 
@@ -229,8 +222,8 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
         "verdict": verdict,
         "group": names,
         "probabilities": {verdict: chance},
-        "base": BASE,
-        "effects": {n: {"base": BASE, "parameters": parameters(n, *fitted[n])} for n in names},
+        "base": SOIL,
+        "effects": {n: {"base": SOIL, "parameters": parameters(n, *fitted[n])} for n in names},
         "next_release": "A cube that strikes the ditch.",
         "sanity": {"faults": [], "remarks": []},
     }
@@ -277,7 +270,7 @@ def test_a_clear_verdict_begins_with_its_instruction():
 def test_an_effect_beside_the_verdict_is_corrected_after_it():
     both = content("camera_tilt")
     fits = {"camera_tilt": parameters("camera_tilt", 0.01, 0, 0), "air_drag": parameters("air_drag", 0.07)}
-    both["beside"] = [{"effect": "air_drag", "base": BASE, "parameters": fits}]
+    both["beside"] = [{"effect": "air_drag", "base": SOIL, "parameters": fits}]
     lines = what_to_do(both, EXPERIMENT)
     assert "0.57" in lines[0]  # degrees, of the joint fit
     assert "one cause at a time" in lines[1] and "7.0" in lines[2]
@@ -289,7 +282,7 @@ def test_a_twin_beside_the_verdict_is_measured_before_it_is_corrected():
         "air_drag": parameters("air_drag", 0.07),
         "frame_rate_error": parameters("frame_rate_error", 0.98),
     }
-    both["beside"] = [{"effect": "frame_rate_error", "base": BASE, "parameters": fits}]
+    both["beside"] = [{"effect": "frame_rate_error", "base": SOIL, "parameters": fits}]
     both["causes"] = [{"effect": "frame_rate_error", "group": ["scale_error"], "closes": 0.3}]
     said = what_to_do(both, EXPERIMENT)[2]
     assert said.startswith("These data cannot tell frame rate error and scale error apart. Measure a length")

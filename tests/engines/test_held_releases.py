@@ -30,15 +30,8 @@ HELD_AT_M, LIMIT_S = 15.0, 60.0
 
 def starts(n: int) -> np.ndarray:
     rng = np.random.default_rng(4)
-    return np.column_stack(
-        [
-            rng.uniform(0, 2, n),
-            rng.uniform(19.5, 22, n),
-            rng.uniform(-3, 3, n),
-            rng.uniform(1, 4, n),
-            np.zeros((n, 2)),
-        ]
-    )
+    ranges = ((0, 2), (19.5, 22), (-3, 3), (1, 4))
+    return np.column_stack([*(rng.uniform(low, high, n) for low, high in ranges), np.zeros((n, 2))])
 
 
 def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, BatchResult]:

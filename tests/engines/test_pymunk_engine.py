@@ -281,67 +281,67 @@ def incline(degrees: float) -> tuple[CrossSection, np.ndarray]:
     return CrossSection([-0.5 * down, 20 * down], ["slope"]), np.array([np.sin(angle), np.cos(angle)])
 
 
+def laid(
+    block, degrees: float, time_s: float, law: ContactParameters = LAW, speed_m_s: float = 0.0
+) -> tuple[Track, float, float]:  # fmt: skip
+    """A block that lies on a slope, or slides down it with this speed at first: its track, its way, its speed."""
+    slope, normal = incline(degrees)
+    centre = float(block.lowest_reach(np.array([0.0]))[0]) * normal
+    start = [*centre, -np.deg2rad(degrees), *(speed_m_s * slope.tangents[0]), 0]
+    track = run_pymunk(block, slope, law, start, time_limit_s=time_s)
+    end = track.knots[-1]
+    return track, float(np.hypot(*(end[1:3] - centre))), float(np.hypot(*end[4:6]))
+
+
+HARD = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
+
+
+def sliding_m_s2(degrees: float) -> float:
+    """Acceleration of a block that slides down a slope with a friction angle of 30°."""
+    angle = np.deg2rad(degrees)
+    return 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
+
+
 @pytest.mark.parametrize("degrees", [5, 15, 25, 35])
 @pytest.mark.parametrize("block", [CUBE, SLAB, SPHERE], ids=lambda b: b.name)
 def test_a_block_laid_on_a_slope_rests_below_the_friction_angle_and_slides_above(block, degrees):
     # the sphere is held by its rolling spring: k_r = 0.025 N m/rad is far above m g r
-    angle = np.deg2rad(degrees)
-    along, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    slope = CrossSection([-2 * along, 2 * along], ["slope"])
-    reach = float(block.lowest_reach(np.array([0.0]))[0])
     rests = degrees < LAW.friction_angle_deg
     time_s = 1.0 if rests else 0.4
-    track = run_pymunk(block, slope, LAW, np.array([*(reach * out), -angle, 0, 0, 0]), time_limit_s=time_s)
-    speed = float(np.hypot(*track.knots[-1, 4:6]))
+    track, moved, speed = laid(block, degrees, time_s)
     if rests:
         assert track.stop == "rest"
-        assert np.hypot(*(track.knots[-1, 1:3] - reach * out)) < 3 * block.radius_m
+        assert moved < 3 * block.radius_m
     else:
         assert track.stop == "time"
-        assert speed > 0.9 * time_s * 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
+        assert speed > 0.9 * time_s * sliding_m_s2(degrees)
 
 
 @pytest.mark.parametrize("degrees", [5, 15])
 def test_a_square_pushed_down_a_slope_below_the_friction_angle_loses_its_speed(degrees):
     # The law has no damping below its thresholds: an elastic tremor is left that lets the block creep, so its
     # speed falls to a creep and not to zero.
-    cross_section, normal = incline(degrees)
-    angle = np.deg2rad(degrees)
-    push = 0.3 * cross_section.tangents[0]
-    track = run_pymunk(
-        CUBE, cross_section, LAW, [*(0.5 * 0.019 * normal), -angle, *push, 0], time_limit_s=0.5
-    )
-    assert np.hypot(*track.knots[-1, 4:6]) < 0.05
+    _, _, speed = laid(CUBE, degrees, 0.5, speed_m_s=0.3)
+    assert speed < 0.05
 
 
 @pytest.mark.parametrize("degrees", [35, 44])
 def test_a_square_above_the_friction_angle_slides_with_g_sin_minus_mu_cos(degrees):
-    cross_section, normal = incline(degrees)
-    start = np.array([*(0.5 * 0.019 * normal), -np.deg2rad(degrees), 0, 0, 0])
-    law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(CUBE, cross_section, law, start, time_limit_s=0.3)
-    angle = np.deg2rad(degrees)
-    expected = 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
-    moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
+    track, moved, _ = laid(CUBE, degrees, 0.3, HARD)
     assert track.stop == "time"
-    assert 2 * moved / track.end_s**2 == pytest.approx(expected, rel=0.05)
+    assert 2 * moved / track.end_s**2 == pytest.approx(sliding_m_s2(degrees), rel=0.05)
 
 
 def test_a_ball_without_rolling_spring_rolls_down_with_five_sevenths_of_g_sin():
-    cross_section, normal = incline(20)
-    start = np.array([*(SPHERE.radius_m * normal), 0, 0, 0, 0])
-    law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(SPHERE, cross_section, law, start, time_limit_s=0.3)
-    moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
+    track, moved, _ = laid(SPHERE, 20, 0.3, HARD)
     assert 2 * moved / track.end_s**2 == pytest.approx(5 / 7 * 9.81 * np.sin(np.deg2rad(20)), rel=0.01)
 
 
 def test_a_rolling_spring_holds_a_ball_that_would_roll_freely_without_it():
-    cross_section, normal = incline(20)
-    start = [*(SPHERE.radius_m * normal), 0, 0, 0, 0]
-    held = run_pymunk(SPHERE, cross_section, LAW, start, time_limit_s=0.3)
-    free = run_pymunk(SPHERE, cross_section, ContactParameters(k_r_Nm_rad=0), start, time_limit_s=0.3)
-    assert np.hypot(*held.knots[-1, 4:6]) < 0.1 * np.hypot(*free.knots[-1, 4:6])
+    (_, _, held), (_, _, free) = (
+        laid(SPHERE, 20, 0.3, law) for law in (LAW, ContactParameters(k_r_Nm_rad=0))
+    )
+    assert held < 0.1 * free
 
 
 # errors and repeatability ---------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from rock2d.files.field_releases import read_releases
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.terrain_sections import EDGE
 from tests.field_tests.small_field import HEADER, write_field
+from tests.programs import refusal
 
 IDS = {"cube": 1, "box": 2}
 STOPS = {"cube": [60.0, 70.0, 80.0], "box": [55.0, 65.0]}
@@ -48,9 +49,7 @@ def test_a_release_that_repeats_another_in_every_digit_counts_once(tmp_path):
 def test_a_table_with_a_mistake_is_refused_with_its_line(tmp_path, text, line, said):
     table = tmp_path / "releases.csv"
     table.write_text(text)
-    with pytest.raises(InputError, match=said) as found:
-        read_releases(table, IDS)
-    assert found.value.line == line
+    assert refusal(read_releases, table, IDS, said=said).line == line
 
 
 def test_a_section_down_the_slope_has_its_inclination_and_its_zones(field):

@@ -12,6 +12,7 @@ from rock2d.files.scenario_variants import variant
 from rock2d.laws import closed_forms
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES
+from tests.programs import refusal
 
 HEAD = """\
 name: classes
@@ -134,10 +135,9 @@ def test_classes_of_all_zones_need_no_default(load):
     ],
 )
 def test_a_mistake_is_one_message_with_its_place(load, model, line, column, words):
-    with pytest.raises(InputError) as caught:
-        load(model)
-    assert words in str(caught.value) and "\n" not in str(caught.value)
-    assert (caught.value.line, caught.value.column) == (line, column)
+    error = refusal(load, model)
+    assert words in str(error) and "\n" not in str(error)
+    assert (error.line, error.column) == (line, column)
 
 
 def test_own_numbers_of_a_class_scale_with_the_block(load):

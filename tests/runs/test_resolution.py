@@ -11,6 +11,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
+from tests.programs import refusal
 from tests.scenarios_of_tests import scenario_file
 
 # 80 m of slope, three blocks, an embankment of 4 m with a vertical facing
@@ -75,9 +76,8 @@ def test_results_are_replaced_only_when_asked_to(site, tmp_path):
     path, out = site(releases=2), tmp_path / "out"
     simulated(path, out, [])
     before = (out / "site_batch" / "run.json").stat().st_mtime_ns
-    with pytest.raises(InputError, match="earlier run; --overwrite replaces") as error:
-        simulated(path, out, [])
-    assert error.value.code == "results_exist"
+    said = "earlier run; --overwrite replaces"
+    assert refusal(simulated, path, out, [], said=said).code == "results_exist"
     assert (out / "site_batch" / "run.json").stat().st_mtime_ns == before
     simulated(path, out, [], overwrite=True)
     assert (out / "site_batch" / "run.json").stat().st_mtime_ns > before

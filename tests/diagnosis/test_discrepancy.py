@@ -77,9 +77,8 @@ def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothin
 def test_history_counts_the_impacts_of_each_release_in_time():
     found = history_quantities(np.array([0, 1, 0, 1, 1]), np.zeros(5), np.array([0.3, 0.1, 0.1, 0.2, 0.5]))
     assert found[HISTORY].tolist() == [1, 0, 0, 1, 2]
-    assert "series" not in bases(
-        IMPACT_DEPENDENCES, _quantities(found)
-    )  # all releases at one place of the series
+    # all releases at one place of the series
+    assert "series" not in bases(IMPACT_DEPENDENCES, _quantities(found))
 
 
 def _quantities(known: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

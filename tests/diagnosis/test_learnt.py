@@ -63,9 +63,8 @@ def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_
     assert change.name == "law of series"
     curve = change.basis.curves[0]
     ends = curve.features(np.array([curve.numbers[0], curve.numbers[-1]])) @ change.coefficients.T
-    stiffening = (
-        ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
-    )  # logarithm of k_ul: of k_l and of the ratio
+    # logarithm of k_ul: of k_l and of the ratio
+    stiffening = ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
     assert stiffening == pytest.approx(np.log(HARDENED), abs=0.35)
 
 

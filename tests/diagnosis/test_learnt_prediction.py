@@ -60,9 +60,8 @@ def test_a_learnt_acceleration_bends_the_next_flight_as_gravity_does(other):
         pulled.groupby(["release", "segment"]), base.groupby(["release", "segment"]), strict=True
     ):
         second, before = (np.diff(t.y_m, 2) / step**2 for t in (own, plain))
-        flies = (
-            np.abs(before + other.gravity_m_s2) < 1e-6
-        )  # frames of the next flight: the first ones are aloft, too
+        # frames of the next flight: the first ones are aloft, too
+        flies = np.abs(before + other.gravity_m_s2) < 1e-6
         flies &= np.cumsum(~flies) > 0
         bends += list(second[flies] + other.gravity_m_s2)
     assert len(bends) > 200

@@ -97,17 +97,15 @@ def test_the_corrected_calibration_length_undoes_scale_error(scale):
     assert f"too {'long' if scale > 1 else 'short'}" in text
     seen = STATED.to_pixel(poses[:, :2])
     factor = number("whichever is given there, by {}.", text)
-    tracked = replace(
-        STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text)
-    )  # distance_m and square_m give metres per pixel in proportion
+    # distance_m and square_m give metres per pixel in proportion
+    tracked = replace(STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text))
     assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
 
 
 @pytest.mark.parametrize("time_scale", [0.9, 1.08])
 def test_the_true_rate_undoes_frame_rate_error(time_scale):
-    true_s = (
-        np.arange(50) * time_scale / FPS
-    )  # frames that the camera took at another rate than the stated one
+    # frames that the camera took at another rate than the stated one
+    true_s = np.arange(50) * time_scale / FPS
     view = catalogue()["frame_rate_error"].apply(setup_world(EXPERIMENT), [time_scale]).view
     recorded_s = true_s / view.time_scale  # see `View`
     text = said("frame_rate_error", time_scale)
@@ -135,9 +133,8 @@ def test_the_distortion_in_the_set_up_file_undoes_lens_distortion(edge):
     k = number("K = {} × D²", text) * (half * level.metres_per_pixel) ** 2
     origin_px = tuple(level.to_pixel(np.zeros(2)))
     tracked = replace(level, k=k, centre_px=tuple(centre), half_px=half, origin_px=origin_px)
-    shift = (
-        tracked.to_world(centre) - middle
-    )  # the mapped origin moves, too; the shape of the record is what counts
+    # the mapped origin moves, too; the shape of the record is what counts
+    shift = tracked.to_world(centre) - middle
     assert np.allclose(tracked.to_world(seen) - shift, true[:, :2], atol=2e-5)
     assert np.abs(poses[:, :2] - true[:, :2]).max() > 2e-4
 

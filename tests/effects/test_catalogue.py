@@ -117,9 +117,8 @@ def test_both_engines_agree_with_every_effect(name):
         scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
         errors.append(np.abs((batch.impacts[i, 0, VELOCITIES_AFTER] - after(track.impacts[0])) / scale).max())
     assert np.nanmedian(errors) < 3e-4
-    assert (
-        np.nanmean(np.array(errors) < 1e-3) >= 0.8
-    )  # where a corner leaves as the next lands, an impact ends, or not
+    # where a corner leaves as the next lands, an impact ends, or not
+    assert np.nanmean(np.array(errors) < 1e-3) >= 0.8
 
 
 def test_tables_of_the_laws_columns_alone_go_on_working():
@@ -168,9 +167,8 @@ def test_the_facing_turns_about_its_foot_and_keeps_its_height():
     assert np.array_equal(np.delete(built.points_m, 3, 0), np.delete(SETUP.points_m, 3, 0))
     level = as_built(SETUP, 0.0, 0.1, 0.02)
     assert level.points_m[1:3, 1] == pytest.approx(0.0083)
-    assert (
-        as_built(SETUP, -0.6, 0.0, 0.02).points_m[3, 0] < SETUP.points_m[4, 0]
-    )  # never past the crest's end
+    # never past the crest's end
+    assert as_built(SETUP, -0.6, 0.0, 0.02).points_m[3, 0] < SETUP.points_m[4, 0]
 
 
 def test_ground_without_an_embankment_is_raised_and_inclined_as_a_whole():

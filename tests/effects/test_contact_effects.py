@@ -128,9 +128,8 @@ def test_ploughing_slows_the_slip_with_depth():
     left = np.exp(-c / m_t * 2 * (2.0 / omega_l) / omega_l)
     for engine, (vx, _, spin) in rebound(w, vx=1.0).items():
         assert vx + R * spin == pytest.approx(left, rel=1e-3), engine
-        assert vx == pytest.approx(1 - (1 - left) * 0.4 / 1.4, rel=1e-3), (
-            engine
-        )  # angular momentum about the contact
+        # angular momentum about the contact
+        assert vx == pytest.approx(1 - (1 - left) * 0.4 / 1.4, rel=1e-3), engine
 
 
 @pytest.mark.parametrize("change", [-0.6, 1.0])
@@ -163,9 +162,8 @@ def test_an_embankment_that_slides_rebounds_as_two_bodies_do(ratio):
     assert result.impacts[0, 0, 12] == pytest.approx(-2 * expected, rel=1e-3, abs=1e-4)
     assert result.ends[0, 4] == pytest.approx(-2 * expected, rel=1e-3, abs=1e-4)
     impulse = M * (2 + 2 * expected)
-    assert taken_by_effects(result) == pytest.approx(
-        0.5 * impulse**2 / mass, rel=1e-3
-    )  # what the embankment carries away
+    # what the embankment carries away
+    assert taken_by_effects(result) == pytest.approx(0.5 * impulse**2 / mass, rel=1e-3)
     impact = first_impact(w, state)
     assert impact["vx_after_m_s"] == pytest.approx(-2 * expected, rel=1e-4)
     assert abs(impact["residual"]) < 1e-6 * 0.5 * M * 4

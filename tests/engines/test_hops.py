@@ -16,9 +16,8 @@ BALL = make_block("ball", "circle", mass_kg=1414.0, diameter_m=1.0)
 LAW = ContactParameters(
     k_l_N_m=1.2e7, k_ul_N_m=9.3e7, k_t_N_m=3.0e6, friction_angle_deg=30, k_r_Nm_rad=4.8e4, rolling_cap=True
 )
-SLOPE = CrossSection(
-    [[-10.0, 8.0], [90.0, -72.0]], ["scree"], {"line": [[25.0, -20.0], [25.0, 0.0]]}
-)  # 38.7 deg
+# 38.7 deg
+SLOPE = CrossSection([[-10.0, 8.0], [90.0, -72.0]], ["scree"], {"line": [[25.0, -20.0], [25.0, 0.0]]})
 ONE, TABLE = ensemble(BALL, SLOPE, LAW), parameter_table(LAW, SLOPE.zone_names)
 END_S = 4.0
 STARTS = np.array(

@@ -48,9 +48,8 @@ def test_distributions_end_at_the_bounds_of_the_effect():
     whole = stats.norm(0.5, 1.5 / 1.959964)
     low, high = whole.cdf(0.0), whole.cdf(1.0)
     assert cut.min() >= 0.0 and cut.max() <= 1.0
-    assert cut == pytest.approx(
-        whole.ppf(low + (high - low) * SHARES), abs=1e-6
-    )  # truncated, not piled up at the ends
+    # truncated, not piled up at the ends
+    assert cut == pytest.approx(whole.ppf(low + (high - low) * SHARES), abs=1e-6)
 
 
 def test_a_member_of_a_group_is_drawn_with_its_probability():

@@ -228,9 +228,8 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
     back = load_experiment(folder)
     pd.testing.assert_frame_equal(back.trajectories, seen, check_exact=True)
     assert (back.name, back.fps, back.position_noise_m) == ("3", 1000 / 3, 1e-5)
-    assert (
-        back.cross_section.points_m == cross_section.points_m
-    ).all() and back.cross_section.zones == cross_section.zones
+    assert (back.cross_section.points_m == cross_section.points_m).all()
+    assert back.cross_section.zones == cross_section.zones
     assert (back.cross_section.measure_lines["no"] == cross_section.measure_lines["no"]).all()
     for name, block in given.blocks.items():
         other = back.blocks[name]

@@ -104,9 +104,8 @@ def test_incident_states_are_drawn_as_described(write):
     assert scenario.incident_of("sphere").draw(generator, 2).tolist() == [[0.5, 0.3, 0, 1, 0, 0]] * 2
     drawn = scenario.incident_of("cube").draw(generator, 4000)
     assert np.ptp(drawn[:, [0, 2, 4, 5]], axis=0).max() == 0
-    assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001) and drawn[:, 1].std() == pytest.approx(
-        0.01, rel=0.1
-    )
+    assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001)
+    assert drawn[:, 1].std() == pytest.approx(0.01, rel=0.1)
     assert 1 <= drawn[:, 3].min() < 1.01 and 1.99 < drawn[:, 3].max() <= 2
 
 
@@ -308,17 +307,15 @@ def test_the_paper_setup_has_the_paper_s_values():
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
     points = scenario.make_cross_section().points_m
-    assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
-        0.055
-    )
+    assert np.ptp(points[1:, 1]) == pytest.approx(0.083)
+    assert points[4, 0] - points[3, 0] == pytest.approx(0.055)
 
 
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert (
-        scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
-    )
+    assert scenario.make_cross_section().zones == ("floor",)
+    assert scenario.make_blocks()["square"].mass_kg == 0.05
 
 
 def test_every_key_of_the_json_schema_is_described():

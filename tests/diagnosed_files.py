@@ -9,13 +9,7 @@ from typing import Any
 from rock2d.files.scenario import Scenario, load_scenario
 from tests.scenarios_of_tests import BALL, THROWN, scenario_file
 
-SOIL = {
-    "k_l_N_m": 4.0e6,
-    "k_ul_N_m": 2.4e7,
-    "k_t_N_m": 1.0e6,
-    "friction_angle_deg": 30.0,
-    "k_r_Nm_rad": 4.0e3,
-}
+SOIL = {"k_l_N_m": 4e6, "k_ul_N_m": 2.4e7, "k_t_N_m": 1e6, "friction_angle_deg": 30.0, "k_r_Nm_rad": 4e3}
 GAIN = {"heldout_score_gain": 9.0, "heldout_score_gain_se": 1.0}
 CLOSED = {"closure": 0.9, "closure_ci95": [0.8, 1.0]}
 GAP = {"unit": "noise", "base": 4.0, "augmented": 1.2, "noise_floor": 1.0, **CLOSED}
@@ -40,6 +34,12 @@ def content(verdict: str = "none", effects: dict[str, Any] | None = None, **more
         "verdict": verdict, "group": [verdict] if found else [], "probabilities": {verdict: 1.0},
         "effects": effects or {}, "where": [], "gap": GAP, **more,
     }  # fmt: skip
+
+
+def with_learnt(base: dict[str, float], *changes: dict[str, Any]) -> dict[str, Any]:
+    """A `model` of a law, no effect, and learnt changes."""
+    fit = {"base": base, "parameters": {}}
+    return {**fit, "learnt": {**fit, "changes": list(changes)}}
 
 
 def diagnosed(

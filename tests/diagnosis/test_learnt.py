@@ -21,6 +21,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.states import drift
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
+from tests.diagnosed_files import with_learnt
 from tests.kinematics.synthetic_films import BLOCKS, START, data_of, film, series_order, world
 
 RELEASES = 24
@@ -93,14 +94,13 @@ def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):
 def test_a_prediction_uses_what_was_learnt(hardened):
     _, base, learnt = hardened
     other = film(hardening(RELEASES), RELEASES, seed=8)
-    changed = {"base": base_values(learnt.fit), "parameters": {}, "changes": [
+    model = with_learnt(base_values(base), *(
         change.basis.content() | {"lever": change.lever, "coefficients": change.coefficients.tolist()}
         for change in learnt.changes
-    ]}  # fmt: skip
-    content = {
-        "verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES),
-        "model": {"base": base_values(base), "parameters": {}, "learnt": changed},
-    }  # fmt: skip
+    ))  # fmt: skip
+    model["learnt"]["base"] = base_values(learnt.fit)
+    content = {"verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES)}
+    content["model"] = model
     errors = []
     for base_only in (True, False):
         found = predict(other, content, base_only=base_only).merge(

@@ -9,9 +9,10 @@ import pytest
 from rock2d.diagnosis.predict import predict
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import clearances
+from tests.diagnosed_files import with_learnt
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.diagnosis.test_predict import known
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import SOIL, film, world
 from tests.programs import refusal
 
 POSES = ["x_m", "y_m", "theta_rad"]
@@ -31,12 +32,10 @@ def other():
 
 def learnt(*changes: tuple[str, list[list[float]]]) -> dict:
     """The law of the synthetic films with constant changes: lever and coefficients."""
-    content = known()
-    given = [
+    given = (
         {"lever": lever, "depends_on": "nothing", "curves": [], "coefficients": c} for lever, c in changes
-    ]
-    model = {"base": content["base"], "parameters": {}}
-    return {**content, "model": {**model, "learnt": {**model, "changes": given}}}
+    )
+    return {**known(), "model": with_learnt(SOIL, *given)}
 
 
 def depth_m(table: pd.DataFrame, scene) -> np.ndarray:

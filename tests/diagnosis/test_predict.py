@@ -19,6 +19,7 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
+from tests.diagnosed_files import with_learnt
 from tests.kinematics.synthetic_films import SOIL, film, world, yielded
 from tests.programs import commanded, refusal, rock2d
 
@@ -72,8 +73,7 @@ def test_a_change_in_time_is_predicted_for_segments_that_end_in_an_impact():
     shaken = {"lever": "frame", "depends_on": "time", "curves": [wave], "coefficients": push}
     content = known()
     law = {**content["base"], "k_ul_N_m": 1e6, "k_r_Nm_rad": 3.0}
-    learnt = {"base": law, "parameters": {}, "changes": [shaken]}
-    content["model"] = {"base": law, "parameters": {}, "learnt": learnt}
+    content["model"] = with_learnt(law, shaken)
     assert not predict(film(TILTED, 8, seed=99), content).isna().any().any()
 
 

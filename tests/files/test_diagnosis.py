@@ -22,7 +22,7 @@ from rock2d.errors import InputError, ParameterError
 from rock2d.files.diagnosis import diagnosis_text
 from rock2d.laws.contact import MU, ContactParameters
 from rock2d.schemas import file_schema
-from tests.diagnosed_files import GAIN, SOIL, content, diagnosed, effect
+from tests.diagnosed_files import GAIN, SOIL, content, diagnosed, effect, with_learnt
 from tests.kinematics.synthetic_films import world
 from tests.programs import refusal
 
@@ -41,8 +41,7 @@ def read_by_all(folder: Path, given: dict[str, Any]) -> dict[str, Any]:
 def learnt(lever: str, basis, coefficients: np.ndarray) -> dict[str, Any]:
     """A diagnosis with one learnt change."""
     change = basis.content() | {"lever": lever, "coefficients": coefficients.tolist()} | GAIN
-    fit = {"base": SOIL, "parameters": {}}
-    return content("unknown", schema=2, model={**fit, "learnt": {**fit, "changes": [change]}})
+    return content("unknown", schema=2, model=with_learnt(SOIL, change))
 
 
 @pytest.mark.parametrize("lever", LEVERS)

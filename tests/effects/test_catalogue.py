@@ -34,7 +34,7 @@ from tests.effects.worlds import (
     typical,
     with_effect,
     world,
-)  # fmt: skip
+)
 from tests.laboratory import LAW, SETUP, after
 from tests.programs import printed
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rock2d.engines.batch import Ensemble
 from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.records.track import Track
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
 
@@ -30,6 +33,7 @@ CONTRAST = {
     "face": ContactParameters(3e4, 9e4, 2e3, 40, 0.1),
     "default": ContactParameters(8e3, 2.4e4, 0.0, 30, 0.05, rolling_cap=True),
 }
+G = 9.81
 AFTER = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
 
 
@@ -52,6 +56,16 @@ def random_state(seed: int) -> np.ndarray:
             rng.normal(1.3, 0.2), rng.normal(-2.0, 0.2), rng.normal(-30, 20),
         ]
     )  # fmt: skip
+
+
+def flight(
+    release: int, block: str, state: Sequence[float], seconds: float, stop: str = "exit", aloft: bool = False
+) -> Track:  # fmt: skip
+    """A flight from this state (6,); `aloft`: it has not touched the ground at its end."""
+    x, y, theta, vx, vy, omega = state
+    t = seconds
+    end = [t, x + vx * t, y + vy * t - 0.5 * G * t * t, theta + omega * t, vx, vy - G * t, omega]
+    return Track(release, block, np.array([[0.0, *state], end]), np.array([True, aloft]), [], stop, G)
 
 
 def ensemble(block: Block, ground: CrossSection = SETUP, *laws) -> Ensemble:

@@ -30,6 +30,17 @@ def ensemble(name, block_name, n, cross_section=None, **more):
     return given, options, run_point_mass_batch(*given, **options, impact_room=40)
 
 
+def tracks(given, options):
+    """The releases of an ensemble, one by one."""
+    *site, states, seeds = given
+    for state, seed in zip(states, seeds, strict=True):
+        yield run_point_mass(*site, state, seed=int(seed), **options)
+
+
+def first_of(crossings):
+    return crossings[0] if len(crossings) else np.full(7, np.nan)
+
+
 def undulating(cross_section, pieces, height_m):
     """The cross-section with every facet cut and waves on it: many flights meet lines and joints."""
     fine = cross_section.subdivided(pieces)
@@ -50,12 +61,9 @@ def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, 
     cross_section = load_scenario(SHIPPED / f"{name}.yaml").make_cross_section()
     if fine:
         cross_section = undulating(cross_section, 60, 2e-3 * np.ptp(cross_section.points_m[:, 0]))
-    (block, cross_section, law, states, seeds), options, batch = ensemble(
-        name, block_name, 120, cross_section
-    )
+    given, options, batch = ensemble(name, block_name, 120, cross_section)
     lines = list(cross_section.measure_lines.values())
-    for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
+    for i, track in enumerate(tracks(given, options)):
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
         assert len(track.impacts) == batch.impact_count[i]
@@ -64,9 +72,7 @@ def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, 
             assert impact["zone"] == cross_section.zones[int(batch.impacts[i, k, 10])]
         assert np.isnan(batch.impacts[i, len(track.impacts) :]).all()
         for k, line in enumerate(lines):
-            found = track.crossings(line)
-            want = found[0] if len(found) else np.full(7, np.nan)
-            assert np.array_equal(want, batch.crossings[i, k], equal_nan=True)
+            assert np.array_equal(first_of(track.crossings(line)), batch.crossings[i, k], equal_nan=True)
     assert np.isfinite(batch.crossings).any()
 
 
@@ -77,17 +83,13 @@ def test_lines_of_any_direction_are_met_where_the_track_says():
     ends[:4, 1, 1] = ends[:4, 0, 1]  # level lines: a flight may cross one twice
     ends[4:8, 1, 0] = ends[4:8, 0, 0]  # upright ones
     cross_section = CrossSection(base.points_m, base.zones, {str(k): line for k, line in enumerate(ends)})
-    (block, _, law, states, seeds), options, batch = ensemble(
-        "slope_embankment", "ball_1m", 200, cross_section
-    )
+    given, options, batch = ensemble("slope_embankment", "ball_1m", 200, cross_section)
     twice = 0
-    for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
+    for i, track in enumerate(tracks(given, options)):
         for k, line in enumerate(ends):
             found = track.crossings(line)
             twice += len(found) > 1
-            want = found[0] if len(found) else np.full(7, np.nan)
-            assert np.array_equal(want, batch.crossings[i, k], equal_nan=True)
+            assert np.array_equal(first_of(found), batch.crossings[i, k], equal_nan=True)
     assert twice > 0
 
 

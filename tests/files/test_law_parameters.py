@@ -31,11 +31,9 @@ CONTACT = "{k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg:
 
 
 @pytest.fixture
-def load(tmp_path):
+def load(put):
     def load(model: str, engine: str = "batch", line: str = ""):
-        path = tmp_path / "scenario.yaml"
-        path.write_text(HEAD.format(engine=engine, line=line) + model)
-        return load_scenario(path)
+        return load_scenario(put(HEAD.format(engine=engine, line=line) + model, "scenario.yaml"))
 
     return load
 

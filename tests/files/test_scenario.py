@@ -6,7 +6,6 @@ import itertools
 import random
 import re
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,14 +70,8 @@ trajectories: t.csv
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(text: str, name: str = "scenario.yaml") -> Path:
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        return path
-
-    return write
+def write(put):
+    return lambda text, name="scenario.yaml": put(text, name)
 
 
 def refused(path, **options) -> str:

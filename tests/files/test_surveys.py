@@ -29,9 +29,8 @@ POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
         "distance,elevation\n500,40\n520,25\n520,25\n550,4\n580,0\n",  # a station that is not 0, a point twice
     ],
 )
-def test_a_table_is_read_however_it_is_written(tmp_path, text):
-    (tmp_path / "p.csv").write_text(text)
-    assert read_table(tmp_path / "p.csv").points_m == pytest.approx(POINTS)
+def test_a_table_is_read_however_it_is_written(put, text):
+    assert read_table(put(text)).points_m == pytest.approx(POINTS)
 
 
 @pytest.mark.parametrize(
@@ -46,9 +45,8 @@ def test_a_table_is_read_however_it_is_written(tmp_path, text):
         ("0,40\n20,nan\n", "point 2 is not a pair of finite numbers", None),
     ],
 )
-def test_a_table_with_a_mistake_is_refused_with_its_line(tmp_path, text, said, line):
-    (tmp_path / "p.csv").write_text(text)
-    assert refusal(read_table, tmp_path / "p.csv", said=said).line == line
+def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
+    assert refusal(read_table, put(text), said=said).line == line
 
 
 def test_what_was_changed_is_said():

@@ -33,11 +33,11 @@ def other_hash_seed() -> str:
     return "1" if os.environ.get("PYTHONHASHSEED") == "2718" else "2718"
 
 
-def rock2d(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+def rock2d(*words: object, timeout_s: float = 120.0, **environment: str) -> subprocess.CompletedProcess[str]:
     """The command line in a process of its own, whatever its exit code."""
     return subprocess.run(
         [sys.executable, "-m", "rock2d.cli", *map(str, words)], capture_output=True, text=True, check=False,
-        env={**os.environ, **environment}, timeout=120,
+        env={**os.environ, **environment}, timeout=timeout_s,
     )  # fmt: skip
 
 

@@ -197,7 +197,7 @@ def one_release() -> Experiment:
 
 def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
     write_experiment(tmp_path / "film", one_release())
-    done = rock2d("diagnose", tmp_path / "film", "--quiet", "--out", tmp_path / "out")
+    done = rock2d("diagnose", tmp_path / "film", "--quiet", "--out", tmp_path / "out", timeout_s=900)
     assert done.returncode == 2 and "not diagnosed" in done.stderr and "too few" in done.stderr, done.stderr
     written = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert written["verdict"] == "unknown" and sum(written["probabilities"].values()) == pytest.approx(1.0)

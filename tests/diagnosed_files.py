@@ -7,45 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from rock2d.files.scenario import Scenario, load_scenario
+from tests.scenarios_of_tests import BALL, THROWN, scenario_file
 
-SOIL = {
-    "k_l_N_m": 4.0e6,
-    "k_ul_N_m": 2.4e7,
-    "k_t_N_m": 1.0e6,
-    "friction_angle_deg": 30.0,
-    "k_r_Nm_rad": 4.0e3,
-}
+SOIL = {"k_l_N_m": 4e6, "k_ul_N_m": 2.4e7, "k_t_N_m": 1e6, "friction_angle_deg": 30.0, "k_r_Nm_rad": 4e3}
 GAIN = {"heldout_score_gain": 9.0, "heldout_score_gain_se": 1.0}
 CLOSED = {"closure": 0.9, "closure_ci95": [0.8, 1.0]}
 GAP = {"unit": "noise", "base": 4.0, "augmented": 1.2, "noise_floor": 1.0, **CLOSED}
 JOINT = {**SOIL, "k_ul_N_m": 3.0e7}  # fitted together with an effect
-SCENARIO = """
-name: diagnosed
-engine: {engine}
-releases: 5
-seed: 3
-cross_section:
-  points_m: [[0, 20], [20, 0], [60, 0]]
-  zones: [slope, run_out]
-embankment: {{x_m: 26, height_m: 2.0, crest_m: 1.0, uphill_deg: 60, downhill_deg: 34}}
-blocks:
-  ball: {{shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}
-  box: {{shape: square, side_m: 0.6, mass_kg: 580, inertia: uniform}}
-model: {model}
-incident:
-  default:
-    distribution:
-      x_m: {{uniform: {{low: 0.5, high: 2.0}}}}
-      y_m: {{uniform: {{low: 22.0, high: 26.0}}}}
-      theta_rad: {{uniform: {{low: 0.0, high: 1.0}}}}
-      vx_m_s: {{uniform: {{low: 1.0, high: 4.0}}}}
-      vy_m_s: 0.0
-{more}
-"""
-NUMBERS = (
-    "{{deterministic: {{default: {{k_l_N_m: {k_l_N_m}, k_ul_N_m: {k_ul_N_m}, k_t_N_m: {k_t_N_m}, "
-    "friction_angle_deg: {friction_angle_deg}, k_r_Nm_rad: {k_r_Nm_rad}}}}}}}"
-)
+BLOCKS = f"blocks:\n  ball: {BALL}\n  box: {{shape: square, side_m: 0.6, mass_kg: 580, inertia: uniform}}"
+INCIDENT = f"distribution: {{{THROWN}, theta_rad: {{uniform: {{low: 0.0, high: 1.0}}}}}}"
 
 
 def effect(base: dict[str, float] = JOINT, **parameters: tuple[float, float, float]) -> dict[str, Any]:
@@ -66,14 +36,15 @@ def content(verdict: str = "none", effects: dict[str, Any] | None = None, **more
     }  # fmt: skip
 
 
+def with_learnt(base: dict[str, float], *changes: dict[str, Any]) -> dict[str, Any]:
+    """A `model` of a law, no effect, and learnt changes."""
+    fit = {"base": base, "parameters": {}}
+    return {**fit, "learnt": {**fit, "changes": list(changes)}}
+
+
 def diagnosed(
-    folder: Path,
-    given: dict[str, Any],
-    *,
-    model: str = "{diagnosis: d.json}",
-    engine: str = "batch",
-    more: str = "",
-) -> Scenario:
+    folder: Path, given: dict[str, Any], *, model: str = "{diagnosis: d.json}", engine: str = "batch", more: str = ""
+) -> Scenario:  # fmt: skip
     """The scenario with this diagnosis beside it."""
     (folder / "d.json").write_text(json.dumps(given, indent=1))
     return undiagnosed(folder, model, engine, more)
@@ -81,11 +52,10 @@ def diagnosed(
 
 def undiagnosed(folder: Path, model: str, engine: str = "batch", more: str = "") -> Scenario:
     """The scenario with this model."""
-    path = folder / "diagnosed.yaml"
-    path.write_text(SCENARIO.format(model=model, engine=engine, more=more))
-    return load_scenario(path)
+    options = {"engine": engine, "releases": 5, "blocks": BLOCKS, "incident": INCIDENT, "more": more}
+    return load_scenario(scenario_file(folder, "diagnosed", model=model, **options))
 
 
 def numbers(soil: dict[str, float]) -> str:
     """A `model` with this soil by hand."""
-    return NUMBERS.format(**soil)
+    return json.dumps({"deterministic": {"default": soil}})

@@ -53,6 +53,7 @@ def imports() -> Iterator[tuple[str, str]]:
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.ImportFrom) and node.module:
                     names = [f"{node.module}.{alias.name}" for alias in node.names]
+                    names += [node.module] if "." in node.module else []
                 else:
                     names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
                 yield from ((module, name) for name in names if name.split(".")[0] in PACKAGES)
@@ -60,12 +61,12 @@ def imports() -> Iterator[tuple[str, str]]:
 
 def test_rooms_import_only_from_the_floors_below():
     floors = {own: floor for floor, rooms in enumerate(FLOORS) for own in rooms}
-    within = {0, len(FLOORS) - 1}
+    level = {0, len(FLOORS) - 1}
     upwards = [
         (module, name)
         for module, name in imports()
         if (own := room(module)) != (other := room(name))
-        and (floors[other] < floors[own] or (floors[other] == floors[own] and floors[own] not in within))
+        and (floors[other] < floors[own] or (floors[other] == floors[own] and floors[own] not in level))
     ]
     assert not upwards
 
@@ -76,6 +77,37 @@ def test_no_room_imports_itself_through_others():
         if room(module) != room(name):
             graph.setdefault(room(module), set()).add(room(name))
     assert list(TopologicalSorter(graph).static_order())  # raises CycleError for a circle
+
+
+def within(*packages: str) -> dict[str, set[str]]:
+    """Module -> what it imports, of all modules of these packages of rock2d."""
+    own: dict[str, set[str]] = {}
+    for module, name in imports():
+        if module.startswith(tuple(f"rock2d.{package}" for package in packages)):
+            own.setdefault(module, set()).add(name)
+    return own
+
+
+def test_kinematics_knows_no_diagnosis():
+    assert not [(m, name) for m, own in within("kinematics").items() for name in own if "diagnosis" in name]
+
+
+def test_no_circle_of_imports_in_kinematics_and_diagnosis():
+    own = within("kinematics", "diagnosis")
+    order = TopologicalSorter({module: names & set(own) for module, names in own.items()})
+    assert list(order.static_order())  # raises CycleError for a circle
+
+
+def test_only_the_command_of_the_diagnosis_writes_its_report():
+    report = "rock2d.diagnosis.report"
+    users = {m for m, own in within("diagnosis").items() if any(name.startswith(report) for name in own)}
+    assert {m for m in users if not m.startswith(report)} == {"rock2d.diagnosis.command"}
+
+
+def test_only_the_command_line_imports_the_figures():
+    """Reproduction computes; the figures draw."""
+    importers = {module for module, name in imports() if name.split(".")[0] == "rock2d_figures"}
+    assert {m for m in importers if not m.startswith("rock2d_figures")} <= {"rock2d.cli"}
 
 
 def test_contributing_shows_the_floors():

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import pytest
-from click.testing import CliRunner
 
-from rock2d.cli import cli
 from rock2d.commands.soils import list_soils
 from rock2d.errors import InputError
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES
+from tests.programs import commanded
+
+REBOUND_NUMBERS = (
+    "friction_angle_deg",
+    "momentum_half_kg_m_s",
+    "tangential_restitution",
+    "slope_reduction_deg",
+)
 
 
 def printed(*options: str) -> str:
-    result = CliRunner().invoke(cli, ["soils", *options], catch_exceptions=False)
+    result = commanded("soils", *options)
     assert result.exit_code == 0
     return result.output
 
@@ -38,12 +44,7 @@ def test_the_parameters_of_a_block_are_those_that_a_scenario_takes(soil):
         [law.k_l_N_m, law.k_ul_N_m, law.k_t_N_m, law.friction_angle_deg, law.k_r_Nm_rad], rel=0.01
     )
     assert [float(cell) for cell in rebound[1:]] == pytest.approx(
-        [
-            point.friction_angle_deg,
-            point.momentum_half_kg_m_s,
-            point.tangential_restitution,
-            point.slope_reduction_deg,
-        ],
+        [getattr(point, name) for name in REBOUND_NUMBERS],
         rel=0.01,
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 
 import numpy as np
+import pytest
 from rock2d_figures.cost import cost_of_facets, cost_of_releases
 
 from tests.benchmarks.bench_engines import ROUNDS, row
@@ -16,19 +17,18 @@ MOST = 10**7 if os.environ.get("ROCK2D_BENCH_LARGE") else 10**5
 SECONDS = 60.0  # no round begins after these
 
 
-def test_cost_by_releases(benchmark):
-    found = benchmark.pedantic(cost_of_releases, (MOST, ROUNDS, SECONDS))
+@pytest.mark.parametrize(
+    ("cost_of", "given", "many", "what"),
+    [
+        (cost_of_releases, (MOST, ROUNDS, SECONDS), "releases", "{:,} releases, of one"),
+        (cost_of_facets, (ROUNDS, SECONDS), "facets", "a release on {:,} facets"),
+    ],
+    ids=["releases", "facets"],
+)
+def test_cost(benchmark, cost_of, given, many, what):
+    found = benchmark.pedantic(cost_of, given)
     benchmark.extra_info["rows"] = [
-        row(f"{engine}: {number:,} releases, of one", 1e6 * np.array(times) / number, "us")
+        row(f"{engine}: {what.format(n)}", 1e6 * np.array(times) / (n if many == "releases" else 1), "us")
         for engine, own in found.items()
-        for number, times in zip(own["releases"], own["times_s"], strict=True)
-    ]
-
-
-def test_cost_by_facets(benchmark):
-    found = benchmark.pedantic(cost_of_facets, (ROUNDS, SECONDS))
-    benchmark.extra_info["rows"] = [
-        row(f"{engine}: a release on {facets:,} facets", 1e6 * np.array(times), "us")
-        for engine, own in found.items()
-        for facets, times in zip(own["facets"], own["times_s"], strict=True)
+        for n, times in zip(own[many], own["times_s"], strict=True)
     ]

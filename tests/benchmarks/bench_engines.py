@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import itertools
 from functools import cache
-from pathlib import Path
 from time import perf_counter
 
 import numba
@@ -30,8 +29,8 @@ from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
+from tests.scenarios_of_tests import SHIPPED
 
-FOLDER = Path(__file__).parents[2] / "scenarios"
 SETUP = [("paper_setup", block) for block in ("sphere", "cube", "parallelepiped")]
 SLOPE = [("slope_embankment", block) for block in ("ball_1m", "cube_1m", "slab_2m")]
 ROUNDS = 5
@@ -45,7 +44,7 @@ HALVING = 2000  # releases of each step
 @cache
 def scenario_of(name):
     """A scenario and, by block, the states (STARTS, 6) of its starts."""
-    scenario = load_scenario(FOLDER / f"{name}.yaml")
+    scenario = load_scenario(SHIPPED / f"{name}.yaml")
     states = {block: [] for block in scenario.make_blocks()}
     for start in incident_states(scenario, scenario.seed, STARTS):
         states[start.block].append(start.state)

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.bench_engines import FOLDER, row
+from tests.benchmarks.bench_engines import row
+from tests.scenarios_of_tests import SHIPPED
 
 ROUNDS = 5
 FIRST = f"""
 import numpy as np
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.conditions import incident_states
-scenario = load_scenario({str(FOLDER / "paper_setup.yaml")!r})
+scenario = load_scenario({str(SHIPPED / "paper_setup.yaml")!r})
 ground, block = scenario.make_cross_section(), scenario.make_blocks()["cube"]
 states = np.array([s.state for s in incident_states(scenario, 1, 10) if s.block == "cube"])
 """

@@ -8,11 +8,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from rock2d.blind import recovery
 from rock2d.blind.recovery import Plan, read_sizes
-from rock2d.cli import cli
 from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
@@ -23,6 +21,7 @@ from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
 from tests.diagnosis.test_impact_table_data import impacts
 from tests.kinematics.synthetic_films import film, world
+from tests.programs import commanded
 
 TRIED = {name: catalogue()[name] for name in ("camera_tilt", "air_drag", "angle_offset")}
 CURVES = {name: Curve(0.1, 4.0, "1", 0.05, 0.0, False, 1.0) for name in ("air_drag", "inertia_error")}
@@ -107,9 +106,7 @@ def test_many_cases_give_the_true_curve():
 def test_a_table_of_impacts_is_refused_before_it_is_diagnosed(tmp_path):
     table = impacts(world(), 20, seed=1, noise=0.01)
     write_experiment(tmp_path / "table", replace(table, impacts=table.impacts.fillna(0.0)))
-    done = CliRunner().invoke(
-        cli, ["blind", "inject", str(tmp_path / "table"), "--out", str(tmp_path / "study")]
-    )
+    done = commanded("blind", "inject", tmp_path / "table", "--out", tmp_path / "study")
     assert isinstance(done.exception, InputError) and done.exception.code == "wrong_kind"
     assert not (tmp_path / "study").exists()
 
@@ -131,18 +128,9 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     monkeypatch.setattr(recovery, "diagnose", few)
     monkeypatch.setattr("rock2d.diagnosis.command.diagnose", few)
     write_experiment(tmp_path / "film", film(world(), 8, seed=1))
-    words = [
-        "blind",
-        "inject",
-        str(tmp_path / "film"),
-        "--out",
-        str(tmp_path / "study"),
-        "--workers",
-        "1",
-        "--quiet",
-    ]
-    words += ["--effects", "camera_tilt", "--cases", "1", "--sizes", "4*seen90"]
-    done = CliRunner().invoke(cli, words)
+    words = ["blind", "inject", tmp_path / "film", "--out", tmp_path / "study", "--workers", 1, "--quiet"]
+    words += ["--effects", "camera_tilt", "--cases", 1, "--sizes", "4*seen90"]
+    done = commanded(*words)
     assert done.exit_code == 0, done.output
     assert "1 of 1 known causes were seen" in done.output and "names that are false: 0" in done.output
     truth, limits = (
@@ -150,18 +138,17 @@ def test_a_study_is_made_continues_and_goes_into_a_report(tmp_path, monkeypatch)
     )
     case = truth["cases"]["000"]
     assert case["effect"] == "camera_tilt" and case["expected"] == pytest.approx(case["size"], rel=1e-3)
-    assert limits["camera_tilt"]["seen50"] < case["size"] and limits == read_limits(
-        tmp_path / "study", "synthetic"
-    )
+    assert limits["camera_tilt"]["seen50"] < case["size"]
+    assert limits == read_limits(tmp_path / "study", "synthetic")
     before = (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns
-    assert CliRunner().invoke(cli, words).exit_code == 0
+    assert commanded(*words).exit_code == 0
     assert (tmp_path / "study" / "results" / "000.json").stat().st_mtime_ns == before
-    other = CliRunner().invoke(cli, [*words, "--seed", "1"])
+    other = commanded(*words, "--seed", 1)
     assert isinstance(other.exception, InputError) and "other options" in str(other.exception)
-    report = ["diagnose", str(tmp_path / "film"), "--out", str(tmp_path / "d"), "--workers", "1", "--quiet"]
-    done = CliRunner().invoke(cli, [*report, "--limits", str(tmp_path / "study")])
+    report = ["diagnose", tmp_path / "film", "--out", tmp_path / "d", "--workers", 1, "--quiet"]
+    done = commanded(*report, "--limits", tmp_path / "study")
     assert done.exit_code == 0, done.output
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text())["limits"] == limits
     assert "What this film would have shown" in (tmp_path / "d" / "report.html").read_text()
-    refused = CliRunner().invoke(cli, [*report, "--limits", str(tmp_path / "d")])
+    refused = commanded(*report, "--limits", tmp_path / "d")
     assert isinstance(refused.exception, InputError)

@@ -146,9 +146,8 @@ def test_the_first_place_counts_and_not_the_named_set():
 
 def test_outside_causes_and_wrong_effects_named_surely(cases):
     found = summary(cases)
-    assert found["outside"]["auroc"] == pytest.approx(
-        3 / 4
-    )  # 0.8 against 0.1, 0.2, 0.85, 0.1; case 005 is weak
+    # 0.8 against 0.1, 0.2, 0.85, 0.1; case 005 is weak
+    assert found["outside"]["auroc"] == pytest.approx(3 / 4)
     assert _counts(found["outside"]["recall_clear"]) == (1, 1)
     assert _counts(found["outside"]["false_alarms"]) == (1, 4)
     wrong = {"case": "002", "effect": "camera_tilt", "p": 0.92, "hidden": {}, "outside": None}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from dataclasses import replace
@@ -18,6 +17,7 @@ from rock2d.blind.signal_to_noise import signal_to_noise
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
+from tests.blind.test_scoring import write_trial
 
 
 @pytest.fixture
@@ -170,11 +170,7 @@ def test_a_case_that_a_dead_worker_began_is_made_again(tmp_path):
 
 @pytest.mark.parametrize("damage", ["[" * 100_000, "[]", '{"diagnosis": {"probabilities": 3}}'])
 def test_a_damaged_result_is_refused_with_its_file(tmp_path, damage):
-    text = json.dumps({"000": {"label": "none"}})
-    (tmp_path / "labels.json").write_text(text)
-    index = {"count": 1, "seed": 1, "labels_sha256": hashlib.sha256(text.encode()).hexdigest()}
-    (tmp_path / "cases.json").write_text(json.dumps(index))
-    (tmp_path / "results").mkdir()
+    write_trial(tmp_path, {"000": ({"label": "none"}, {})})
     (tmp_path / "results" / "000.json").write_text(damage)
     with pytest.raises(InputError, match=r"000\.json"):
         scored_cases(tmp_path)

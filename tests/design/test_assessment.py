@@ -9,7 +9,7 @@ from rock2d.commands.run import run_scenarios
 from rock2d.design.assessment import assess
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
 
@@ -18,15 +18,8 @@ FILES = {"uncertainty.csv", "sensitivity.csv", "sites.csv", "tornado.png"}
 def test_a_run_with_uncertainty_writes_its_tables_and_figure(tmp_path, releases, capsys, monkeypatch):
     monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 50)
     small_site(tmp_path)
-    options = CampaignOptions(releases=releases)
-    run_scenarios(
-        [tmp_path / "small.yaml"],
-        tmp_path / "out",
-        options,
-        Workers(),
-        progress=False,
-        report=lambda line: None,
-    )
+    files, options = [tmp_path / "small.yaml"], CampaignOptions(releases=releases)
+    run_scenarios(files, tmp_path / "out", options, Workers(), progress=False, report=lambda line: None)
     folder = tmp_path / "out" / "small_batch"
     assert (folder / "campaign.json").is_file() == (releases > 50)
     assert {path.name for path in folder.iterdir()} >= FILES

@@ -11,7 +11,7 @@ from rock2d.design.combinations import run_combinations
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
 from rock2d.errors import InputError
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.3, 0.9)
 OVER = [("embankment.uphill_deg", 40.0, 90.0)]

@@ -13,7 +13,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, l
 from rock2d.design.possible_sites import SiteResults
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 PLACE = "embankment.height_m"
 TARGET = Target("crest", 0.1, 0.95)
@@ -86,15 +86,8 @@ def test_questions_that_make_no_sense_are_refused(tmp_path, place, bounds, targe
 def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     small_site(tmp_path)
     lines: list[str] = []
-    answer = run_design(
-        tmp_path / "small.yaml",
-        PLACE,
-        (0.5, 8.0),
-        TARGET,
-        tmp_path / "design",
-        progress=False,
-        report=lines.append,
-    )
+    question = (tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "design")
+    answer = run_design(*question, progress=False, report=lines.append)
     assert answer.least is not None and 0.5 < answer.least < 8.0
     medians = [judged.median["ball"] for judged in answer.judgements]
     assert medians[0] > 0.2 > medians[-1]  # a higher embankment lets fewer pass
@@ -106,7 +99,7 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     assert {path.name for path in (tmp_path / "design").iterdir()} >= {"design.csv", "design.png"}
     assert not list(tmp_path.glob(".*"))
     with pytest.raises(InputError, match="earlier run"):
-        run_design(tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "design", progress=False)
+        run_design(*question, progress=False)
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 
 from rock2d.design.design_values import characteristic_values, demands, design_table
 from rock2d.design.norms import Estimate, OnrFactors, UniFactors, onr_24810, uni_11211_4
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 AT_LINE = {
     "speed_m_s": Estimate(20.0, 18.0, 22.0),

@@ -8,8 +8,7 @@ import pytest
 from rock2d.design.assessment import assess
 from rock2d.design.possible_sites import draw_sites, variants_of
 from rock2d.errors import InputError
-from rock2d.files.scenario import load_scenario
-from tests.design.small_site import TEXT
+from tests.scenarios_of_tests import small_site
 
 K_L, K_UL = "model.deterministic.default.k_l_N_m", "model.deterministic.default.k_ul_N_m"
 UNKNOWN = """
@@ -22,8 +21,7 @@ uncertainty:
 
 def site(folder, table: str, unknown: str = UNKNOWN):
     (folder / "fitted.csv").write_text(table)
-    (folder / "small.yaml").write_text(TEXT.format(engine="batch") + unknown)
-    return load_scenario(folder / "small.yaml")
+    return small_site(folder, unknown)
 
 
 def draws(n: int = 40) -> np.ndarray:

@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-from html.parser import HTMLParser
-
 import pytest
 
 from rock2d.commands.run import run_scenarios
 from rock2d.design.report_tables import quantity_text, three_digits, with_interval
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
-from tests.design.small_site import TEXT, UNKNOWN
+from tests.diagnosis.test_report import Page
+from tests.scenarios_of_tests import UNKNOWN, scenario_file
 
 COMMAND = "rock2d run 'a <b>.yaml' --report"
-
-
-class Page(HTMLParser):
-    """Tags, alternative texts and headings of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.alts: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        if tag == "img":
-            self.alts.append(dict(attrs)["alt"])
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
-    path = out / "small.yaml"
-    odd = "name: small\nabout: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n"
-    path.write_text(TEXT.format(engine="batch").replace("name: small\n", odd) + UNKNOWN)
+    odd = "about: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n"
+    path = scenario_file(out, "small", more=odd + UNKNOWN)
     run_scenarios([path], out, CampaignOptions(), Workers(), page_of=COMMAND, progress=False, report=str)
     return out / "small_batch"
 
@@ -43,7 +26,7 @@ def folder(tmp_path_factory):
 def test_the_page_holds_figures_with_words_and_one_first_heading(folder):
     page = Page((folder / "report.html").read_text())
     assert page.tags.count("h1") == 1
-    assert page.tags.count("img") >= 6 and all(len(alt) > 30 for alt in page.alts)
+    assert page.tags.count("img") >= 6 and all(len(image["alt"]) > 30 for image in page.of("img"))
     assert "script" not in page.tags
     for name in ("trajectories", "embankment", "envelopes", "stops", "distributions", "tornado"):
         assert (folder / f"{name}.png").stat().st_size > 5000
@@ -88,8 +71,7 @@ def test_energies_are_told_in_kilojoules_where_these_are_usual():
 
 def test_a_campaign_has_the_same_page(tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "MOST_RELEASES_IN_MEMORY", 1000)
-    path = tmp_path / "small.yaml"
-    path.write_text(TEXT.format(engine="point_mass"))
+    path = scenario_file(tmp_path, "small", engine="point_mass")
     options = CampaignOptions(releases=1050)
     run_scenarios([path], tmp_path, options, Workers(), page_of=COMMAND, progress=False, report=str)
     text = (tmp_path / "small_point_mass" / "report.html").read_text()

@@ -9,7 +9,7 @@ from rock2d.design import least_size
 from rock2d.design.least_size import Search, Target
 from rock2d.design.shared_descents import Descent, parting_m, shares_descents
 from rock2d.scene.cross_section import CrossSection
-from tests.design.small_site import UNKNOWN, small_site
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 PLACE, BOUNDS, TARGET = "embankment.height_m", (0.6, 3.0), Target("crest", 0.1, 0.95)
 

@@ -11,7 +11,7 @@ from rock2d.design.assessment import Assessment
 from rock2d.design.possible_sites import PossibleSites, SiteResults, draw_sites, simulate_sites, variants_of
 from rock2d.design.uncertainty import sensitivity_table, uncertain_table
 from rock2d.files.scenario_variants import variant
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import small_site
 
 
 def saltelli(n: int, d: int, seed: int) -> PossibleSites:
@@ -95,12 +95,8 @@ def test_unresolved_releases_widen_the_upper_bound_alone():
         uncertain_table(sites, SiteResults(("ball",), ("crest",), passed, c, {}), 1).iloc[0]
         for c in (passed, cut)
     )
-    assert (
-        sure["low95"] == 0.0
-        and sure["high95"] < 0.03
-        and 0.2 < unsure["high95"] < 0.35
-        and unsure["low95"] == sure["low95"]
-    )
+    assert sure["low95"] == 0.0 and sure["high95"] < 0.03 and 0.2 < unsure["high95"] < 0.35
+    assert unsure["low95"] == sure["low95"]
 
 
 def test_sobol_indices_of_a_linear_result():
@@ -132,9 +128,8 @@ def test_the_same_site_twice_has_the_same_releases(tmp_path, engine):
 def test_drawn_sites_are_scenarios_with_these_values(tmp_path):
     scenario = small_site(tmp_path)
     sites = draw_sites(scenario, 5)
-    assert sites.values.shape == (4 * (2 + 2), 2) and np.array_equal(
-        sites.values, draw_sites(scenario, 5).values
-    )
+    assert sites.values.shape == (4 * (2 + 2), 2)
+    assert np.array_equal(sites.values, draw_sites(scenario, 5).values)
     assert sites.values[:, 0].min() > 0.7 * 2.4e7 and sites.values[:, 0].max() < 1.3 * 2.4e7
     for i, own in enumerate(variants_of(scenario, sites)):
         law = own.contact_parameters(next(iter(own.make_blocks().values())))["default"]

@@ -20,7 +20,7 @@ from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import INDENTATION
-from tests.kinematics.synthetic_films import LAW, film, series_order, world
+from tests.kinematics.synthetic_films import LAW, START, data_of, film, series_order, world
 
 RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
 RIVALS = (
@@ -33,9 +33,8 @@ RIVALS = (
 
 def test_base_law_is_recovered():
     experiment = film(world(), RELEASES, seed=2)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
-    found = fit(Model(setup, np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])), data)
+    setup, data = data_of(experiment)
+    found = fit(Model(setup, START), data)
     law = found.model.law(found.p)
     truth = np.array(
         [LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad]
@@ -119,8 +118,7 @@ def test_result_does_not_depend_on_the_number_of_processes(plain):
 def test_a_better_law_found_with_an_effect_becomes_the_base():
     """With a poor base any effect would look good, because its fit finds the better law."""
     experiment = film(world(), 12, seed=2)
-    setup, start = setup_world(experiment), base_start(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    (setup, data), start = data_of(experiment), base_start(experiment)
     proper = fit(Model(setup, start), data)
     stuck = fit(
         Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=Enough(np.inf)
@@ -139,8 +137,7 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     rows[..., INDENTATION] = 1.0
     true = catalogue()["mirrored_axis"].apply(replace(plain, contact=rows), [3.0])
     experiment = film(true, 12, seed=2)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     base = fit_base(setup, base_start(experiment), data)
     assert not base.model.setup.contact[..., INDENTATION].any()
     found = attribute(base, data, {name: catalogue()[name] for name in ("mirrored_axis", "inertia_error")})

@@ -18,10 +18,9 @@ from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.mirrored_axis import MIRROR_THETA
 from rock2d.effects.zone_contrast import FACE
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.kinematics.setup_world import base_start
 from rock2d.processes import Processes
-from tests.kinematics.synthetic_films import film, series_order, world
+from tests.kinematics.synthetic_films import data_of, film, series_order, world
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
@@ -33,8 +32,7 @@ def searched(hidden: dict[str, list[float]]) -> Search:
     for name, values in hidden.items():
         true = catalogue()[name].apply(true, values)
     experiment = film(true, RELEASES, seed=7)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     base = fit(Model(setup, base_start(experiment)), data)
     effects = {name: catalogue()[name] for name in TRIED}
     with Processes(1, (data,)) as processes:
@@ -123,8 +121,7 @@ def test_a_mirrored_angle_is_found_although_the_base_law_has_adapted_to_it():
     """The law that fits spins of the wrong sign is too far away to find the right one from there."""
     true = catalogue()["mirrored_axis"].apply(world(series_order(RELEASES)), [float(MIRROR_THETA)])
     experiment = film(true, RELEASES, seed=7)
-    setup, start = setup_world(experiment), base_start(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    (setup, data), start = data_of(experiment), base_start(experiment)
     base = fit(Model(setup, start), data, np.array([0.0, 0.0, 0.0, -1.0, 5.5]))
     model = Model(setup, start, [catalogue()["mirrored_axis"]], base.p)
     found = fit_effects(model, data, base, explored(model, data, base, fit_to_some(base, data)))

@@ -16,9 +16,8 @@ from rock2d.diagnosis.likelihood import normal_equations
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.report.checks_section import checks_sentence
 from rock2d.diagnosis.soil_scatter import fit_scatter
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import base_start, setup_world
-from tests.kinematics.synthetic_films import film, series_order, world
+from rock2d.kinematics.setup_world import base_start
+from tests.kinematics.synthetic_films import data_of, film, series_order, world
 
 RELEASES = 20  # per block
 FILMS = 60  # draws of residuals; would miss false alarms at twice the stated rate
@@ -28,8 +27,7 @@ FILMS = 60  # draws of residuals; would miss false alarms at twice the stated ra
 def fitted() -> tuple[FilmData, Fit]:
     """A film of the base law, and the base law fitted to it."""
     experiment = film(world(series_order(RELEASES)), RELEASES, seed=3, fps=500.0)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     return data, fit(Model(setup, base_start(experiment)), data)
 
 

@@ -7,16 +7,13 @@ import pytest
 
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.discrepancy import discrepancies
-from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.learnt import LEAST_GAIN
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities
 from rock2d.effects import catalogue
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import setup_world
-from tests.kinematics.synthetic_films import film, series_order, world
+from tests.kinematics.synthetic_films import START, data_of, film, series_order, world
 
 RELEASES = 16
 
@@ -28,13 +25,11 @@ def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
     if effect is not None:
         true = known[effect].apply(true, values)
     experiment = film(true, RELEASES, seed=4)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
-    start = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
-    base = fit(Model(setup, start), data)
+    setup, data = data_of(experiment)
+    base = fit(Model(setup, START), data)
     if effect is None:
         return base, base, data
-    full = Model(setup, start, [known[effect]])
+    full = Model(setup, START, [known[effect]])
     return base, fit(full, data, np.concatenate([base.p, full.start()[len(base.p) :] + 0.05])), data
 
 
@@ -82,9 +77,8 @@ def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothin
 def test_history_counts_the_impacts_of_each_release_in_time():
     found = history_quantities(np.array([0, 1, 0, 1, 1]), np.zeros(5), np.array([0.3, 0.1, 0.1, 0.2, 0.5]))
     assert found[HISTORY].tolist() == [1, 0, 0, 1, 2]
-    assert "series" not in bases(
-        IMPACT_DEPENDENCES, _quantities(found)
-    )  # all releases at one place of the series
+    # all releases at one place of the series
+    assert "series" not in bases(IMPACT_DEPENDENCES, _quantities(found))
 
 
 def _quantities(known: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -18,15 +18,13 @@ from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import drift
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
-from tests.kinematics.synthetic_films import BLOCKS, film, series_order, world
+from tests.diagnosed_files import with_learnt
+from tests.kinematics.synthetic_films import BLOCKS, START, data_of, film, series_order, world
 
 RELEASES = 24
-START = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])
 HARDENED = 2.5  # factor on k_ul in the second half of the series: a step, which no effect of the catalogue is
 
 
@@ -40,8 +38,7 @@ def hardening(releases: int) -> World:
 
 
 def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     base = fit(Model(setup, START), data)
     return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
 
@@ -67,9 +64,8 @@ def test_a_soil_that_hardens_in_one_step_is_learnt_as_a_law_that_depends_on_the_
     assert change.name == "law of series"
     curve = change.basis.curves[0]
     ends = curve.features(np.array([curve.numbers[0], curve.numbers[-1]])) @ change.coefficients.T
-    stiffening = (
-        ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
-    )  # logarithm of k_ul: of k_l and of the ratio
+    # logarithm of k_ul: of k_l and of the ratio
+    stiffening = ends[1, 0] + ends[1, 1] - ends[0, 0] - ends[0, 1]
     assert stiffening == pytest.approx(np.log(HARDENED), abs=0.35)
 
 
@@ -98,14 +94,13 @@ def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):
 def test_a_prediction_uses_what_was_learnt(hardened):
     _, base, learnt = hardened
     other = film(hardening(RELEASES), RELEASES, seed=8)
-    changed = {"base": base_values(learnt.fit), "parameters": {}, "changes": [
+    model = with_learnt(base_values(base), *(
         change.basis.content() | {"lever": change.lever, "coefficients": change.coefficients.tolist()}
         for change in learnt.changes
-    ]}  # fmt: skip
-    content = {
-        "verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES),
-        "model": {"base": base_values(base), "parameters": {}, "learnt": changed},
-    }  # fmt: skip
+    ))  # fmt: skip
+    model["learnt"]["base"] = base_values(learnt.fit)
+    content = {"verdict": "unknown", "base": base_values(base), "series": dict.fromkeys(BLOCKS, RELEASES)}
+    content["model"] = model
     errors = []
     for base_only in (True, False):
         found = predict(other, content, base_only=base_only).merge(
@@ -139,8 +134,7 @@ def test_the_answer_to_a_change_of_the_law_is_the_derivative_of_the_residuals(ha
 
 def test_a_uniform_acceleration_answers_as_another_gravity_does():
     experiment = film(world(), 6, seed=2)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     paths = flight_paths(data, setup)
     answer = response(data, setup, paths, bases(FLIGHT_DEPENDENCES, paths.quantities)[CONSTANT])
     push = -0.3

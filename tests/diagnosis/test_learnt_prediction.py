@@ -8,11 +8,12 @@ import pytest
 
 from rock2d.diagnosis.predict import predict
 from rock2d.engines.geometry import block_arrays, ground_arrays
-from rock2d.errors import InputError
 from rock2d.kinematics.flights import clearances
+from tests.diagnosed_files import with_learnt
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
 from tests.diagnosis.test_predict import known
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import SOIL, film, world
+from tests.programs import refusal
 
 POSES = ["x_m", "y_m", "theta_rad"]
 # lever -> coefficients of a constant change far above any that is learnt: m/s², m, m/s, rad
@@ -31,12 +32,10 @@ def other():
 
 def learnt(*changes: tuple[str, list[list[float]]]) -> dict:
     """The law of the synthetic films with constant changes: lever and coefficients."""
-    content = known()
-    given = [
+    given = (
         {"lever": lever, "depends_on": "nothing", "curves": [], "coefficients": c} for lever, c in changes
-    ]
-    model = {"base": content["base"], "parameters": {}}
-    return {**content, "model": {**model, "learnt": {**model, "changes": given}}}
+    )
+    return {**known(), "model": with_learnt(SOIL, *given)}
 
 
 def depth_m(table: pd.DataFrame, scene) -> np.ndarray:
@@ -60,9 +59,8 @@ def test_a_learnt_acceleration_bends_the_next_flight_as_gravity_does(other):
         pulled.groupby(["release", "segment"]), base.groupby(["release", "segment"]), strict=True
     ):
         second, before = (np.diff(t.y_m, 2) / step**2 for t in (own, plain))
-        flies = (
-            np.abs(before + other.gravity_m_s2) < 1e-6
-        )  # frames of the next flight: the first ones are aloft, too
+        # frames of the next flight: the first ones are aloft, too
+        flies = np.abs(before + other.gravity_m_s2) < 1e-6
         flies &= np.cumsum(~flies) > 0
         bends += list(second[flies] + other.gravity_m_s2)
     assert len(bends) > 200
@@ -83,9 +81,9 @@ def test_what_a_table_taught_is_used_for_a_film_and_a_film_says_what_a_table_can
     film_ = learnt(("outcome", [[0.0], [0.0], [0.0], *STRONG["outcome"][3:]]))
     pd.testing.assert_frame_equal(predict(other, table), predict(other, film_))
     for lever in ("flight", "slope", "outcome"):
-        with pytest.raises(InputError, match=f"learnt a change of a film .{lever} of nothing") as caught:
-            predict(impacts(plain_world(), 30, seed=4, noise=0.01), learnt((lever, STRONG[lever])))
-        assert caught.value.code == "wrong_kind"
+        said = f"learnt a change of a film .{lever} of nothing"
+        measured = impacts(plain_world(), 30, seed=4, noise=0.01)
+        assert refusal(predict, measured, learnt((lever, STRONG[lever])), said=said).code == "wrong_kind"
 
 
 @pytest.mark.parametrize("lever", STRONG)

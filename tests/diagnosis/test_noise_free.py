@@ -13,7 +13,7 @@ from rock2d.files.diagnosis import diagnosis_text
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import film, without_angles, world
 
 NAMES = ("air_drag", "camera_tilt", "viscous_damping")
 
@@ -44,13 +44,11 @@ def test_what_has_noise_stays_as_it_is():
 
 
 def test_an_angle_without_marks_stays_unknown():
-    exact = film(world(), 4, noise_m=0.0, noise_rad=0.0)
-    table = exact.trajectories
-    exact.trajectories = table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere", 0.0))
+    exact = without_angles(film(world(), 4, noise_m=0.0, noise_rad=0.0), "sphere", instead=0.0)
     noisy, _ = with_camera_noise(exact, FilmSegments.of(load_film(exact), world()).film)
     spread = noisy.trajectories.groupby("block")["theta_rad"].std()
     assert spread["sphere"] == 0.0 and noisy.angle_noise_rad == CAMERA_NOISE
-    assert not np.array_equal(noisy.trajectories["x_m"], table["x_m"])
+    assert not np.array_equal(noisy.trajectories["x_m"], exact.trajectories["x_m"])
 
 
 def test_a_table_of_exact_impacts_is_diagnosed():

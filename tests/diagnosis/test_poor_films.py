@@ -19,8 +19,9 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.records.columns import OMEGA, THETA
 from rock2d.schemas import file_schema
 from tests.diagnosed_files import content as none_found
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import film, without_angles, world
 from tests.kinematics.test_film_statement import tossed
+from tests.programs import refusal
 
 
 def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], InputError]:
@@ -29,12 +30,12 @@ def diagnosed(folder: Path, experiment: Experiment) -> tuple[dict, list[str], In
 
     write_experiment(folder / "film", experiment)
     lines: list[str] = []
-    with pytest.raises(InputError) as caught:
-        run_diagnosis(folder / "film", folder / "out", seed=0, workers=1, progress=False, report=lines.append)
+    options = {"seed": 0, "workers": 1, "progress": False, "report": lines.append}
+    error = refusal(run_diagnosis, folder / "film", folder / "out", **options)
     content = json.loads((folder / "out/diagnosis.json").read_text(encoding="utf-8"))
     jsonschema.validate(content, file_schema("diagnosis"))
-    assert caught.value.code == "not_diagnosed"
-    return content, lines, caught.value
+    assert error.code == "not_diagnosed"
+    return content, lines, error
 
 
 def test_one_flight_of_a_wrong_scale_is_refused_but_the_set_is_named_with_its_size(tmp_path):
@@ -64,22 +65,15 @@ def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
     write_experiment(tmp_path / "film", tossed())
     law = {"k_l_N_m": 1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03}
     (tmp_path / "d.json").write_text(json.dumps(none_found(base=law)), encoding="utf-8")
-    with pytest.raises(InputError, match="no block touches the ground after a flight"):
-        run_prediction(
-            tmp_path / "film",
-            tmp_path / "d.json",
-            tmp_path / "p.csv",
-            base_only=False,
-            report=lambda line: None,
-        )
-    assert not (tmp_path / "p.csv").exists()
-    few = film(world(), 2, seed=3)
-    table = few.trajectories
-    unmarked = table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere"))
-    write_experiment(tmp_path / "few", replace(few, trajectories=unmarked))
-    run_prediction(
-        tmp_path / "few", tmp_path / "d.json", tmp_path / "p.csv", base_only=False, report=lambda line: None
+    files, options = (
+        (tmp_path / "d.json", tmp_path / "p.csv"),
+        {"base_only": False, "report": lambda line: None},
     )
+    said = "no block touches the ground after a flight"
+    refusal(run_prediction, tmp_path / "film", *files, **options, said=said)
+    assert not (tmp_path / "p.csv").exists()
+    write_experiment(tmp_path / "few", without_angles(film(world(), 2, seed=3), "sphere"))
+    run_prediction(tmp_path / "few", *files, **options)
     predicted = pd.read_csv(tmp_path / "p.csv").groupby("block")
     assert predicted["theta_rad"].count()["sphere"] == 0 and predicted["theta_rad"].count()["cube"] > 0
     assert np.isfinite(predicted.get_group("sphere")["x_m"]).all()
@@ -87,11 +81,7 @@ def test_nothing_is_predicted_where_no_block_touches_the_ground(tmp_path):
 
 def test_an_angle_that_was_not_measured_is_no_measured_spin_of_zero(tmp_path):
     full = film(world(), 8, seed=5)
-    table = full.trajectories
-    unmarked = replace(
-        full, trajectories=table.assign(theta_rad=table["theta_rad"].mask(table["block"] == "sphere"))
-    )
-    write_experiment(tmp_path, unmarked)
+    write_experiment(tmp_path, without_angles(full, "sphere"))
     read = load_experiment(tmp_path)
     setup = setup_world(read)
     sanity, data = prepared(read, setup)

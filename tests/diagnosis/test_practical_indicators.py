@@ -112,9 +112,8 @@ def test_numbers_are_said_as_they_are_known():
     assert number(-0.034791, 0.0002) == "−0.03479"
     assert number(-0.0004, 30.0) == "0"
     assert number(float("nan")) == "–"
-    assert (
-        percent(0.9999) == "more than 99 %" and percent(1e-5) == "less than 1 %" and percent(0.57) == "57 %"
-    )
+    assert percent(0.9999) == "more than 99 %" and percent(1e-5) == "less than 1 %"
+    assert percent(0.57) == "57 %"
     assert share_closed(0.97, (0.951, 0.984)) == "97 % (95 to 98 %)"
     assert share_closed(-0.001, (-0.001, 0.012)) == "0 % (0 to 1 %)"
     assert share_closed(1.0, (1.0, 1.0)) == "100 %"

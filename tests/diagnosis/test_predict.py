@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 
-from rock2d.cli import cli
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import diagnose, prepared
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
@@ -23,7 +19,9 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
-from tests.kinematics.synthetic_films import film, world, yielded
+from tests.diagnosed_files import with_learnt
+from tests.kinematics.synthetic_films import SOIL, film, world, yielded
+from tests.programs import commanded, refusal, rock2d
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
@@ -64,15 +62,8 @@ def test_what_was_found_beside_an_unknown_cause_is_used(content):
 
 def known(effect: str = "none", *values: float) -> dict:
     """A diagnosis that found the law of the synthetic films and one effect with these values."""
-    law = {
-        "k_l_N_m": 1.1e4,
-        "k_ul_N_m": 7.0e4,
-        "k_t_N_m": 3.0e3,
-        "friction_angle_deg": 32.0,
-        "k_r_Nm_rad": 0.03,
-    }
     own = {p.name: {"value": v} for p, v in zip(PARAMETERS.get(effect, ()), values, strict=True)}
-    return {"base": law, "verdict": effect, "effects": {effect: {"base": law, "parameters": own}}}
+    return {"base": SOIL, "verdict": effect, "effects": {effect: {"base": SOIL, "parameters": own}}}
 
 
 def test_a_change_in_time_is_predicted_for_segments_that_end_in_an_impact():
@@ -82,8 +73,7 @@ def test_a_change_in_time_is_predicted_for_segments_that_end_in_an_impact():
     shaken = {"lever": "frame", "depends_on": "time", "curves": [wave], "coefficients": push}
     content = known()
     law = {**content["base"], "k_ul_N_m": 1e6, "k_r_Nm_rad": 3.0}
-    learnt = {"base": law, "parameters": {}, "changes": [shaken]}
-    content["model"] = {"base": law, "parameters": {}, "learnt": learnt}
+    content["model"] = with_learnt(law, shaken)
     assert not predict(film(TILTED, 8, seed=99), content).isna().any().any()
 
 
@@ -193,8 +183,8 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
 def test_commands_write_what_they_say(tmp_path, content):
     write_experiment(tmp_path / "film", film(TILTED, 6, seed=5))
     (tmp_path / "diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
-    arguments = ["predict", str(tmp_path / "film"), "--diagnosis", str(tmp_path / "diagnosis.json")]
-    result = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / "p.csv"), "--base-only"])
+    file, out = tmp_path / "diagnosis.json", tmp_path / "p.csv"
+    result = commanded("predict", tmp_path / "film", "--diagnosis", file, "--out", out, "--base-only")
     assert result.exit_code == 0, result.output
     table = pd.read_csv(tmp_path / "p.csv")
     assert list(table.columns) == list(COLUMNS) and len(table) > 100
@@ -207,10 +197,7 @@ def one_release() -> Experiment:
 
 def test_too_poor_an_experiment_still_gets_its_files_and_exit_code_2(tmp_path):
     write_experiment(tmp_path / "film", one_release())
-    command = [sys.executable, "-m", "rock2d.cli", "diagnose", str(tmp_path / "film"), "--quiet"]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
-    )
+    done = rock2d("diagnose", tmp_path / "film", "--quiet", "--out", tmp_path / "out", timeout_s=900)
     assert done.returncode == 2 and "not diagnosed" in done.stderr and "too few" in done.stderr, done.stderr
     written = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert written["verdict"] == "unknown" and sum(written["probabilities"].values()) == pytest.approx(1.0)
@@ -221,10 +208,8 @@ def test_a_diagnosis_goes_into_its_own_folder_again_but_into_no_other(tmp_path):
     write_experiment(tmp_path / "film", one_release())
 
     def diagnose_into(out):
-        arguments = (tmp_path / "film", tmp_path / out)
-        with pytest.raises(InputError) as caught:
-            run_diagnosis(*arguments, seed=0, workers=1, progress=False, report=lambda line: None)
-        return caught.value.code
+        options = {"seed": 0, "workers": 1, "progress": False, "report": lambda line: None}
+        return refusal(run_diagnosis, tmp_path / "film", tmp_path / out, **options).code
 
     assert diagnose_into("out") == diagnose_into("out") == "not_diagnosed"
     (tmp_path / "out" / "diagnosis.json").write_text('{"schema": 1}')

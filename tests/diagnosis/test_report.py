@@ -62,6 +62,11 @@ class Page(HTMLParser):
     def handle_data(self, data):
         self.text += data
 
+    def needs_no_network(self) -> bool:
+        """Nothing on it is code or a frame, and all that it shows is in it."""
+        assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(self.tags)
+        return bool(self.references) and all(ref.startswith("data:") for ref in self.references)
+
     def of(self, tag: str) -> list[dict[str, str | None]]:
         """The attributes of every element of this kind."""
         return [attributes for name, attributes in self.attributes if name == tag]
@@ -121,8 +126,7 @@ def with_verdict(result: Diagnosis, verdict: str) -> Diagnosis:
 
 def test_page_needs_no_network_and_runs_nothing(report):
     page, text, _ = report
-    assert not {"script", "link", "iframe", "object", "embed", "base", "form"} & set(page.tags)
-    assert page.references and all(ref.startswith("data:") for ref in page.references)
+    assert page.needs_no_network()
     assert "http://" not in text and "https://" not in text and "url(" not in text
     assert "default-src 'none'" in text
     assert NAME in page.text and "<script>" not in text

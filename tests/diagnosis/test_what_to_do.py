@@ -19,16 +19,9 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_UL, MU
 from rock2d.scene.cross_section import CrossSection
 from rock2d.schemas import SCHEMAS, file_schema
-from tests.kinematics.synthetic_films import BLOCKS, POINTS, ZONES
+from tests.kinematics.synthetic_films import BLOCKS, POINTS, SOIL, ZONES
 
 FPS = 1000.0
-BASE = {
-    "k_l_N_m": 1.1e4,
-    "k_ul_N_m": 7.0e4,
-    "k_t_N_m": 3.0e3,
-    "friction_angle_deg": 32.0,
-    "k_r_Nm_rad": 0.03,
-}
 NUMBER = r"(-?\d+(?:\.\d+)?)"
 EXPERIMENT = Experiment("tests", 9.81, FPS, 3e-4, 0.02, CrossSection(POINTS, ZONES), dict(BLOCKS),
                         trajectories=pd.DataFrame(columns=list(TRAJECTORY_COLUMNS)))  # fmt: skip
@@ -47,7 +40,7 @@ def parameters(name: str, *values: float, half: float = 1e-6) -> dict:
 
 def said(name: str, *values: float, experiment: Experiment = EXPERIMENT) -> str:
     """The instruction about an effect with these values, digits as they are known."""
-    fit = {"base": BASE, "parameters": {name: parameters(name, *values)}}
+    fit = {"base": SOIL, "parameters": {name: parameters(name, *values)}}
     return instruction(name, fit, experiment)
 
 
@@ -104,17 +97,15 @@ def test_the_corrected_calibration_length_undoes_scale_error(scale):
     assert f"too {'long' if scale > 1 else 'short'}" in text
     seen = STATED.to_pixel(poses[:, :2])
     factor = number("whichever is given there, by {}.", text)
-    tracked = replace(
-        STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text)
-    )  # distance_m and square_m give metres per pixel in proportion
+    # distance_m and square_m give metres per pixel in proportion
+    tracked = replace(STATED, metres_per_pixel=factor * STATED.metres_per_pixel, origin_m=origin(text))
     assert np.allclose(tracked.to_world(seen), true[:, :2], atol=1e-5)
 
 
 @pytest.mark.parametrize("time_scale", [0.9, 1.08])
 def test_the_true_rate_undoes_frame_rate_error(time_scale):
-    true_s = (
-        np.arange(50) * time_scale / FPS
-    )  # frames that the camera took at another rate than the stated one
+    # frames that the camera took at another rate than the stated one
+    true_s = np.arange(50) * time_scale / FPS
     view = catalogue()["frame_rate_error"].apply(setup_world(EXPERIMENT), [time_scale]).view
     recorded_s = true_s / view.time_scale  # see `View`
     text = said("frame_rate_error", time_scale)
@@ -142,9 +133,8 @@ def test_the_distortion_in_the_set_up_file_undoes_lens_distortion(edge):
     k = number("K = {} × D²", text) * (half * level.metres_per_pixel) ** 2
     origin_px = tuple(level.to_pixel(np.zeros(2)))
     tracked = replace(level, k=k, centre_px=tuple(centre), half_px=half, origin_px=origin_px)
-    shift = (
-        tracked.to_world(centre) - middle
-    )  # the mapped origin moves, too; the shape of the record is what counts
+    # the mapped origin moves, too; the shape of the record is what counts
+    shift = tracked.to_world(centre) - middle
     assert np.allclose(tracked.to_world(seen) - shift, true[:, :2], atol=2e-5)
     assert np.abs(poses[:, :2] - true[:, :2]).max() > 2e-4
 
@@ -229,8 +219,8 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
         "verdict": verdict,
         "group": names,
         "probabilities": {verdict: chance},
-        "base": BASE,
-        "effects": {n: {"base": BASE, "parameters": parameters(n, *fitted[n])} for n in names},
+        "base": SOIL,
+        "effects": {n: {"base": SOIL, "parameters": parameters(n, *fitted[n])} for n in names},
         "next_release": "A cube that strikes the ditch.",
         "sanity": {"faults": [], "remarks": []},
     }
@@ -277,7 +267,7 @@ def test_a_clear_verdict_begins_with_its_instruction():
 def test_an_effect_beside_the_verdict_is_corrected_after_it():
     both = content("camera_tilt")
     fits = {"camera_tilt": parameters("camera_tilt", 0.01, 0, 0), "air_drag": parameters("air_drag", 0.07)}
-    both["beside"] = [{"effect": "air_drag", "base": BASE, "parameters": fits}]
+    both["beside"] = [{"effect": "air_drag", "base": SOIL, "parameters": fits}]
     lines = what_to_do(both, EXPERIMENT)
     assert "0.57" in lines[0]  # degrees, of the joint fit
     assert "one cause at a time" in lines[1] and "7.0" in lines[2]
@@ -289,7 +279,7 @@ def test_a_twin_beside_the_verdict_is_measured_before_it_is_corrected():
         "air_drag": parameters("air_drag", 0.07),
         "frame_rate_error": parameters("frame_rate_error", 0.98),
     }
-    both["beside"] = [{"effect": "frame_rate_error", "base": BASE, "parameters": fits}]
+    both["beside"] = [{"effect": "frame_rate_error", "base": SOIL, "parameters": fits}]
     both["causes"] = [{"effect": "frame_rate_error", "group": ["scale_error"], "closes": 0.3}]
     said = what_to_do(both, EXPERIMENT)[2]
     assert said.startswith("These data cannot tell frame rate error and scale error apart. Measure a length")

@@ -69,9 +69,8 @@ def test_every_table_of_a_run_is_documented():
 def test_every_key_is_documented(kind):
     page = generator().PAGES[f"formats/{kind}.md"]()
     keys = re.findall(r'"properties": \{', json.dumps(file_schema(kind)))
-    assert (
-        page.count("\n| key | value |") >= len(keys) - 1
-    )  # fewer only where a mapping is an alias of another
+    # fewer only where a mapping is an alias of another
+    assert page.count("\n| key | value |") >= len(keys) - 1
     for row in re.findall(r"^\| `(\w+)` \|.*\| *\|$", page, re.MULTILINE):
         pytest.fail(f"{kind}: key {row} has no description")
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rock2d.effects.changes import image
-from tests.effects.worlds import CATALOGUE, SETUP, neutral, run, typical, with_effect, world
+from tests.effects.worlds import CATALOGUE, neutral, run, typical, with_effect, world
+from tests.laboratory import SETUP
 
 CAMERA = [name for name, effect in CATALOGUE.items() if effect.camera]
 POSES = np.random.default_rng(4).uniform([-0.1, 0.0, -3], [0.4, 0.3, 3], (50, 3))

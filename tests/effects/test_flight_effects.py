@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rock2d.records.columns import BEFORE, E_TAKEN, EFFECTS
 from rock2d.scene.cross_section import CrossSection
-from tests.effects.worlds import (
-    CUBE,
-    SETUP,
-    SPHERE,
-    energies,
-    pymunk_release,
-    replace,
-    run,
-    with_effect,
-    world,
-)
+from tests.effects.worlds import energies, pymunk_release, run, with_effect, world
+from tests.laboratory import CUBE, SETUP, SPHERE
 
 ABYSS = CrossSection([[-1000, -1000], [1000, -1000]], ["floor"])
 TIMES = np.linspace(0.05, 3.0, 40)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from rock2d.effects import catalogue
@@ -12,7 +10,7 @@ from rock2d.engines.pymunk_engine import PymunkRelease
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
-from tests.engines.test_pymunk_engine import BLOCKS, CUBE, LAW, SETUP, SLAB, SPHERE
+from tests.laboratory import CUBE, LAW, SETUP, SLAB, SPHERE
 
 FLOOR = CrossSection([[-50, 0], [50, 0]], ["floor"])
 CATALOGUE = catalogue()
@@ -75,26 +73,3 @@ def energies(w: World, states, block: int = 0) -> np.ndarray:
     own, q = list(w.blocks.values())[block], np.atleast_2d(states)
     kinetic = 0.5 * own.mass_kg * (q[:, 3] ** 2 + q[:, 4] ** 2) + 0.5 * own.inertia_kg_m2 * q[:, 5] ** 2
     return kinetic + own.mass_kg * w.gravity_m_s2 * q[:, 1]
-
-
-__all__ = [
-    "BLOCKS",
-    "CATALOGUE",
-    "CUBE",
-    "FLOOR",
-    "LAW",
-    "MECHANICAL",
-    "SETUP",
-    "SLAB",
-    "SPHERE",
-    "elastic",
-    "energies",
-    "falling",
-    "neutral",
-    "pymunk_release",
-    "replace",
-    "run",
-    "typical",
-    "with_effect",
-    "world",
-]  # fmt: skip

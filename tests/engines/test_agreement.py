@@ -8,17 +8,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.batch import BATCH_STEP_FRACTION, run_batch
 from rock2d.engines.pymunk_engine import run_pymunk
-from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS, VELOCITIES_AFTER
-from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, LAW, SETUP
+from tests.laboratory import BLOCKS, CONTRAST, LAW, SETUP, after, ensemble
 
 # Releases of each block on each zone: 5 blocks, 6 zones, 240 in all. A fault in one of 15 releases of a block, or in
 # one of 80 of all, is met with 95 %.
 EACH = 8
 LAWS = (LAW, CONTRAST)
-TABLES = [parameter_table(law, SETUP.zone_names) for law in LAWS]
 
 
 def falling_on(facet: int, block, rng: np.random.Generator) -> np.ndarray:
@@ -41,10 +39,9 @@ def test_state_after_the_first_impact(name):
     block, rng = BLOCKS[name], np.random.default_rng([7, sorted(BLOCKS).index(name)])
     states = np.array([falling_on(f, block, rng) for f in range(len(SETUP.zones)) for _ in range(EACH)])
     seen, beyond = set(), 0
-    for law, table, part in zip(LAWS, TABLES, (states[0::2], states[1::2]), strict=True):
-        ensemble = Ensemble([block], [SETUP], [table])
+    for law, part in zip(LAWS, (states[0::2], states[1::2]), strict=True):
         coarse, fine = (
-            run_batch(ensemble, part, impact_limit=1, impact_room=1, step_fraction=f)
+            run_batch(ensemble(block, SETUP, law), part, impact_limit=1, impact_room=1, step_fraction=f)
             for f in (BATCH_STEP_FRACTION, 0.5 * BATCH_STEP_FRACTION)
         )
         rows = zip(part, coarse.stop, coarse.impacts[:, 0], fine.impacts[:, 0], strict=True)
@@ -56,9 +53,10 @@ def test_state_after_the_first_impact(name):
                 continue
             assert SETUP.zone_names[int(first[0])] == impact["zone"]
             seen.add(impact["zone"])
-            after = [impact[key] for key in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s")]
             scale = np.hypot(state[3], state[4]) / np.array([1, 1, block.radius_m])
-            error, again = (np.abs((row[VELOCITIES_AFTER] - after) / scale).max() for row in (first, halved))
+            error, again = (
+                np.abs((row[VELOCITIES_AFTER] - after(impact)) / scale).max() for row in (first, halved)
+            )
             beyond += error > 1e-3
             assert error < 3e-3
             assert again < 1e-3

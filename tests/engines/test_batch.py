@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,7 +11,8 @@ from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS, VELOCITIES_AFTER
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE
+from tests.laboratory import BLOCKS, CONTRAST, CUBE, LAW, SETUP, SPHERE, TO_CREST, after, ensemble
+from tests.programs import printed
 
 TABLE = parameter_table(LAW, SETUP.zone_names)
 
@@ -34,34 +30,29 @@ def test_first_impacts_agree_with_the_pymunk_engine(name):
     """Forty releases of each block: a fault in one of fifteen is met with 94 %. All blocks on all zones are met in
     `test_agreement.py`, with the engine's own steps."""
     block, start = BLOCKS[name], states(20, 11)
-    contrast = parameter_table(CONTRAST, SETUP.zone_names)
-    ensemble = Ensemble([block], [SETUP], [TABLE, contrast])
-    for table_id, law in enumerate((LAW, CONTRAST)):
-        batch = run_batch(
-            ensemble, start, table_ids=table_id, impact_limit=1, impact_room=1, step_fraction=0.03
-        )
+    laws = (LAW, CONTRAST)
+    both = ensemble(block, SETUP, *laws)
+    for table_id, law in enumerate(laws):
+        batch = run_batch(both, start, table_ids=table_id, impact_limit=1, impact_room=1, step_fraction=0.03)
         errors = []
         for i, state in enumerate(start):
             impact = run_pymunk(block, SETUP, law, state, impact_limit=1).impacts[0]
             row = batch.impacts[i, 0]
             assert row[1] == pytest.approx(impact["t_s"], abs=1e-7)  # cubic root against a corner
-            after = [impact["vx_after_m_s"], impact["vy_after_m_s"], impact["omega_after_rad_s"]]
             scale = np.hypot(impact["vx_m_s"], impact["vy_m_s"]) / np.array([1, 1, block.radius_m])
-            errors.append(np.abs((row[VELOCITIES_AFTER] - after) / scale).max())
+            errors.append(np.abs((row[VELOCITIES_AFTER] - after(impact)) / scale).max())
         # where a corner leaves the ground a moment before or after the next one lands, the impact ends, or not
         assert np.median(errors) < 1e-4
         assert np.mean(np.array(errors) < 1e-3) >= 0.97
 
 
 def test_passing_frequencies_agree_with_the_pymunk_engine():
-    line = {"crest": [[0.1819, 0.083], [0.1819, 0.3]]}
-    setup = CrossSection(SETUP.points_m, SETUP.zones, line)
     start = states(60, 2)
-    batch = run_batch(Ensemble([SPHERE], [setup], [TABLE]), start, stop_when_spent=True)
+    batch = run_batch(ensemble(SPHERE, TO_CREST), start, stop_when_spent=True)
     passed = np.isfinite(batch.crossings[:, 0, 0])
     # a sphere that passes later counts as a difference
-    tracks = [run_pymunk(SPHERE, setup, LAW, state, time_limit_s=0.5) for state in start]
-    truth = np.array([len(t.crossings(setup.measure_lines["crest"])) > 0 for t in tracks])
+    tracks = [run_pymunk(SPHERE, TO_CREST, LAW, state, time_limit_s=0.5) for state in start]
+    truth = np.array([len(t.crossings(TO_CREST.measure_lines["crest"])) > 0 for t in tracks])
     assert 0.1 < truth.mean() < 0.9
     assert np.mean(passed != truth) < 0.05
 
@@ -69,7 +60,7 @@ def test_passing_frequencies_agree_with_the_pymunk_engine():
 @pytest.mark.parametrize("block", [CUBE, SPHERE], ids=["cube", "sphere"])
 def test_a_track_of_the_batch_engine_ends_where_the_ensemble_does(block):
     start = states(4, 5)
-    batch = run_batch(Ensemble([block], [SETUP], [TABLE]), start)
+    batch = run_batch(ensemble(block), start)
     for i, state in enumerate(start):
         track = run_batch_track(block, SETUP, TABLE, state)
         assert track.stop == STOPS[batch.stop[i]]
@@ -83,20 +74,16 @@ def ends_of_two_blocks() -> str:
 
 def test_results_do_not_depend_on_the_number_of_threads():
     code = "from tests.engines.test_batch import ends_of_two_blocks; print(ends_of_two_blocks())"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2],
-        env={**os.environ, "NUMBA_NUM_THREADS": "2"},
-    )  # fmt: skip
-    assert done.stdout.strip() == ends_of_two_blocks()  # here on one
+    assert printed(code, NUMBA_NUM_THREADS="2") == ends_of_two_blocks()  # here on one
 
 
 def test_a_captured_block_would_have_come_to_rest_there():
     """Stopping early changes no passing, and moves where blocks end by the creep that the law leaves them."""
-    setup = CrossSection(SETUP.points_m, SETUP.zones, {"crest": [[0.1819, 0.083], [0.1819, 0.3]]})
     for block in (SPHERE, CUBE, BLOCKS["parallelepiped"]):
-        ensemble, start = Ensemble([block], [setup], [TABLE]), states(400, 8)
+        start = states(400, 8)
         early, late = (  # short steps: long ones add to the creep
-            run_batch(ensemble, start, stop_when_captured=c, step_fraction=0.1) for c in (True, False)
+            run_batch(ensemble(block, TO_CREST), start, stop_when_captured=c, step_fraction=0.1)
+            for c in (True, False)
         )
         assert (early.stop == STOPS.index("rest")).all()
         assert (early.ends[:, 0] <= late.ends[:, 0]).all()
@@ -110,12 +97,10 @@ def test_a_ball_rolls_alike_over_one_facet_and_a_thousand():
     x = np.linspace(-1.0, 2.0, 1001)
     flat = CrossSection([[-1.0, 0.3], [2.0, -0.6]], ["floor"])
     cut = CrossSection(np.column_stack([x, -0.3 * x]), ["floor"] * 1000)
-    table = parameter_table(LAW, ("floor",))
     start = np.array([[0, 0.02, 0, v, -0.2, 0] for v in np.linspace(0.3, 1.2, 6)])
     times = np.linspace(0.02, 0.3, 15)
     one, many = (
-        run_batch(Ensemble([SPHERE], [ground], [table]), start, times_s=times, time_limit_s=0.3)
-        for ground in (flat, cut)
+        run_batch(ensemble(SPHERE, ground), start, times_s=times, time_limit_s=0.3) for ground in (flat, cut)
     )
     assert one.samples[:, -1, 0].min() > 0.05
     apart = np.abs(one.samples[..., :2] - many.samples[..., :2]).max(axis=(1, 2))
@@ -134,13 +119,13 @@ def test_a_release_reaches_its_time_limit_with_an_event_of_the_law_just_before_i
         0.13211320232396273,
         0.066174280355100465,
     ]
-    ensemble = Ensemble(
+    one = Ensemble(
         [square], [CrossSection([[-1.5, 0.0], [1.5, 0.0]], ["floor"])], np.array([[[*law, 0.0, 1.0]]])
     )
     start = [[-0.44681420229495333, 0.05930050683347525, -0.4717828192308264,
               -0.5448060311668418, -0.8280693394940675, 22.67508596582035]]  # fmt: skip
     event_s = 0.02979478011348169
     limits = event_s + np.spacing(event_s) * np.arange(40)
-    ends = run_batch(ensemble, np.repeat(np.array(start), 40, axis=0), time_limit_s=limits).ends
+    ends = run_batch(one, np.repeat(np.array(start), 40, axis=0), time_limit_s=limits).ends
     assert (np.abs(ends[:, 0] - limits) <= np.spacing(event_s)).all()
     assert np.abs(np.diff(ends[:, 1:], axis=0)).max() < 1e-12

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,9 +10,10 @@ from rock2d.engines.rest import REST_DRIFT
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.ensembles import _ensemble
 from rock2d.runs.conditions import Conditions
+from tests.scenarios_of_tests import SHIPPED
 
 RELEASES = 300
-SCENARIO = load_scenario(Path(__file__).parents[2] / "scenarios/slope_embankment.yaml")
+SCENARIO = load_scenario(SHIPPED / "slope_embankment.yaml")
 
 
 @pytest.mark.parametrize("number, block", list(enumerate(SCENARIO.make_blocks())))

@@ -11,7 +11,7 @@ from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import AFTER, BEFORE, E_CORRECTED, E_INITIAL, N_STATE, STOP_BURIED, STOP_REST
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-from tests.engines.test_pymunk_engine import BLOCKS, LAW, SETUP
+from tests.laboratory import BLOCKS, LAW, SETUP, ensemble
 
 GRAVITY_M_S2 = 9.81
 FLOOR = CrossSection([[-20, 0], [20, 0]], ["floor"])
@@ -33,9 +33,7 @@ def thrown(n: int, seed: int) -> np.ndarray:
 def test_elastic_ground_gives_back_no_more_than_it_took(friction_deg):
     """Nothing but friction takes energy: whatever a spring holds at lift-off, or a step errs by, shows at once."""
     law = ContactParameters(**ELASTIC, friction_angle_deg=friction_deg)
-    result = run_batch(
-        Ensemble([SLAB], [FLOOR], [parameter_table(law, FLOOR.zone_names)]), thrown(60, 3), impact_room=40
-    )
+    result = run_batch(ensemble(SLAB, FLOOR, law), thrown(60, 3), impact_room=40)
     assert not unclosed(result.energy_J).any()
     masses = Masses(SLAB.mass_kg, SLAB.inertia_kg_m2, GRAVITY_M_S2, 0.0)
     seen = result.impacts[np.isfinite(result.impacts[..., AFTER]).all(axis=-1)]
@@ -51,7 +49,7 @@ def test_elastic_ground_gives_back_no_more_than_it_took(friction_deg):
 def test_blocks_on_ground_that_unloads_forty_times_as_stiff_keep_their_balance(block):
     """A contact that turns back where it is deepest needs the step of unloading, not the longer one of loading."""
     law = ContactParameters(2e4, 8e5, 1e4, 35.0, 0.5)
-    result = run_batch(Ensemble([block], [FLOOR], [parameter_table(law, FLOOR.zone_names)]), thrown(300, 5))
+    result = run_batch(ensemble(block, FLOOR, law), thrown(300, 5))
     assert not unclosed(result.energy_J).any()
 
 
@@ -62,7 +60,7 @@ def test_a_release_does_not_depend_on_its_companions(name):
     slope = CrossSection([[-0.3, 0.11], [1.7, -0.69]], ["slope"])
     table, other = parameter_table(LAW, slope.zone_names), parameter_table(LAW, SETUP.zone_names)
     start = thrown(20, 4) * [0.3, 1.0, 1.0, 1.0, 1.0, 3.0]
-    alone = run_batch(Ensemble([BLOCKS[name]], [slope], [table]), start)
+    alone = run_batch(ensemble(BLOCKS[name], slope), start)
     states = np.concatenate([start, [[0.0, 3.0, 0.1, 1.0, 0.0, 2.0]]])
     ids = np.array([1] * len(start) + [0])
     both = run_batch(
@@ -77,10 +75,10 @@ def test_a_release_does_not_depend_on_its_companions(name):
 def test_what_steps_are_corrected_by_is_their_truncation_error(name):
     """The audit closes by this correction. It is of fourth order: half the step leaves a sixteenth of it, and a quarter
     of the default step less than 1e-6 of the initial energy."""
-    ensemble = Ensemble([BLOCKS[name]], [SETUP], [parameter_table(LAW, SETUP.zone_names)])
+    own = ensemble(BLOCKS[name])
     corrected = []
     for part in (1.0, 0.5, 0.25):
-        energy = run_batch(ensemble, thrown(60, 3), step_fraction=part * BATCH_STEP_FRACTION).energy_J
+        energy = run_batch(own, thrown(60, 3), step_fraction=part * BATCH_STEP_FRACTION).energy_J
         corrected.append(np.median(energy[:, E_CORRECTED] / energy[:, E_INITIAL]))
     assert corrected[0] / corrected[1] > 8.0 and corrected[1] / corrected[2] > 8.0
     assert corrected[0] < 1e-4 and corrected[2] < 1e-6
@@ -97,7 +95,7 @@ def test_no_ellipse_passes_through_a_spike():
         [rng.normal(0, 0.02, n), np.full(n, 0.06), rng.uniform(-3, 3, n), rng.normal(0, 0.2, n),
          rng.normal(-1.5, 0.5, n), rng.normal(0, 30, n)]
     )  # fmt: skip
-    result = run_batch(Ensemble([thin], [ridge], [parameter_table(law, ridge.zone_names)]), start)
+    result = run_batch(ensemble(thin, ridge, law), start)
     inside = ridge.covers(result.ends[:, 1:3])
     assert (result.stop[inside] == STOP_BURIED).all()
     assert (result.stop == STOP_REST).sum() + (result.stop == STOP_BURIED).sum() > 0
@@ -115,7 +113,7 @@ def test_a_contact_that_begins_at_a_vertex_belongs_to_the_facet_before_it(names)
     }
     # upright on the ridge: e = 1 on hard ground and 0.1 on soft ground
     result = run_batch(
-        Ensemble([SLAB], [ridge], [parameter_table(laws, ridge.zone_names)]),
+        ensemble(SLAB, ridge, laws),
         np.array([0.0, 0.0701, 0.0, 0.0, -1.0, 0.0]), gravity_m_s2=0.0, impact_limit=1, impact_room=1,
     )  # fmt: skip
     expected = 1.0 if names[0] == "hard" else 0.1

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from rock2d.design.shared_descents import OVERSHOOT
-from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, Ensemble, run_batch
+from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_batch
 from rock2d.engines.energy_balance import unclosed
-from rock2d.laws.contact import ContactParameters, parameter_table
+from rock2d.laws.contact import ContactParameters
 from rock2d.records.columns import AT, AT_VX, AT_X, E_ELASTIC, STOP_REACHED, STOPS, TIME
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.laboratory import ensemble
 
 GROUND = CrossSection(
     [[-2, 20], [20, 5], [60, 1]],
@@ -19,34 +20,26 @@ GROUND = CrossSection(
     {"gate": [[25, 0], [25, 20]], "far": [[40, 0], [40, 20]]},
 )
 SOIL = ContactParameters(4e6, 2.4e7, 1e6, 30.0, 4e3, rolling_cap=True)
-TABLE = parameter_table(SOIL, GROUND.zone_names)
 BLOCKS = {
     "ball": make_block("ball", "circle", mass_kg=305, diameter_m=0.6, inertia="solid_sphere"),
     "slab": make_block("slab", "rectangle", mass_kg=600, length_m=1.0, height_m=0.5),
 }
+ENSEMBLES = {name: ensemble(block, GROUND, SOIL) for name, block in BLOCKS.items()}
 HELD_AT_M, LIMIT_S = 15.0, 60.0
 
 
 def starts(n: int) -> np.ndarray:
     rng = np.random.default_rng(4)
-    return np.column_stack(
-        [
-            rng.uniform(0, 2, n),
-            rng.uniform(19.5, 22, n),
-            rng.uniform(-3, 3, n),
-            rng.uniform(1, 4, n),
-            np.zeros((n, 2)),
-        ]
-    )
+    ranges = ((0, 2), (19.5, 22), (-3, 3), (1, 4))
+    return np.column_stack([*(rng.uniform(low, high, n) for low, high in ranges), np.zeros((n, 2))])
 
 
 def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, BatchResult]:
-    ensemble = Ensemble([BLOCKS[name]], [GROUND], [TABLE])
-    whole = run_batch(ensemble, starts(n), time_limit_s=LIMIT_S)
-    first = run_batch(ensemble, starts(n), time_limit_s=LIMIT_S, until_m=HELD_AT_M)
+    whole = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S)
+    first = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S, until_m=HELD_AT_M)
     on = first.stop == STOP_REACHED
     rest = run_batch(
-        ensemble, first.ends[on, AT], time_limit_s=LIMIT_S - first.ends[on, TIME], held=first.held[on]
+        ENSEMBLES[name], first.ends[on, AT], time_limit_s=LIMIT_S - first.ends[on, TIME], held=first.held[on]
     )
     return whole, first, rest
 
@@ -63,8 +56,9 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     now, then = rest.crossings[:, 0].copy(), whole.crossings[on, 0]
     now[:, TIME] += first.ends[on, TIME]
     assert np.array_equal(np.isfinite(now[:, TIME]), np.isfinite(then[:, TIME]))
-    ensemble = Ensemble([BLOCKS[name]], [GROUND], [TABLE])
-    fine = run_batch(ensemble, starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION)
+    fine = run_batch(
+        ENSEMBLES[name], starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION
+    )
     apart, of_a_step = (np.abs(found[:, AT_VX] - then[:, AT_VX]) for found in (now, fine.crossings[on, 0]))
     most = np.nanpercentile(apart, 90)
     assert most < 1e-3 * np.nanmedian(then[:, AT_VX])
@@ -85,7 +79,6 @@ def test_both_parts_of_its_way_keep_their_energy(name):
 
 
 def test_a_release_that_begins_beyond_is_held_at_once():
-    ensemble = Ensemble([BLOCKS["ball"]], [GROUND], [TABLE])
-    found = run_batch(ensemble, starts(3), until_m=-1.0)
+    found = run_batch(ENSEMBLES["ball"], starts(3), until_m=-1.0)
     assert (found.stop == STOP_REACHED).all() and (found.ends[:, TIME] == 0.0).all()
     assert np.array_equal(found.ends[:, AT], starts(3))

@@ -1,10 +1,5 @@
 """The point-mass engine: exact flights, no tunnelling, symmetry, energy, and the ways a release ends."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,12 +9,11 @@ from rock2d.engines.parabola_intersection import facet_impact, make_surface, nex
 from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.records.columns import AT_X, AT_Y, TIME
-from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.laboratory import CUBE, FLOOR, SPHERE
+from tests.programs import printed
 
 G = 9.81
-SPHERE = make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025)
-CUBE = make_block("cube", "square", 0.0233, side_m=0.019)
 DITCH, FACE = ReboundParameters(0.0, 0.025, 0.85), ReboundParameters(11.0, 0.04, 0.89)
 SPHERE_LAW = {"default": DITCH, "face": FACE}
 RANDOM_LAW = {
@@ -30,7 +24,6 @@ RANDOM_LAW = {
 POINTS = [[-0.8, 0.6], [0, 0], [0.1, 0], [0.1, 0.05], [0.08, 0.09], [0.16, 0.1], [0.25, 0], [0.6, 0]]
 ZONES = ["slope", "ditch", "face", "face", "crest", "tail", "tail"]
 SETUP = CrossSection(POINTS, ZONES)
-FLOOR = CrossSection([[-5, 0], [5, 0]], ["floor"])
 
 
 def run(state, cross_section=SETUP, law=SPHERE_LAW, seed=0, block=SPHERE, time_limit_s=20.0, **more):
@@ -211,19 +204,8 @@ def test_the_same_seed_gives_the_same_bits_in_another_process_and_another_seed_d
     state = [-0.5, 0.7, 0.2, 1.5, 0.5, 30]
     here = run(state, law=RANDOM_LAW, seed=7).knots.tobytes().hex()
     assert run(state, law=RANDOM_LAW, seed=8).knots.tobytes().hex() != here
-    code = (
-        "from tests.engines.test_point_mass import *; "
-        f"print(run({state}, law=RANDOM_LAW, seed=7).knots.tobytes().hex())"
-    )
-    there = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[2],
-        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(Path(__file__).parents[2])},
-    )
-    assert there.stdout.strip() == here
+    code = f"print(run({state}, law=RANDOM_LAW, seed=7).knots.tobytes().hex())"
+    assert printed(f"from tests.engines.test_point_mass import *; {code}", PYTHONHASHSEED="1") == here
 
 
 def test_drawn_slope_reductions_are_uniform():

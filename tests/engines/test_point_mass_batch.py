@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,15 +11,16 @@ from rock2d.files.scenario import load_scenario
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
 from rock2d.scene.cross_section import CrossSection
+from tests.laboratory import AFTER
+from tests.programs import printed
+from tests.scenarios_of_tests import SHIPPED
 
-FOLDER = Path(__file__).parents[2] / "scenarios"
-AFTER = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
 BEFORE = ["t_s", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
 
 
 def ensemble(name, block_name, n, cross_section=None, **more):
     """Arguments of an ensemble of one block of a scenario, and its result."""
-    scenario = load_scenario(FOLDER / f"{name}.yaml")
+    scenario = load_scenario(SHIPPED / f"{name}.yaml")
     block, cross_section = scenario.make_blocks()[block_name], cross_section or scenario.make_cross_section()
     states = np.array([s.state for s in incident_states(scenario, 3, n) if s.block == block_name])
     seeds = np.random.default_rng(4).integers(2**64, size=n, dtype=np.uint64)
@@ -32,6 +28,17 @@ def ensemble(name, block_name, n, cross_section=None, **more):
     options = {"gravity_m_s2": scenario.gravity_m_s2, "time_limit_s": scenario.longest_release_s(), **more}
     given = block, cross_section, law, states, seeds
     return given, options, run_point_mass_batch(*given, **options, impact_room=40)
+
+
+def tracks(given, options):
+    """The releases of an ensemble, one by one."""
+    *site, states, seeds = given
+    for state, seed in zip(states, seeds, strict=True):
+        yield run_point_mass(*site, state, seed=int(seed), **options)
+
+
+def first_of(crossings):
+    return crossings[0] if len(crossings) else np.full(7, np.nan)
 
 
 def undulating(cross_section, pieces, height_m):
@@ -51,15 +58,12 @@ def undulating(cross_section, pieces, height_m):
 )
 @pytest.mark.parametrize("fine", [False, True])
 def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, fine):
-    cross_section = load_scenario(FOLDER / f"{name}.yaml").make_cross_section()
+    cross_section = load_scenario(SHIPPED / f"{name}.yaml").make_cross_section()
     if fine:
         cross_section = undulating(cross_section, 60, 2e-3 * np.ptp(cross_section.points_m[:, 0]))
-    (block, cross_section, law, states, seeds), options, batch = ensemble(
-        name, block_name, 120, cross_section
-    )
+    given, options, batch = ensemble(name, block_name, 120, cross_section)
     lines = list(cross_section.measure_lines.values())
-    for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
+    for i, track in enumerate(tracks(given, options)):
         assert track.stop == STOPS[batch.stop[i]]
         assert np.array_equal(track.knots[-1], batch.ends[i])
         assert len(track.impacts) == batch.impact_count[i]
@@ -68,35 +72,29 @@ def test_a_release_has_the_same_bits_alone_and_in_an_ensemble(name, block_name, 
             assert impact["zone"] == cross_section.zones[int(batch.impacts[i, k, 10])]
         assert np.isnan(batch.impacts[i, len(track.impacts) :]).all()
         for k, line in enumerate(lines):
-            found = track.crossings(line)
-            want = found[0] if len(found) else np.full(7, np.nan)
-            assert np.array_equal(want, batch.crossings[i, k], equal_nan=True)
+            assert np.array_equal(first_of(track.crossings(line)), batch.crossings[i, k], equal_nan=True)
     assert np.isfinite(batch.crossings).any()
 
 
 def test_lines_of_any_direction_are_met_where_the_track_says():
-    scenario = load_scenario(FOLDER / "slope_embankment.yaml")
+    scenario = load_scenario(SHIPPED / "slope_embankment.yaml")
     base, rng = scenario.make_cross_section(), np.random.default_rng(0)
     ends = rng.uniform([0, 0], [140, 70], (40, 2, 2))
     ends[:4, 1, 1] = ends[:4, 0, 1]  # level lines: a flight may cross one twice
     ends[4:8, 1, 0] = ends[4:8, 0, 0]  # upright ones
     cross_section = CrossSection(base.points_m, base.zones, {str(k): line for k, line in enumerate(ends)})
-    (block, _, law, states, seeds), options, batch = ensemble(
-        "slope_embankment", "ball_1m", 200, cross_section
-    )
+    given, options, batch = ensemble("slope_embankment", "ball_1m", 200, cross_section)
     twice = 0
-    for i, (state, seed) in enumerate(zip(states, seeds, strict=True)):
-        track = run_point_mass(block, cross_section, law, state, seed=int(seed), **options)
+    for i, track in enumerate(tracks(given, options)):
         for k, line in enumerate(ends):
             found = track.crossings(line)
             twice += len(found) > 1
-            want = found[0] if len(found) else np.full(7, np.nan)
-            assert np.array_equal(want, batch.crossings[i, k], equal_nan=True)
+            assert np.array_equal(first_of(found), batch.crossings[i, k], equal_nan=True)
     assert twice > 0
 
 
 def test_without_lines_or_room_only_ends_are_kept_and_they_are_the_same():
-    cross_section = load_scenario(FOLDER / "paper_setup.yaml").make_cross_section()
+    cross_section = load_scenario(SHIPPED / "paper_setup.yaml").make_cross_section()
     bare = CrossSection(cross_section.points_m, cross_section.zones)
     given, options, batch = ensemble("paper_setup", "cube", 50)
     lean = run_point_mass_batch(given[0], bare, *given[2:], **options)
@@ -109,19 +107,11 @@ def test_without_lines_or_room_only_ends_are_kept_and_they_are_the_same():
 
 def test_results_do_not_depend_on_the_number_of_threads():
     code = (
-        "import sys; sys.path.insert(0, 'tests')\n"
         "from tests.engines.test_point_mass_batch import *\n"
         "batch = ensemble('slope_embankment', 'cube_1m', 300)[2]\n"
         "print(batch.ends.tobytes().hex(), batch.crossings.tobytes().hex(), batch.impact_count.tobytes().hex())\n"
     )
-    seen = set()
-    for threads in ("1", "2"):
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-            cwd=Path(__file__).parents[2], env={**os.environ, "NUMBA_NUM_THREADS": threads},
-        )  # fmt: skip
-        seen.add(done.stdout)
-    assert len(seen) == 1
+    assert len({printed(code, NUMBA_NUM_THREADS=threads) for threads in ("1", "2")}) == 1
 
 
 @pytest.mark.parametrize(
@@ -139,7 +129,7 @@ def test_results_do_not_depend_on_the_number_of_threads():
     ],
 )
 def test_impossible_input_is_refused(wrong, said):
-    scenario = load_scenario(FOLDER / "paper_setup.yaml")
+    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
     cube = scenario.make_blocks()["cube"]
     given = {
         "parameters": scenario.rebound_parameters(cube), "states": [[0, 1, 0, 0, 0, 0]], "seeds": [1],

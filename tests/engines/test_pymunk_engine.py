@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,61 +18,32 @@ from rock2d.records.columns import AUDIT_NAMES, TIME
 from rock2d.records.track import Track, ballistic
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.laboratory import (
+    BLOCKS,
+    CONTRAST,
+    CUBE,
+    FLOOR,
+    LAW,
+    SETUP,
+    SLAB,
+    SPHERE,
+    after,
+    random_state,
+    rough,
+)
 from tests.laws.test_contact import REFERENCE
+from tests.programs import other_hash_seed, printed
 
-SPHERE = make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025)
-CUBE = make_block("cube", "square", 0.0233, side_m=0.019)
-SLAB = make_block("parallelepiped", "rectangle", 0.0231, length_m=0.035, height_m=0.014)
-EGG = make_block("egg", "ellipse", 0.0231, length_m=0.035, height_m=0.02)
-STONE = make_block(
-    "stone", "polygon", 0.0231, vertices_m=[[0, 0], [0.02, 0], [0.03, 0.01], [0.01, 0.025], [-0.005, 0.015]]
-)
-BLOCKS = {b.name: b for b in (SPHERE, CUBE, SLAB, EGG, STONE)}
-LAW = ContactParameters()
-FLOOR = CrossSection([[-5, 0], [5, 0]], ["floor"])
-SETUP = CrossSection(
-    [[-0.7, 0.547], [0, 0], [0.13, 0], [0.1819, 0.083], [0.2369, 0.083], [0.3599, 0], [0.86, 0]],
-    ["slope", "ditch", "face", "crest", "back", "out"],
-)
 # an overhang of 27° beyond the vertical, and an upright wall
 WALLS = CrossSection(
     [[-0.5, 0.35], [0, 0], [0.15, 0], [0.1, 0.1], [0.22, 0.12], [0.22, 0.02], [0.6, 0]], list("abcdef")
 )
-CONTRAST = {
-    "slope": ContactParameters(1e4, 1e5, 2.5e3, 35, 0.02),
-    "ditch": ContactParameters(3e3, 9e3, 3e3, 20, 0.0),
-    "face": ContactParameters(3e4, 9e4, 2e3, 40, 0.1),
-    "default": ContactParameters(8e3, 2.4e4, 0.0, 30, 0.05, rolling_cap=True),
-}
 every_block = pytest.mark.parametrize("name", BLOCKS)
-
-
-def rough(seed: int) -> CrossSection:
-    """A rough slope with convex and concave corners, zones dealt at random."""
-    rng = np.random.default_rng(seed)
-    x = np.cumsum(rng.uniform(0.005, 0.04, 40))
-    y = -0.6 * x + rng.normal(0, 0.003, 40)
-    return CrossSection(
-        np.column_stack([x - 0.1, y]), rng.choice(["slope", "ditch", "face", "other"], 39).tolist()
-    )
-
-
-def random_state(seed: int) -> np.ndarray:
-    """A release onto the set-up, near those of the paper."""
-    rng = np.random.default_rng(seed)
-    return np.array(
-        [
-            rng.normal(0.01, 0.02), rng.normal(0.1, 0.01), rng.uniform(0, 2 * np.pi),
-            rng.normal(1.3, 0.2), rng.normal(-2.0, 0.2), rng.normal(-30, 20),
-        ]
-    )  # fmt: skip
 
 
 def velocities(track: Track, block) -> np.ndarray:
     """Outgoing velocities of the first impact in m/s, the spin times the block's radius."""
-    impact = track.impacts[0]
-    v = [impact["vx_after_m_s"], impact["vy_after_m_s"], block.radius_m * impact["omega_after_rad_s"]]
-    return np.array(v)
+    return after(track.impacts[0]) * [1, 1, block.radius_m]
 
 
 def first_impact(block, cross_section, parameters, state, **options) -> dict:
@@ -314,67 +281,67 @@ def incline(degrees: float) -> tuple[CrossSection, np.ndarray]:
     return CrossSection([-0.5 * down, 20 * down], ["slope"]), np.array([np.sin(angle), np.cos(angle)])
 
 
+def laid(
+    block, degrees: float, time_s: float, law: ContactParameters = LAW, speed_m_s: float = 0.0
+) -> tuple[Track, float, float]:  # fmt: skip
+    """A block that lies on a slope, or slides down it with this speed at first: its track, its way, its speed."""
+    slope, normal = incline(degrees)
+    centre = float(block.lowest_reach(np.array([0.0]))[0]) * normal
+    start = [*centre, -np.deg2rad(degrees), *(speed_m_s * slope.tangents[0]), 0]
+    track = run_pymunk(block, slope, law, start, time_limit_s=time_s)
+    end = track.knots[-1]
+    return track, float(np.hypot(*(end[1:3] - centre))), float(np.hypot(*end[4:6]))
+
+
+HARD = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
+
+
+def sliding_m_s2(degrees: float) -> float:
+    """Acceleration of a block that slides down a slope with a friction angle of 30°."""
+    angle = np.deg2rad(degrees)
+    return 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
+
+
 @pytest.mark.parametrize("degrees", [5, 15, 25, 35])
 @pytest.mark.parametrize("block", [CUBE, SLAB, SPHERE], ids=lambda b: b.name)
 def test_a_block_laid_on_a_slope_rests_below_the_friction_angle_and_slides_above(block, degrees):
     # the sphere is held by its rolling spring: k_r = 0.025 N m/rad is far above m g r
-    angle = np.deg2rad(degrees)
-    along, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    slope = CrossSection([-2 * along, 2 * along], ["slope"])
-    reach = float(block.lowest_reach(np.array([0.0]))[0])
     rests = degrees < LAW.friction_angle_deg
     time_s = 1.0 if rests else 0.4
-    track = run_pymunk(block, slope, LAW, np.array([*(reach * out), -angle, 0, 0, 0]), time_limit_s=time_s)
-    speed = float(np.hypot(*track.knots[-1, 4:6]))
+    track, moved, speed = laid(block, degrees, time_s)
     if rests:
         assert track.stop == "rest"
-        assert np.hypot(*(track.knots[-1, 1:3] - reach * out)) < 3 * block.radius_m
+        assert moved < 3 * block.radius_m
     else:
         assert track.stop == "time"
-        assert speed > 0.9 * time_s * 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
+        assert speed > 0.9 * time_s * sliding_m_s2(degrees)
 
 
 @pytest.mark.parametrize("degrees", [5, 15])
 def test_a_square_pushed_down_a_slope_below_the_friction_angle_loses_its_speed(degrees):
     # The law has no damping below its thresholds: an elastic tremor is left that lets the block creep, so its
     # speed falls to a creep and not to zero.
-    cross_section, normal = incline(degrees)
-    angle = np.deg2rad(degrees)
-    push = 0.3 * cross_section.tangents[0]
-    track = run_pymunk(
-        CUBE, cross_section, LAW, [*(0.5 * 0.019 * normal), -angle, *push, 0], time_limit_s=0.5
-    )
-    assert np.hypot(*track.knots[-1, 4:6]) < 0.05
+    _, _, speed = laid(CUBE, degrees, 0.5, speed_m_s=0.3)
+    assert speed < 0.05
 
 
 @pytest.mark.parametrize("degrees", [35, 44])
 def test_a_square_above_the_friction_angle_slides_with_g_sin_minus_mu_cos(degrees):
-    cross_section, normal = incline(degrees)
-    start = np.array([*(0.5 * 0.019 * normal), -np.deg2rad(degrees), 0, 0, 0])
-    law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(CUBE, cross_section, law, start, time_limit_s=0.3)
-    angle = np.deg2rad(degrees)
-    expected = 9.81 * (np.sin(angle) - np.tan(np.deg2rad(30)) * np.cos(angle))
-    moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
+    track, moved, _ = laid(CUBE, degrees, 0.3, HARD)
     assert track.stop == "time"
-    assert 2 * moved / track.end_s**2 == pytest.approx(expected, rel=0.05)
+    assert 2 * moved / track.end_s**2 == pytest.approx(sliding_m_s2(degrees), rel=0.05)
 
 
 def test_a_ball_without_rolling_spring_rolls_down_with_five_sevenths_of_g_sin():
-    cross_section, normal = incline(20)
-    start = np.array([*(SPHERE.radius_m * normal), 0, 0, 0, 0])
-    law = ContactParameters(k_l_N_m=1e5, k_ul_N_m=6e5, k_t_N_m=2.5e4, k_r_Nm_rad=0)
-    track = run_pymunk(SPHERE, cross_section, law, start, time_limit_s=0.3)
-    moved = np.hypot(*(track.knots[-1, 1:3] - start[:2]))
+    track, moved, _ = laid(SPHERE, 20, 0.3, HARD)
     assert 2 * moved / track.end_s**2 == pytest.approx(5 / 7 * 9.81 * np.sin(np.deg2rad(20)), rel=0.01)
 
 
 def test_a_rolling_spring_holds_a_ball_that_would_roll_freely_without_it():
-    cross_section, normal = incline(20)
-    start = [*(SPHERE.radius_m * normal), 0, 0, 0, 0]
-    held = run_pymunk(SPHERE, cross_section, LAW, start, time_limit_s=0.3)
-    free = run_pymunk(SPHERE, cross_section, ContactParameters(k_r_Nm_rad=0), start, time_limit_s=0.3)
-    assert np.hypot(*held.knots[-1, 4:6]) < 0.1 * np.hypot(*free.knots[-1, 4:6])
+    (_, _, held), (_, _, free) = (
+        laid(SPHERE, 20, 0.3, law) for law in (LAW, ContactParameters(k_r_Nm_rad=0))
+    )
+    assert held < 0.1 * free
 
 
 # errors and repeatability ---------------------------------------------------------------------------------
@@ -411,9 +378,4 @@ def digest() -> str:
 
 def test_two_processes_with_unlike_hash_seeds_agree_to_the_last_bit():
     code = "from tests.engines.test_pymunk_engine import digest; print(digest())"
-    other = "1" if os.environ.get("PYTHONHASHSEED") == "2718" else "2718"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2],
-        env={**os.environ, "PYTHONHASHSEED": other},
-    )  # fmt: skip
-    assert done.stdout.strip() == digest()
+    assert printed(code, PYTHONHASHSEED=other_hash_seed()) == digest()

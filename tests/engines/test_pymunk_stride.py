@@ -9,7 +9,7 @@ import pytest
 
 from rock2d.engines.pymunk_engine import PymunkRelease
 from rock2d.engines.pymunk_stride import N_ROW
-from tests.engines.test_pymunk_engine import BLOCKS, CONTRAST, random_state, rough
+from tests.laboratory import BLOCKS, CONTRAST, random_state, rough
 
 
 def strides_of(sim: PymunkRelease, time_limit_s: float = 0.25) -> list:

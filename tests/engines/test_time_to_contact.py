@@ -18,6 +18,7 @@ G = 9.81
 BALL = make_block("ball", shape="circle", diameter_m=0.5, mass_kg=100)
 SLAB = make_block("slab", shape="rectangle", length_m=0.8, height_m=0.3, mass_kg=100)
 OVAL = make_block("oval", shape="ellipse", length_m=0.8, height_m=0.3, mass_kg=100)
+FLOOR = CrossSection([[0.0, 0.0], [40.0, 0.0]], ["rock"])
 EGG = replace(OVAL, name="egg", centre_of_mass_m=(0.1, 0.05))
 
 
@@ -80,17 +81,15 @@ def test_a_block_let_go_at_rest_finds_the_ground(block):
 
 
 def test_a_slab_that_does_not_turn_is_timed_exactly():
-    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     q = np.array([5.0, 2.15, 0.0, 2.0, 0.0, 0.0])
-    assert bound(SLAB, floor, q) == pytest.approx(np.sqrt(2 * 2.0 / G), rel=1e-12)
+    assert bound(SLAB, FLOOR, q) == pytest.approx(np.sqrt(2 * 2.0 / G), rel=1e-12)
 
 
 def test_repeated_bounds_arrive_at_the_ground():
     """Each bound leaves an error of second order in the time flown, so a turning slab is there in a few."""
-    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     q = np.array([5.0, 3.0, 0.3, 2.0, -1.0, 9.0])
     for count in range(1, 30):  # noqa: B007
-        tau = bound(SLAB, floor, q)
+        tau = bound(SLAB, FLOOR, q)
         if tau < 1e-6:
             break
         q[0] += q[3] * tau
@@ -104,17 +103,15 @@ def test_repeated_bounds_arrive_at_the_ground():
 @pytest.mark.parametrize("gap", [1e-3, 1e-12, 1e-18])
 def test_a_ball_that_has_just_left_the_ground_comes_back(gap):
     """Rounding of a tiny gap must not hide the return."""
-    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     ball = make_block("ball", shape="circle", diameter_m=1.0, mass_kg=100)
     q = np.array([5.0, 0.5 + gap, 0.0, 0.1, 2.0, 0.0])
     height = q[1] - 0.5
     expected = (2.0 + np.sqrt(4.0 + 2 * G * height)) / G if height > 0 else 0.0
-    assert bound(ball, floor, q) == pytest.approx(expected, rel=1e-12)
+    assert bound(ball, FLOOR, q) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_turning_ellipse_near_the_ground_is_timed_closely():
     """Its lowest point is known to first order, so that near the ground hardly anything is left to the bound."""
-    floor = CrossSection(np.array([[0.0, 0.0], [40.0, 0.0]]), ["rock"])
     a, b = OVAL.semi_axes_m
     for omega in (-9.0, 4.0, 9.0):
         q = np.array([5.0, 0.0, 0.7, 2.0, -6.0, omega])
@@ -125,4 +122,4 @@ def test_a_turning_ellipse_near_the_ground_is_timed_closely():
 
         q[1] = 0.01 - gap(0.0)
         exact = brentq(gap, 0.0, 0.02)
-        assert 0.95 * exact < bound(OVAL, floor, q) <= exact
+        assert 0.95 * exact < bound(OVAL, FLOOR, q) <= exact

@@ -77,9 +77,8 @@ def test_a_true_forecast_covers_what_it_says():
     true = Forecast(np.tile(centre[:, None], (1, 200)), np.full((n, 200), 6.0), np.zeros((n, 200)))
     table = score_table(releases, {"true": Forecasts(np.arange(n), true)}, np.arange(60.0, 150, 10), rng)
     whole = table[table["block"] == "all"].iloc[0]
-    assert whole["inside80"] == pytest.approx(0.8, abs=0.04) and whole["inside90"] == pytest.approx(
-        0.9, abs=0.03
-    )
+    assert whole["inside80"] == pytest.approx(0.8, abs=0.04)
+    assert whole["inside90"] == pytest.approx(0.9, abs=0.03)
     assert whole["log_score"] == pytest.approx(-0.5 - np.log(6 * np.sqrt(2 * np.pi)), abs=0.08)
     assert whole["passing_rmse"] < 3 * whole["rmse_floor"]
 

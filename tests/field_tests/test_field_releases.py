@@ -10,6 +10,7 @@ from rock2d.files.field_releases import read_releases
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.terrain_sections import EDGE
 from tests.field_tests.small_field import HEADER, write_field
+from tests.programs import refusal
 
 IDS = {"cube": 1, "box": 2}
 STOPS = {"cube": [60.0, 70.0, 80.0], "box": [55.0, 65.0]}
@@ -26,9 +27,8 @@ def test_distances_are_those_of_the_table(field):
     assert known.of("box").tolist() == [False, False, False, True, True]
 
 
-def test_a_release_that_repeats_another_in_every_digit_counts_once(tmp_path):
-    table = tmp_path / "releases.csv"
-    table.write_text(f"{HEADER}\na,1,1,0,0,0,5,6,0\nb,1,1,0,0,0,5,6,0\nc,2,1,0,0,0,5,6,0\n")
+def test_a_release_that_repeats_another_in_every_digit_counts_once(put):
+    table = put(f"{HEADER}\na,1,1,0,0,0,5,6,0\nb,1,1,0,0,0,5,6,0\nc,2,1,0,0,0,5,6,0\n")
     assert read_releases(table, IDS).names == ("a", "c")
     assert read_releases(table, IDS, stops=False).names == ("a", "b", "c")
 
@@ -45,12 +45,8 @@ def test_a_release_that_repeats_another_in_every_digit_counts_once(tmp_path):
         (f"{HEADER}\n", 1, "no releases"),
     ],
 )
-def test_a_table_with_a_mistake_is_refused_with_its_line(tmp_path, text, line, said):
-    table = tmp_path / "releases.csv"
-    table.write_text(text)
-    with pytest.raises(InputError, match=said) as found:
-        read_releases(table, IDS)
-    assert found.value.line == line
+def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, line, said):
+    assert refusal(read_releases, put(text), IDS, said=said).line == line
 
 
 def test_a_section_down_the_slope_has_its_inclination_and_its_zones(field):

@@ -12,6 +12,7 @@ from rock2d.errors import InputError
 from rock2d.files.diagnosed_model import CauseDraw, FittedValue
 from rock2d.files.scenario_variants import variant
 from tests.diagnosed_files import GAIN, JOINT, SOIL, content, diagnosed, effect, numbers, undiagnosed
+from tests.programs import refusal
 
 AIR = effect(drag_per_mass_1_m=(0.01, 0.004, 0.016))
 SPIN = effect(base=SOIL, rate_1_s=(0.1, 0.05, 0.15))
@@ -47,9 +48,8 @@ def test_distributions_end_at_the_bounds_of_the_effect():
     whole = stats.norm(0.5, 1.5 / 1.959964)
     low, high = whole.cdf(0.0), whole.cdf(1.0)
     assert cut.min() >= 0.0 and cut.max() <= 1.0
-    assert cut == pytest.approx(
-        whole.ppf(low + (high - low) * SHARES), abs=1e-6
-    )  # truncated, not piled up at the ends
+    # truncated, not piled up at the ends
+    assert cut == pytest.approx(whole.ppf(low + (high - low) * SHARES), abs=1e-6)
 
 
 def test_a_member_of_a_group_is_drawn_with_its_probability():
@@ -127,9 +127,9 @@ def test_two_soils_for_all_zones_are_refused(tmp_path):
 
 
 def test_the_rebound_law_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"model.diagnosis: .* point_mass .* use batch or pymunk") as caught:
-        diagnosed(tmp_path, content(), engine="point_mass")
-    assert caught.value.code == "wrong_kind" and caught.value.line == 13
+    said = r"model.diagnosis: .* point_mass .* use batch or pymunk"
+    error = refusal(diagnosed, tmp_path, content(), engine="point_mass", said=said)
+    assert error.code == "wrong_kind" and error.line == 13
 
 
 @pytest.mark.parametrize(
@@ -148,11 +148,10 @@ def test_the_rebound_law_is_refused(tmp_path):
     ],
 )  # fmt: skip
 def test_a_bad_diagnosis_is_refused_with_its_place(tmp_path, change, place, message):
-    with pytest.raises(InputError, match=message) as caught:
-        diagnosed(tmp_path, {**content("air_drag", {"air_drag": AIR}), **change})
+    error = refusal(diagnosed, tmp_path, {**content("air_drag", {"air_drag": AIR}), **change}, said=message)
     lines = (tmp_path / "d.json").read_text().split("\n")
-    assert caught.value.file.name == "d.json" and caught.value.column
-    assert place in lines[caught.value.line - 1]
+    assert error.file.name == "d.json" and error.column
+    assert place in lines[error.line - 1]
 
 
 @pytest.mark.parametrize(
@@ -163,16 +162,13 @@ def test_a_bad_path_is_refused_in_the_scenario(tmp_path, given, code):
     inside = tmp_path / "inside"
     inside.mkdir()
     (tmp_path / "d.json").write_text(json.dumps(content()))
-    with pytest.raises(InputError) as caught:
-        undiagnosed(inside, f"{{diagnosis: {given}}}")
-    assert (caught.value.code, caught.value.file.name, caught.value.line) == (code, "diagnosed.yaml", 13)
+    error = refusal(undiagnosed, inside, f"{{diagnosis: {given}}}")
+    assert (error.code, error.file.name, error.line) == (code, "diagnosed.yaml", 13)
 
 
 def test_text_that_is_no_json_is_refused_in_its_file(tmp_path):
     (tmp_path / "d.json").write_text('{"schema": 1,')
-    with pytest.raises(InputError) as caught:
-        undiagnosed(tmp_path, "{diagnosis: d.json}")
-    assert caught.value.file.name == "d.json"
+    assert refusal(undiagnosed, tmp_path, "{diagnosis: d.json}").file.name == "d.json"
 
 
 def test_a_diagnosis_is_found_under_the_data_root(tmp_path, monkeypatch):

@@ -22,8 +22,9 @@ from rock2d.errors import InputError, ParameterError
 from rock2d.files.diagnosis import diagnosis_text
 from rock2d.laws.contact import MU, ContactParameters
 from rock2d.schemas import file_schema
-from tests.diagnosed_files import GAIN, SOIL, content, diagnosed, effect
+from tests.diagnosed_files import GAIN, SOIL, content, diagnosed, effect, with_learnt
 from tests.kinematics.synthetic_films import world
+from tests.programs import refusal
 
 SCHEMA = jsonschema.Draft202012Validator(file_schema("diagnosis"))
 BORDERS = ({"k_t_N_m": 0.0}, {"k_r_Nm_rad": 0.0}, {"friction_angle_deg": 0.0}, {"friction_angle_deg": 90.0},
@@ -40,8 +41,7 @@ def read_by_all(folder: Path, given: dict[str, Any]) -> dict[str, Any]:
 def learnt(lever: str, basis, coefficients: np.ndarray) -> dict[str, Any]:
     """A diagnosis with one learnt change."""
     change = basis.content() | {"lever": lever, "coefficients": coefficients.tolist()} | GAIN
-    fit = {"base": SOIL, "parameters": {}}
-    return content("unknown", schema=2, model={**fit, "learnt": {**fit, "changes": [change]}})
+    return content("unknown", schema=2, model=with_learnt(SOIL, change))
 
 
 @pytest.mark.parametrize("lever", LEVERS)
@@ -68,9 +68,8 @@ def test_a_change_that_its_lever_cannot_follow_is_refused_with_its_place(tmp_pat
         given = learnt("law", constant, np.zeros((5, 1)))
         given["model"]["learnt"]["changes"][0] |= change
         (tmp_path / "d.json").write_text(json.dumps(given, indent=1))
-        with pytest.raises(InputError, match=rf"model\.learnt\.changes\.0\..*{place}: ") as caught:
-            read_model(tmp_path / "d.json")
-        assert place in (tmp_path / "d.json").read_text().split("\n")[caught.value.line - 1]
+        error = refusal(read_model, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: ")
+        assert place in (tmp_path / "d.json").read_text().split("\n")[error.line - 1]
 
 
 @pytest.mark.parametrize("name", catalogue())

@@ -8,18 +8,17 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
 from rock2d.files.folders import atomic_folder
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.hunt.mutations import mutate_bytes, mutate_data
+from tests.programs import commanded, place_of, refusal
 
 SETUP = """\
 name: set-up
@@ -59,10 +58,8 @@ def folder(tmp_path):
     return path
 
 
-def refusal(folder) -> str:
-    with pytest.raises(InputError) as caught:
-        load_experiment(folder)
-    return str(caught.value)
+def refused(folder) -> str:
+    return str(refusal(load_experiment, folder))
 
 
 def test_reads_what_was_measured_and_keeps_lost_frames_as_nan(folder):
@@ -119,13 +116,11 @@ def test_a_mistake_in_the_yaml_gets_its_place_and_what_was_expected(folder, old,
     file = folder / "experiment.yaml"
     assert old in SETUP
     damaged = SETUP.replace(old, new, 1)
-    before = damaged[: damaged.index(at)]
-    place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
     file.write_text(damaged)
-    message = refusal(folder)
+    message = refused(folder)
     assert words in message
     if words != "not YAML":  # where a parser loses the thread is its own affair
-        assert message.startswith(f"{file}:{place}: "), message
+        assert message.startswith(f"{file}:{place_of(at, damaged)}: "), message
 
 
 @pytest.mark.parametrize(
@@ -151,20 +146,20 @@ def test_a_mistake_in_the_yaml_gets_its_place_and_what_was_expected(folder, old,
 def test_a_mistake_in_the_csv_gets_its_line_and_column(folder, old, new, line, words):
     assert old in ROWS
     (folder / "seen.csv").write_text(ROWS.replace(old, new, 1))
-    message = refusal(folder)
+    message = refused(folder)
     assert message.startswith(f"{folder / 'seen.csv'}:{line}: ") and words in message, message
 
 
 def test_a_table_of_a_spreadsheet_with_decimal_commas_is_named(folder):
     (folder / "seen.csv").write_text("release;block;t_s;x_m;y_m;theta_rad\n0;sphere;0,001;1;2;3\n")
-    assert "numbers need a decimal point" in refusal(folder)
+    assert "numbers need a decimal point" in refused(folder)
 
 
 def test_a_film_without_any_whole_frame_is_refused(folder):
     rows = ROWS.splitlines()
     lost = [",".join([*row.split(",")[:4], "", ""]) for row in rows[1:]]
     (folder / "seen.csv").write_text("\n".join([rows[0], *lost]))
-    assert "every frame is lost" in refusal(folder)
+    assert "every frame is lost" in refused(folder)
 
 
 def test_quotes_bom_and_windows_lines_are_read(folder):
@@ -177,7 +172,7 @@ def test_quotes_bom_and_windows_lines_are_read(folder):
 def test_a_link_out_of_the_folder_is_refused(folder, tmp_path):
     (folder / "seen.csv").rename(tmp_path / "outside.csv")
     (folder / "seen.csv").symlink_to(tmp_path / "outside.csv")
-    assert "leads out" in refusal(folder)
+    assert "leads out" in refused(folder)
 
 
 @settings(max_examples=300, deadline=None)
@@ -233,9 +228,8 @@ def test_what_is_written_is_read_back_identical(tmp_path_factory, rows, size, ma
     back = load_experiment(folder)
     pd.testing.assert_frame_equal(back.trajectories, seen, check_exact=True)
     assert (back.name, back.fps, back.position_noise_m) == ("3", 1000 / 3, 1e-5)
-    assert (
-        back.cross_section.points_m == cross_section.points_m
-    ).all() and back.cross_section.zones == cross_section.zones
+    assert (back.cross_section.points_m == cross_section.points_m).all()
+    assert back.cross_section.zones == cross_section.zones
     assert (back.cross_section.measure_lines["no"] == cross_section.measure_lines["no"]).all()
     for name, block in given.blocks.items():
         other = back.blocks[name]
@@ -282,11 +276,8 @@ def test_the_real_and_the_practice_experiments_load_unchanged(data_root):
 
 def test_the_folder_above_experiments_names_them(tmp_path, folder):
     write_experiment(tmp_path / "deep" / "er", load_experiment(folder))
-    with pytest.raises(
-        InputError, match=r"no experiment.yaml in this folder; .*: 'deep/er', 'seen'$"
-    ) as caught:
-        load_experiment(tmp_path)
-    assert caught.value.code == "missing_file"
+    said = r"no experiment.yaml in this folder; .*: 'deep/er', 'seen'$"
+    assert refusal(load_experiment, tmp_path, said=said).code == "missing_file"
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="in this folder or below it"):
         load_experiment(tmp_path / "empty")
@@ -296,6 +287,6 @@ def test_the_folder_above_experiments_names_them(tmp_path, folder):
     "command", ["diagnose {} --out {}/o", "predict {} --diagnosis {}/d.json --out {}/p.csv"]
 )
 def test_commands_name_the_experiments_below_a_folder(tmp_path, folder, command):
-    result = CliRunner().invoke(cli, command.replace("{}", str(tmp_path)).split())
-    assert isinstance(result.exception, InputError) and "'seen'" in str(result.exception)
+    error = commanded(*command.replace("{}", str(tmp_path)).split()).exception
+    assert isinstance(error, InputError) and "'seen'" in str(error)
     assert [path.name for path in tmp_path.iterdir()] == ["seen"]

@@ -12,6 +12,7 @@ from rock2d.files.scenario_variants import variant
 from rock2d.laws import closed_forms
 from rock2d.laws.soil_scaling import soil_contact, soil_rebound
 from rock2d.scene.soils import SOIL_CLASSES
+from tests.programs import refusal
 
 HEAD = """\
 name: classes
@@ -30,11 +31,9 @@ CONTACT = "{k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg:
 
 
 @pytest.fixture
-def load(tmp_path):
+def load(put):
     def load(model: str, engine: str = "batch", line: str = ""):
-        path = tmp_path / "scenario.yaml"
-        path.write_text(HEAD.format(engine=engine, line=line) + model)
-        return load_scenario(path)
+        return load_scenario(put(HEAD.format(engine=engine, line=line) + model, "scenario.yaml"))
 
     return load
 
@@ -134,10 +133,9 @@ def test_classes_of_all_zones_need_no_default(load):
     ],
 )
 def test_a_mistake_is_one_message_with_its_place(load, model, line, column, words):
-    with pytest.raises(InputError) as caught:
-        load(model)
-    assert words in str(caught.value) and "\n" not in str(caught.value)
-    assert (caught.value.line, caught.value.column) == (line, column)
+    error = refusal(load, model)
+    assert words in str(error) and "\n" not in str(error)
+    assert (error.line, error.column) == (line, column)
 
 
 def test_own_numbers_of_a_class_scale_with_the_block(load):

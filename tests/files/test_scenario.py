@@ -6,7 +6,6 @@ import itertools
 import random
 import re
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,9 @@ from ruamel.yaml import YAML
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
 from tests.hunt.mutations import mutate_bytes, mutate_data
+from tests.programs import place_of, refusal
+from tests.scenarios_of_tests import SHIPPED
 
-SHIPPED = Path(__file__).parents[2] / "scenarios"
 OF_MEASURED_DATA = ("real_squares", "tschamut")
 WITHOUT_DATA = sorted(path for path in SHIPPED.glob("*.yaml") if path.stem not in OF_MEASURED_DATA)
 
@@ -70,20 +70,12 @@ trajectories: t.csv
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(text: str, name: str = "scenario.yaml") -> Path:
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        return path
-
-    return write
+def write(put):
+    return lambda text, name="scenario.yaml": put(text, name)
 
 
-def refusal(path, **options) -> str:
-    with pytest.raises(InputError) as caught:
-        load_scenario(path, **options)
-    return str(caught.value)
+def refused(path, **options) -> str:
+    return str(refusal(load_scenario, path, **options))
 
 
 def test_parameters_a_zone_does_not_give_come_from_the_defaults(write):
@@ -105,9 +97,8 @@ def test_incident_states_are_drawn_as_described(write):
     assert scenario.incident_of("sphere").draw(generator, 2).tolist() == [[0.5, 0.3, 0, 1, 0, 0]] * 2
     drawn = scenario.incident_of("cube").draw(generator, 4000)
     assert np.ptp(drawn[:, [0, 2, 4, 5]], axis=0).max() == 0
-    assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001) and drawn[:, 1].std() == pytest.approx(
-        0.01, rel=0.1
-    )
+    assert drawn[:, 1].mean() == pytest.approx(0.4, abs=0.001)
+    assert drawn[:, 1].std() == pytest.approx(0.01, rel=0.1)
     assert 1 <= drawn[:, 3].min() < 1.01 and 1.99 < drawn[:, 3].max() <= 2
 
 
@@ -144,11 +135,9 @@ def test_incident_states_are_drawn_as_described(write):
 def test_a_mistake_gets_its_place_and_what_was_expected(write, old, new, at, words):
     assert old in SMALL
     damaged = SMALL.replace(old, new, 1)
-    before = damaged[: damaged.index(at)]
     file = write(damaged)
-    message = refusal(file)
-    place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
-    assert words in message and message.startswith(f"{file}:{place}: "), message
+    message = refused(file)
+    assert words in message and message.startswith(f"{file}:{place_of(at, damaged)}: "), message
 
 
 def test_long_and_unprintable_names_are_shortened_on_one_line(write):
@@ -157,9 +146,9 @@ def test_long_and_unprintable_names_are_shortened_on_one_line(write):
         ("engine:", '"a\\n\\e[31mb":'),
         ("  sphere:", f"  {'s' * 1000}:"),
     ):
-        message = refusal(write(SMALL.replace(old, new)))
+        message = refused(write(SMALL.replace(old, new)))
         assert len(message) < 400 and message.isprintable(), message
-    message = refusal(write(SMALL.replace("cube", "c" * 1000)))
+    message = refused(write(SMALL.replace("cube", "c" * 1000)))
     assert "at most 100 characters" in message and len(message) < 300
 
 
@@ -168,7 +157,7 @@ def test_aliases_that_repeat_each_other_are_refused_before_they_are_repeated(wri
     for name, below in itertools.pairwise("abcdefgh"):
         bomb += f"{below}: &{below} [{', '.join(10 * [f'*{name}'])}]\n"
     begin = time.perf_counter()
-    assert "aliases repeat more than" in refusal(write(bomb))
+    assert "aliases repeat more than" in refused(write(bomb))
     assert time.perf_counter() - begin < 1.0
     once = SMALL.replace("half_kg_m_s: 0.025", "half_kg_m_s: &m 0.025").replace(
         "half_kg_m_s: 0.04", "half_kg_m_s: *m"
@@ -193,12 +182,12 @@ def test_a_former_key_is_read_with_a_warning_that_names_its_place_and_the_key(wr
 def test_a_mistake_under_a_former_key_keeps_its_place(write):
     text = SMALL.replace("ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: 7}")
     with pytest.warns(OldKeyWarning):
-        message = refusal(write(text))
+        message = refused(write(text))
     assert "rolling_in_indentation: expected true or false, found 7" in message
     both = SMALL.replace(
         "ditch: {friction_angle_deg: 20}", "ditch: {rolling_in_crater: true, rolling_in_indentation: true}"
     )
-    assert "former name" in refusal(write(both))
+    assert "former name" in refused(write(both))
 
 
 @pytest.mark.parametrize(
@@ -218,14 +207,13 @@ def test_a_mistake_under_a_former_key_keeps_its_place(write):
 )
 def test_a_mistake_has_a_code_and_fields(write, old, new, code, fields):
     assert old in SMALL
-    with pytest.raises(InputError) as caught:
-        load_scenario(write(SMALL.replace(old, new, 1)))
-    assert (caught.value.code, caught.value.fields) == (code, fields)
+    error = refusal(load_scenario, write(SMALL.replace(old, new, 1)))
+    assert (error.code, error.fields) == (code, fields)
 
 
 def test_a_block_without_an_incident_state_is_refused(write):
     start = SMALL.index("  default:\n    distribution")
-    assert "block 'cube' has no incident state" in refusal(write(SMALL[:start]))
+    assert "block 'cube' has no incident state" in refused(write(SMALL[:start]))
 
 
 def test_the_engine_of_the_scenario_needs_its_law(write):
@@ -234,14 +222,14 @@ def test_the_engine_of_the_scenario_needs_its_law(write):
     scenario = load_scenario(write(only_deterministic))
     with pytest.raises(InputError, match=r"probabilistic.*point_mass"):
         scenario.rebound_parameters(scenario.make_blocks()["cube"])
-    assert "point_mass" in refusal(write(only_deterministic.replace("engine: pymunk", "engine: point_mass")))
+    assert "point_mass" in refused(write(only_deterministic.replace("engine: pymunk", "engine: point_mass")))
 
 
 def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp_path, monkeypatch):
     monkeypatch.delenv("ROCK2D_DATA", raising=False)
     file = write(FILMED)
-    assert "--data or ROCK2D_DATA" in refusal(file)
-    assert "no folder 'set-up/drops'" in refusal(file, data_root=tmp_path / "data")
+    assert "--data or ROCK2D_DATA" in refused(file)
+    assert "no folder 'set-up/drops'" in refused(file, data_root=tmp_path / "data")
     write(DROPS, "data/set-up/drops/experiment.yaml")
     rows = [f"{release},ball,{k / 100},0,{1 - k / 100},0" for release in (2, 5) for k in range(6)]
     write("release,block,t_s,x_m,y_m,theta_rad\n" + "\n".join(rows), "data/set-up/drops/t.csv")
@@ -257,10 +245,10 @@ def test_filmed_releases_bring_their_cross_section_blocks_and_gravity(write, tmp
         str(tmp_path / "data/set-up/drops"),
         "set-up/../../data/set-up/drops",
     ):
-        assert "inside" in refusal(write(FILMED.replace("set-up/drops", escape), other))
+        assert "inside" in refused(write(FILMED.replace("set-up/drops", escape), other))
     (tmp_path / "root").mkdir()
     (tmp_path / "root" / "set-up").symlink_to(tmp_path / "data" / "set-up")
-    assert "leads out" in refusal(file, data_root=tmp_path / "root")
+    assert "leads out" in refused(file, data_root=tmp_path / "root")
 
 
 # what one of fifty damaged files does is met with 87 %; `tests/hunt/files.py` tries thousands
@@ -312,17 +300,15 @@ def test_the_paper_setup_has_the_paper_s_values():
             assert (row.friction_angle_deg, row.momentum_half_kg_m_s) == (phi, half)
             assert (row.tangential_restitution, row.slope_reduction_deg) == (restitution, alpha)
     points = scenario.make_cross_section().points_m
-    assert np.ptp(points[1:, 1]) == pytest.approx(0.083) and points[4, 0] - points[3, 0] == pytest.approx(
-        0.055
-    )
+    assert np.ptp(points[1:, 1]) == pytest.approx(0.083)
+    assert points[4, 0] - points[3, 0] == pytest.approx(0.055)
 
 
 def test_real_squares_take_everything_measured_from_the_data(data_root):
     scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root=data_root)
     assert scenario.releases == scenario.experiment.trajectories["release"].nunique() == 250
-    assert (
-        scenario.make_cross_section().zones == ("floor",) and scenario.make_blocks()["square"].mass_kg == 0.05
-    )
+    assert scenario.make_cross_section().zones == ("floor",)
+    assert scenario.make_blocks()["square"].mass_kg == 0.05
 
 
 def test_every_key_of_the_json_schema_is_described():
@@ -363,6 +349,6 @@ def test_an_embankment_and_a_ditch_bring_points_zones_and_measure_lines(write):
 def test_earthworks_that_do_not_fit_the_ground_are_refused_with_their_place(write, old, new, said):
     text = (SHIPPED / "flat_floor.yaml").read_text().replace("blocks:", EMBANKMENT + "blocks:", 1)
     assert old in text
-    message = refusal(write(text.replace(old, new)))
+    message = refused(write(text.replace(old, new)))
     assert said in message
     assert re.search(r"yaml:\d+:\d+: ", message)

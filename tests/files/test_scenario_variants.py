@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rock2d.errors import InputError
 from rock2d.files.distributions import quantiles
 from rock2d.files.places import number_at
 from rock2d.files.scenario import load_scenario
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.uncertainty_keys import Uncertainty
-from tests.design.small_site import UNKNOWN, small_site
+from tests.programs import refusal
+from tests.scenarios_of_tests import UNKNOWN, small_site
 
 
 def test_a_variant_has_the_new_numbers_and_the_scenario_keeps_its_own(tmp_path):
@@ -44,9 +44,8 @@ def test_the_text_of_a_variant_is_a_scenario_that_is_the_same(tmp_path):
     ],
 )
 def test_values_that_make_no_sense_are_refused(tmp_path, values, code):
-    with pytest.raises(InputError) as error:
-        variant(small_site(tmp_path), values)
-    assert error.value.code == code and error.value.line
+    error = refusal(variant, small_site(tmp_path), values)
+    assert error.code == code and error.line
 
 
 def test_unknown_places_and_what_cannot_be_uncertain_are_refused_with_their_line(tmp_path):
@@ -55,9 +54,7 @@ def test_unknown_places_and_what_cannot_be_uncertain_are_refused_with_their_line
         ("sd: 2", "sd: -2", "expected"),
         ("{times: {uniform: {low: 0.7, high: 1.3}}}", "{time: 3}", "found key 'time'.*did you mean 'times'"),
     ):
-        with pytest.raises(InputError, match=said) as error:
-            small_site(tmp_path, UNKNOWN.replace(old, new))
-        assert error.value.line
+        assert refusal(small_site, tmp_path, UNKNOWN.replace(old, new), said=said).line
 
 
 def test_quantiles_are_those_of_the_distributions():

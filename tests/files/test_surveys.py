@@ -11,6 +11,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.profile import checked, simplified
 from rock2d.files.surveys.table import read_table
 from rock2d.runs.run import run
+from tests.programs import refusal
 
 POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
 
@@ -28,9 +29,8 @@ POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
         "distance,elevation\n500,40\n520,25\n520,25\n550,4\n580,0\n",  # a station that is not 0, a point twice
     ],
 )
-def test_a_table_is_read_however_it_is_written(tmp_path, text):
-    (tmp_path / "p.csv").write_text(text)
-    assert read_table(tmp_path / "p.csv").points_m == pytest.approx(POINTS)
+def test_a_table_is_read_however_it_is_written(put, text):
+    assert read_table(put(text)).points_m == pytest.approx(POINTS)
 
 
 @pytest.mark.parametrize(
@@ -45,11 +45,8 @@ def test_a_table_is_read_however_it_is_written(tmp_path, text):
         ("0,40\n20,nan\n", "point 2 is not a pair of finite numbers", None),
     ],
 )
-def test_a_table_with_a_mistake_is_refused_with_its_line(tmp_path, text, said, line):
-    (tmp_path / "p.csv").write_text(text)
-    with pytest.raises(InputError, match=said) as error:
-        read_table(tmp_path / "p.csv")
-    assert error.value.line == line
+def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
+    assert refusal(read_table, put(text), said=said).line == line
 
 
 def test_what_was_changed_is_said():
@@ -68,6 +65,12 @@ def test_simplification_keeps_to_its_tolerance():
     assert np.abs(off).max() < 0.3 * np.hypot(1, 1)  # the tolerance is across the surface
 
 
+def profile_of(survey, **options) -> np.ndarray:
+    """Points of the profile of a survey, whose scenario is written beside it."""
+    out = survey.parent / "s.yaml"
+    return write_profile(survey, out, overwrite=True, report=lambda line: None, **options).points_m
+
+
 def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
     ezdxf = pytest.importorskip("ezdxf")
     drawing = ezdxf.new()
@@ -78,9 +81,7 @@ def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
     drawing.saveas(tmp_path / "p.dxf")
 
     def profile(**options):
-        return write_profile(
-            tmp_path / "p.dxf", tmp_path / "s.yaml", overwrite=True, report=lambda line: None, **options
-        ).points_m
+        return profile_of(tmp_path / "p.dxf", **options)
 
     assert profile() == pytest.approx(POINTS)
     assert profile(layer="axis") == pytest.approx(np.array([[0, 9], [5, 2], [15, 1]]))
@@ -121,9 +122,7 @@ def grid(folder, kind: str):
 @pytest.mark.parametrize("kind", ["tif", "asc"])
 def test_sections_of_a_terrain_model_are_those_of_the_plane(tmp_path, kind):
     def profile(**options):
-        return write_profile(
-            grid(tmp_path, kind), tmp_path / "s.yaml", overwrite=True, report=lambda line: None, **options
-        ).points_m
+        return profile_of(grid(tmp_path, kind), **options)
 
     along = profile(line=(1010, 2010, 1090, 2070))  # 100 m in the direction of the fall: 50 m
     assert along[-1] == pytest.approx([100, 300 - 0.4 * 90 - 0.3 * 70]) and along[0, 1] == pytest.approx(293)

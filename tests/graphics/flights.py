@@ -8,8 +8,8 @@ import pandas as pd
 from rock2d.records.track import Track
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests import laboratory
 
-G = 9.81
 FLOOR = CrossSection([[-2, 0], [2, 0]], ["floor"], {"gate": [[0.5, 0], [0.5, 0.4]]})
 BLOCKS = {
     "ball": make_block("ball", "circle", 0.02, "solid_sphere", diameter_m=0.05),
@@ -19,10 +19,7 @@ BLOCKS = {
 
 def flight(block: str, release: int, vx_m_s: float = 1.0, seconds: float = 0.4) -> Track:
     """A free flight from 1 m."""
-    start = np.array([0.0, 0.0, 1.0, 0.2, vx_m_s, 0.0, 3.0])
-    t = seconds
-    end = [t, vx_m_s * t, 1 - 0.5 * G * t * t, 0.2 + 3 * t, vx_m_s, -G * t, 3.0]
-    return Track(release, block, np.array([start, end]), np.array([True, True]), [], "exit", G)
+    return laboratory.flight(release, block, [0.0, 1.0, 0.2, vx_m_s, 0.0, 3.0], seconds, aloft=True)
 
 
 def rows_of(track: Track, dx_m: float = 0.0) -> pd.DataFrame:

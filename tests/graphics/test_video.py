@@ -68,9 +68,8 @@ def test_video_lasts_as_long_as_the_slow_motion_says(tmp_path, slow_motion, suff
     frames = pictures(path)
     assert frames.shape[1:] == (SIZE[1], SIZE[0], 3)
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20)
-    assert (
-        len(frames) == round(0.2 * slow_motion * 20) + 1 + 10
-    )  # both ends of the motion, then half a second
+    # both ends of the motion, then half a second
+    assert len(frames) == round(0.2 * slow_motion * 20) + 1 + 10
     assert steps[-1] == (len(frames), len(frames))
 
 

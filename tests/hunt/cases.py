@@ -18,6 +18,7 @@ Array = np.ndarray
 GRAVITY_M_S2 = 9.81
 SHAPES = ("circle", "ellipse", "square", "rectangle", "polygon")
 ROCK_KG_M2 = 2700.0  # mass per area of a slice one metre thick
+STATE = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 TIME_LIMIT = 250.0  # time limit of a release, in √(radius / g)
 
 
@@ -65,17 +66,7 @@ class Case:
                 }
             },
             "model": {"deterministic": {"default": next(iter(soils.values())), **soils}},
-            "incident": {
-                "default": {
-                    "fixed": dict(
-                        zip(
-                            ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"),
-                            self.state.tolist(),
-                            strict=True,
-                        )
-                    )
-                }
-            },
+            "incident": {"default": {"fixed": dict(zip(STATE, self.state.tolist(), strict=True))}},
         }  # fmt: skip
         return f"# {what}\n{json.dumps(data, indent=1)}\n"  # JSON is YAML
 

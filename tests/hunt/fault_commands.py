@@ -9,9 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.design.small_site import small_site
+from tests.scenarios_of_tests import SHIPPED, small_site
 
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
 FEW_RELEASES = 12  # releases of each film that is diagnosed, so that this takes less than a minute
 
 
@@ -98,7 +97,7 @@ COMMANDS = (
 def write_scenarios(here: Path) -> None:
     """Write the scenarios that the runs need into the folder `here`."""
     here.mkdir(parents=True, exist_ok=True)
-    text = (SCENARIOS / "paper_setup.yaml").read_text(encoding="utf-8")
+    text = (SHIPPED / "paper_setup.yaml").read_text(encoding="utf-8")
     (here / "setup.yaml").write_text(text, encoding="utf-8")
     short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
     (here / "short.yaml").write_text(short, encoding="utf-8")

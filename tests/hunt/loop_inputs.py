@@ -15,7 +15,7 @@ from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_ex
 from tests.field_tests.small_field import write_releases, write_terrain
 from tests.hunt import loop_cases as cases
 from tests.hunt.loop_cases import ANGLE_NOISE_RAD, SMALL, Loop
-from tests.hunt.valid_files import SCENARIOS
+from tests.scenarios_of_tests import SHIPPED
 
 SHARE_LOST = 0.05  # share of the frames
 FIELD_STOPS_M = {"cube": [60.0, 70.0], "box": [55.0, 65.0]}  # block -> where its releases stop
@@ -24,7 +24,7 @@ FIELD_STOPS_M = {"cube": [60.0, 70.0], "box": [55.0, 65.0]}  # block -> where it
 def document(loop: Loop, name: str) -> dict[str, Any]:
     """The shipped scenario of a loop, made small: short, few frames, with noise."""
     shipped = loop.scenario.partition(":")[0]
-    text = (SCENARIOS / f"{shipped}.yaml").read_text(encoding="utf-8")
+    text = (SHIPPED / f"{shipped}.yaml").read_text(encoding="utf-8")
     found: dict[str, Any] = yaml.safe_load(text)
     limit_s, fps, noise_m = SMALL[shipped]
     still = {cases.NO_NOISE, cases.NO_POSITION_NOISE} & set(loop.quirks)

@@ -63,19 +63,8 @@ def _measured(chain: Chain) -> tuple[str, str]:
         keys["blocks"] = {"square": keys["blocks"]["square"]}
         keys["incident"] = {"default": keys["incident"]["default"]}
         path = write_yaml(chain.folder / "squares.yaml", keys)
-        chain(
-            "run",
-            path,
-            "--releases",
-            cases.MOST,
-            "--quiet",
-            "--workers",
-            1,
-            "--engine",
-            "batch",
-            "--out",
-            data / "data",
-        )
+        chain("run", path, "--releases", cases.MOST, "--quiet", "--workers", 1, "--engine", "batch",
+              "--out", data / "data")  # fmt: skip
         (data / "data" / "squares_batch").rename(data / "data" / "squares")
     return "--data", str(data)
 
@@ -215,19 +204,8 @@ def film_loop(chain: Chain) -> None:
     keys["time_limit_s"] = FILM_LIMIT_S
     film = simulated(chain, keys, "site", 0)
     avi = chain.folder / "film.avi"
-    chain(
-        "film",
-        film,
-        "--out",
-        avi,
-        "--size",
-        *FILM_SIZE,
-        "--releases",
-        FILM_RELEASES,
-        "--seed",
-        loop.seed,
-        "--quiet",
-    )
+    chain("film", film, "--out", avi, "--size", *FILM_SIZE, "--releases", FILM_RELEASES, "--seed", loop.seed,
+          "--quiet")  # fmt: skip
     tracked = chain.folder / "tracked"
     chain("track", avi, "--config", avi.with_suffix(".yaml"), "--out", tracked, "--quiet")
     impacts = pd.read_csv(film / "impacts.csv")

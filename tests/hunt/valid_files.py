@@ -13,21 +13,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rock2d.diagnosis.model import BASE_NAMES
 from rock2d.effects import catalogue
 from rock2d.files.experiment import REQUIRED_IMPACT_COLUMNS, Experiment, load_experiment, write_experiment
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import SOIL, film, world
+from tests.scenarios_of_tests import SHIPPED
 
 Files = Mapping[str, bytes]
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
 MEASURED = (b"from_experiment", b"field_test")  # keys of scenarios that need measured data
 FEW_RELEASES = 8  # per film of the data folder: enough for a diagnosis, few enough to be read often
-BASE = dict(zip(BASE_NAMES, (1.1e4, 7.0e4, 3.0e3, 32.0, 0.03), strict=True))
 
 
 def scenarios() -> list[Files]:
     """The shipped scenarios, without those that need measured data."""
-    texts = [path.read_bytes() for path in sorted(SCENARIOS.glob("*.yaml"))]
+    texts = [path.read_bytes() for path in sorted(SHIPPED.glob("*.yaml"))]
     return [{"scenario.yaml": text} for text in texts if not any(key in text for key in MEASURED)]
 
 
@@ -53,7 +51,7 @@ def diagnoses() -> list[Files]:
     beside = _diagnosis("air_drag", known)
     both = {name: _parameters(name, known) for name in ("air_drag", "camera_tilt")}
     gain = {"heldout_score_gain": 1.0, "heldout_score_gain_se": 0.1}
-    beside["beside"] = [{"effect": "camera_tilt", "base": BASE, "parameters": both, **gain}]
+    beside["beside"] = [{"effect": "camera_tilt", "base": SOIL, "parameters": both, **gain}]
     return [{"diagnosis.json": json.dumps(content, indent=1).encode()} for content in [*contents, beside]]
 
 
@@ -70,7 +68,7 @@ def _parameters(name: str, known: Mapping[str, Any]) -> dict[str, Any]:
 
 def _diagnosis(verdict: str, known: Mapping[str, Any]) -> dict[str, Any]:
     effects = {} if verdict == "none" else {verdict: {
-        "parameters": _parameters(verdict, known), "base": BASE, "heldout_score_gain": 9.0,
+        "parameters": _parameters(verdict, known), "base": SOIL, "heldout_score_gain": 9.0,
         "heldout_score_gain_se": 1.0, "closure": 0.9, "closure_ci95": [0.8, 1.0],
     }}  # fmt: skip
     probabilities = dict.fromkeys(("none", "unknown", *known), 0.0) | {verdict: 1.0}
@@ -83,7 +81,7 @@ def _diagnosis(verdict: str, known: Mapping[str, Any]) -> dict[str, Any]:
         "closure_ci95": [0.8, 1.0],
     }
     return {
-        "schema": 1, "experiment": "film", "base": BASE, "law": {"rolling_in_indentation": False},
+        "schema": 1, "experiment": "film", "base": SOIL, "law": {"rolling_in_indentation": False},
         "verdict": verdict, "group": [verdict] if effects else [], "probabilities": probabilities, "effects": effects,
         "where": [], "gap": gap, "next_release": "", "unexplained": [], "beside": [],
         "series": {"sphere": 3, "cube": 3}, "assumptions": [],

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
+from rock2d.diagnosis.film_data import FilmData
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.flights import load_film
+from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import centroid_poses
 from rock2d.laws.contact import ContactParameters, parameter_table
-from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
+from tests.laboratory import CUBE, SPHERE
 
 POINTS = [[-0.6, 0.5], [0.0, 0.0], [0.14, 0.0], [0.18, 0.083], [0.235, 0.083], [0.36, 0.0], [0.9, 0.0]]
 ZONES = ["slope", "ditch", "uphill_face", "crest", "downhill_face", "run_out"]
-LAW = ContactParameters(1.1e4, 7.0e4, 3.0e3, 32.0, 0.03)
-BLOCKS = {
-    "sphere": make_block("sphere", "circle", 0.022, "solid_sphere", diameter_m=0.025),
-    "cube": make_block("cube", "square", 0.0233, side_m=0.019),
-}
+SOIL = {"k_l_N_m": 1.1e4, "k_ul_N_m": 7e4, "k_t_N_m": 3e3, "friction_angle_deg": 32.0, "k_r_Nm_rad": 0.03}
+LAW = ContactParameters(**SOIL)
+START = np.array([1e4, 6.0, 2.5e3, np.tan(np.pi / 6), 0.025])  # of a fit that does not know this law
+BLOCKS = {"sphere": SPHERE, "cube": CUBE}
 
 
 def world(order: np.ndarray | None = None, law: ContactParameters = LAW) -> World:
@@ -36,6 +39,16 @@ def yielded(true: World, shift_m: float) -> World:
     points, own = true.cross_section.points_m.copy(), true.cross_section.embankment
     points[own.left : own.right + 1, 0] += shift_m
     return replace(true, cross_section=CrossSection(points, ZONES))
+
+
+def film_table(blocks: Sequence[str], t_s: np.ndarray, pose: np.ndarray) -> pd.DataFrame:
+    """The trajectories of releases, from their blocks (n,), instants (n, k) and poses (n, k, 3)."""
+    n, k = t_s.shape
+    names = ("x_m", "y_m", "theta_rad")
+    columns = dict(zip(names, pose.reshape(-1, 3).T, strict=True))
+    return pd.DataFrame(
+        {"release": np.repeat(np.arange(n), k), "block": np.repeat(blocks, k), "t_s": t_s.ravel(), **columns}
+    )
 
 
 def film(
@@ -63,21 +76,22 @@ def film(
     )  # fmt: skip
     pose = true.view.record(centroid_poses(true, block, result.samples))
     pose += rng.normal(size=pose.shape) * [noise_m, noise_m, noise_rad]
-    table = pd.DataFrame({
-        "release": np.repeat(np.arange(n), len(t)), "block": np.repeat(np.array(list(BLOCKS))[block], len(t)),
-        "t_s": np.tile(t, n), "x_m": pose[..., 0].ravel(), "y_m": pose[..., 1].ravel(),
-        "theta_rad": pose[..., 2].ravel(),
-    })  # fmt: skip
-    return Experiment(
-        "synthetic",
-        9.81,
-        fps,
-        noise_m,
-        noise_rad,
-        CrossSection(POINTS, ZONES),
-        dict(BLOCKS),
-        trajectories=table,
-    )
+    table = film_table(np.array(list(BLOCKS))[block], np.tile(t, (n, 1)), pose)
+    ground = CrossSection(POINTS, ZONES)
+    return Experiment("synthetic", 9.81, fps, noise_m, noise_rad, ground, dict(BLOCKS), trajectories=table)
+
+
+def without_angles(experiment: Experiment, *blocks: str, instead: float = np.nan) -> Experiment:
+    """The film of blocks that have no marks: this value stands for their angles."""
+    table = experiment.trajectories
+    angles = table["theta_rad"].mask(table["block"].isin(blocks), instead)
+    return replace(experiment, trajectories=table.assign(theta_rad=angles))
+
+
+def data_of(experiment: Experiment) -> tuple[World, FilmData]:
+    """The stated world of a film, and the film as a diagnosis reads it."""
+    setup = setup_world(experiment)
+    return setup, FilmData.of(load_film(experiment), setup)
 
 
 def series_order(releases: int) -> np.ndarray:

@@ -62,18 +62,16 @@ def test_what_the_air_would_do_is_no_error_of_the_camera():
     film = tossed(9.75)
     light = make_block("ball", "circle", 0.01, "solid_sphere", diameter_m=0.06)
     heavy, other = stated(film), stated(replace(film, blocks={"ball": light}))
-    assert (
-        other.air[0] == pytest.approx(20 * heavy.air[0]) and other.air[0] < -0.003
-    )  # it falls faster than it rose
+    # it falls faster than it rose
+    assert other.air[0] == pytest.approx(20 * heavy.air[0]) and other.air[0] < -0.003
     assert heavy.off and heavy.ratio == other.ratio
     assert not other.off and "no more than air" in other.sentences()[0]
 
 
 def test_the_height_at_rest_is_stated_against_the_size_of_the_block(tmp_path):
     (rest,) = stated(tossed(rest_m=0.003)).rests
-    assert rest.height_m == pytest.approx(0.003, abs=2e-4) and rest.height_radii == pytest.approx(
-        0.1, abs=0.01
-    )
+    assert rest.height_m == pytest.approx(0.003, abs=2e-4)
+    assert rest.height_radii == pytest.approx(0.1, abs=0.01)
     assert rest.error_m is None and rest.rests == 1
     write_statement(tmp_path, stated(tossed(rest_m=0.003)))
     content = json.loads((tmp_path / "film.json").read_text(encoding="utf-8"))

@@ -50,9 +50,8 @@ def test_the_error_is_that_of_repeated_films(n, fps, groups, sigma, faults):
     found = [flight_gravity(*flights(rng, n, fps, groups, sigma, **faults), STATED_M_S2) for _ in range(150)]
     pulls = np.array([(own.gravity_m_s2.value - TRUE_M_S2) / own.gravity_m_s2.error for own in found if own])
     assert len(pulls) > 140
-    assert (
-        abs(pulls.std() - 1.0) < 0.15 and abs(pulls.mean()) < 0.25
-    )  # 2.6 and 3 of their own standard errors
+    # 2.6 and 3 of their own standard errors
+    assert abs(pulls.std() - 1.0) < 0.15 and abs(pulls.mean()) < 0.25
 
 
 def test_without_noise_of_instants_the_error_is_the_closed_form():
@@ -69,9 +68,8 @@ def test_noise_of_instants_is_told_from_that_of_positions():
     rng = np.random.default_rng(np.random.SeedSequence(6))
     found = flight_gravity(*flights(rng, 30, 60.0, (20, 1), 5e-4, tau=1e-3), STATED_M_S2)
     assert found is not None
-    assert found.instant_noise_s == pytest.approx(1e-3, rel=0.15) and found.noise_m == pytest.approx(
-        5e-4, rel=0.15
-    )
+    assert found.instant_noise_s == pytest.approx(1e-3, rel=0.15)
+    assert found.noise_m == pytest.approx(5e-4, rel=0.15)
 
 
 def test_slow_errors_widen_the_interval():
@@ -86,9 +84,8 @@ def test_a_slide_is_no_flight_and_a_carried_block_does_not_count():
     rng = np.random.default_rng(np.random.SeedSequence(8))
     film, own = flights(rng, 40, 240.0, (4, 1), 2e-4)
     t = film.t_s[:40]
-    film.pose[:40, :2] = np.outer(
-        0.5 * t + 1.5 * t**2, [0.8, -0.6]
-    )  # down a slope, straight, as smooth as a flight
+    # down a slope, straight, as smooth as a flight
+    film.pose[:40, :2] = np.outer(0.5 * t + 1.5 * t**2, [0.8, -0.6])
     film.pose[40:80, 1] += 0.4 * 9.81 * t**2  # carried: falls with a fifth of gravity
     film.pose[:80, :2] += 2e-4 * rng.normal(size=(80, 2))
     found = flight_gravity(film, own, STATED_M_S2)

@@ -20,7 +20,7 @@ from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.kinematics.states import drift
 from rock2d.scene.world import View
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import data_of, film, world
 
 
 def test_partition_finds_flight_contact_and_rest():
@@ -96,7 +96,7 @@ def test_flight_of_the_parabola_is_reversible():
 def test_true_world_leaves_only_noise():
     true = world()
     experiment = film(true, 12, seed=5, soil=0.0)
-    data = FilmData.of(load_film(experiment), setup_world(experiment))
+    _, data = data_of(experiment)
     residuals = data.residuals(true)
     assert len(data.impacts) > 30
     assert (residuals.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
@@ -124,8 +124,7 @@ def test_no_lens_makes_the_noise_look_smaller(edge):
 def test_a_step_that_leaps_is_shortened():
     """With slopes a tenth of what they are, the Newton step without a fold is ten times too long."""
     experiment = film(world(), 12, seed=5)
-    setup = setup_world(experiment)
-    data = FilmData.of(load_film(experiment), setup)
+    setup, data = data_of(experiment)
     found = fit(Model(setup, base_start(experiment)), data)
     flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
     lost = cross_validate(found, data).score.sum() - cross_validate(flat, data).score.sum()

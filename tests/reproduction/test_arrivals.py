@@ -28,7 +28,6 @@ from rock2d.reproduction.outcomes import Outcome
 from rock2d.reproduction.stages import (
     CANDIDATE_SPACE,
     CANDIDATES,
-    Effort,
     arrival_columns,
     candidate_indices,
     candidate_value,
@@ -67,18 +66,6 @@ def test_every_unknown_moves_and_each_factor_hears_of_its_own():
     factors = arrivals.factors(KNOWN, {block: np.zeros((1, 6)) for block in published.BLOCKS})
     law = set(law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
-
-
-def test_arrivals_have_the_same_bits_for_the_same_seed_and_learn_nothing_from_the_validation(monkeypatch):
-    def calibrated():
-        effort = Effort(hypotheses=32, releases=10, moves=1)
-        return arrivals.calibrate_with_arrivals(
-            KNOWN, effort, np.random.SeedSequence(2), lambda share: None
-        ).u
-
-    first = calibrated()
-    monkeypatch.setattr(published, "EXPERIMENT", np.array([[100, 86, 42], [50, 50, 50], [4, 2, 2]]))
-    assert (calibrated() == first).all()
 
 
 def test_a_candidate_is_chosen_by_its_value():

@@ -12,7 +12,7 @@ from rock2d_figures.command import reproduce
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
-from rock2d.reproduction import published, stages
+from rock2d.reproduction import arrivals, published, stages
 from rock2d.reproduction.computation import FinishedStages
 from rock2d.reproduction.hypotheses import known_setup
 from rock2d.reproduction.stages import Effort
@@ -50,13 +50,21 @@ def test_every_table_and_figure_is_written(made):
     assert (made / "report.md").read_text().count("Assumptions") == 1
 
 
+@pytest.mark.parametrize(
+    ("calibrate", "effort", "seed"),
+    [
+        (stages.calibrate_deterministic, SMALL, 3),
+        (arrivals.calibrate_with_arrivals, Effort(hypotheses=32, releases=10, moves=1), 2),
+    ],
+    ids=["first impacts", "arrivals"],
+)
 def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_from_the_validation(
-    monkeypatch,
+    monkeypatch, calibrate, effort, seed
 ):
     known = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
     def calibrated():
-        return stages.calibrate_deterministic(known, SMALL, np.random.SeedSequence(3), lambda share: None).u
+        return calibrate(known, effort, np.random.SeedSequence(seed), lambda share: None).u
 
     first = calibrated()
     monkeypatch.setattr(published, "EXPERIMENT", np.array([[100, 86, 42], [50, 50, 50], [4, 2, 2]]))

@@ -15,28 +15,10 @@ from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, run_campaign
 from rock2d.runs.conditions import Conditions, starts
+from tests.scenarios_of_tests import ONE_BALL, SLOPE, scenario_file
 
-GROUND = """
-name: scattered
-engine: {engine}
-releases: {releases}
-seed: 3
-cross_section:
-  points_m: [[0, 20], [20, 0], [60, 0]]
-  zones: [slope, run_out]
-  measure_lines: {{foot: [[21, 0], [21, 9]]}}
-model:
-  deterministic:
-    default: {{k_l_N_m: 4.0e6, k_ul_N_m: 2.4e7, k_t_N_m: 1.0e6, friction_angle_deg: 30, k_r_Nm_rad: 4.0e3,
-              rolling_cap: true}}
-  probabilistic:
-    default: {{default: {{friction_angle_deg: 10, momentum_half_kg_m_s: 3.0e3, tangential_restitution: 0.9}}}}
-incident:
-  default:
-    {incident}
-"""
-BALL = "blocks: {ball: {shape: circle, diameter_m: 0.6, mass_kg: 305, inertia: solid_sphere}}\n"
-BOX = "blocks: {box: {shape: rectangle, length_m: 1.0, height_m: 0.6, mass_kg: 900, inertia: uniform}}\n"
+GROUND = SLOPE + "  measure_lines: {foot: [[21, 0], [21, 9]]}"
+BOX = "blocks: {box: {shape: rectangle, length_m: 1.0, height_m: 0.6, mass_kg: 900, inertia: uniform}}"
 FALL = "fixed: {x_m: 3.0, y_m: 19.0, vx_m_s: 2.0, vy_m_s: 0.0}"
 POPULATION = """
 populations:
@@ -51,17 +33,17 @@ ROUGH = "roughness: {slope: {sd_deg: 8, length_m: 0.5}}\n"
 
 
 def site(
-    folder: Path, *parts: str, incident: str = FALL, engine: str = "batch", releases: int = 30
-) -> Scenario:
-    path = folder / "scattered.yaml"
-    path.write_text(GROUND.format(engine=engine, incident=incident, releases=releases) + "".join(parts))
+    folder: Path, *parts: str, blocks: str = ONE_BALL, incident: str = FALL, engine: str = "batch", releases: int = 30
+) -> Scenario:  # fmt: skip
+    options = {"engine": engine, "releases": releases, "ground": GROUND, "incident": incident}
+    path = scenario_file(folder, "scattered", blocks=blocks, more="".join(parts), **options)
     return load_scenario(path)
 
 
 @pytest.mark.parametrize("engine", ["batch", "point_mass"])
 def test_a_campaign_meets_the_conditions_of_a_run(tmp_path, engine):
     scenario = site(
-        tmp_path, POPULATION, BALL, STIFFNESS if engine == "batch" else "", ROUGH, engine=engine, releases=12
+        tmp_path, POPULATION, STIFFNESS if engine == "batch" else "", ROUGH, engine=engine, releases=12
     )
     run_campaign(
         scenario, tmp_path / "campaign", CampaignOptions(chunk_releases=5), progress=False, report=str
@@ -74,7 +56,7 @@ def test_a_campaign_meets_the_conditions_of_a_run(tmp_path, engine):
 
 
 def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
-    scenario = site(tmp_path, POPULATION, STIFFNESS, ROUGH)
+    scenario = site(tmp_path, POPULATION, STIFFNESS, ROUGH, blocks="")
     few, many = (starts(Conditions(scenario, "batch", 3), n) for n in (3, 20))
     for (one, met), (other, met_too) in zip(few, many, strict=False):
         assert np.array_equal(one.state, other.state)
@@ -85,14 +67,14 @@ def test_draws_of_a_release_do_not_depend_on_how_many_there_are(tmp_path):
 
 
 def test_drawn_stiffness_follows_its_distribution(tmp_path):
-    conditions = Conditions(site(tmp_path, BALL, STIFFNESS), "batch", 3)
+    conditions = Conditions(site(tmp_path, STIFFNESS), "batch", 3)
     k_ul = np.array([met.parameters["default"].k_ul_N_m for met in conditions.of(0, 0, 3000)])
     sigma = np.sqrt(np.log1p(0.3**2))
     assert stats.kstest(np.log(k_ul / 2.4e7) / sigma, "norm").pvalue > 0.01
 
 
 def test_a_crossing_has_the_energy_of_the_drawn_mass(tmp_path):
-    run = rock2d.run(site(tmp_path, BALL, MASS))
+    run = rock2d.run(site(tmp_path, MASS))
     rows = run.to_pandas("crossings")
     mass = np.array([run.drawn[release]["blocks.ball.mass_kg"] for release in rows["release"]])
     assert len(rows) == 30
@@ -105,7 +87,9 @@ def test_a_crossing_has_the_energy_of_the_drawn_mass(tmp_path):
 
 
 def test_blocks_of_a_population_have_the_volume_of_a_ball_and_the_shares_of_their_families(tmp_path):
-    blocks = [met.block for met in Conditions(site(tmp_path, POPULATION), "batch", 3).of(0, 0, 2000)]
+    blocks = [
+        met.block for met in Conditions(site(tmp_path, POPULATION, blocks=""), "batch", 3).of(0, 0, 2000)
+    ]
     size = np.array([block.size_m for block in blocks])
     density = np.array([block.mass_kg for block in blocks]) / (np.pi / 6 * size**3)
     assert np.median(size) == pytest.approx(0.5, rel=0.04)
@@ -120,7 +104,7 @@ def test_blocks_of_a_population_have_the_volume_of_a_ball_and_the_shares_of_thei
 
 
 def test_a_run_of_a_population_is_an_experiment_of_its_own_blocks(tmp_path):
-    run = rock2d.run(site(tmp_path, POPULATION, releases=3))
+    run = rock2d.run(site(tmp_path, POPULATION, blocks="", releases=3))
     run.write(tmp_path / "out")
     found = rock2d.load_experiment(tmp_path / "out")
     assert set(found.blocks) == {"boulders_0", "boulders_1", "boulders_2"}
@@ -128,11 +112,11 @@ def test_a_run_of_a_population_is_an_experiment_of_its_own_blocks(tmp_path):
         assert found.blocks[f"boulders_{release}"].mass_kg == pytest.approx(block.mass_kg)
 
 
-@pytest.mark.parametrize("block", [BALL, BOX])
+@pytest.mark.parametrize("block", [ONE_BALL, BOX])
 @pytest.mark.parametrize("rough", ["", ROUGH])
 def test_a_block_starts_at_its_clearance_above_the_ground(tmp_path, block, rough):
     scenario = site(
-        tmp_path, block, rough,
+        tmp_path, rough, blocks=block,
         incident="above_ground: {x_m: {uniform: {low: 2, high: 30}}, clearance_m: 0.25, "
         "theta_rad: {uniform: {low: -3, high: 3}}, vx_m_s: 0, vy_m_s: 0}",
     )  # fmt: skip
@@ -154,7 +138,7 @@ def test_a_block_starts_at_its_clearance_above_the_ground(tmp_path, block, rough
     ],
 )  # fmt: skip
 def test_a_start_in_the_ground_or_beside_it_is_refused(tmp_path, incident, said):
-    scenario = site(tmp_path, BALL, incident=f"above_ground: {{{incident}, vx_m_s: 0, vy_m_s: 0}}")
+    scenario = site(tmp_path, incident=f"above_ground: {{{incident}, vx_m_s: 0, vy_m_s: 0}}")
     with pytest.raises(InputError, match=said):
         rock2d.run(scenario)
 
@@ -167,35 +151,29 @@ def test_starts_that_cannot_lie_below_the_ground_are_not_drawn_to_be_checked(
     monkeypatch.setattr(Conditions, "_below", lambda self, *releases: drawn.append(releases))
     for y, checked in {19.0: [], 17.8: [(0, 0, 30)]}.items():  # the ground is at 18 to 14 m
         fall = f"distribution: {{x_m: {{uniform: {{low: 2, high: 6}}}}, y_m: {{uniform: {{low: {y}, high: 30}}}}, "
-        scenario = site(tmp_path, BALL + roughness, incident=fall + "vx_m_s: 2.0, vy_m_s: 0.0}")
+        scenario = site(tmp_path, roughness, incident=fall + "vx_m_s: 2.0, vy_m_s: 0.0}")
         drawn.clear()
         Conditions(scenario, "batch", 1).check_starts(30)
         assert drawn == checked
 
 
 def test_releases_along_a_line_spread_over_its_length(tmp_path):
-    scenario = site(
-        tmp_path, BALL, incident="along: {points_m: [[1, 30], [4, 30], [4, 29]], vx_m_s: 1, vy_m_s: 0}"
-    )
+    scenario = site(tmp_path, incident="along: {points_m: [[1, 30], [4, 30], [4, 29]], vx_m_s: 1, vy_m_s: 0}")
     places = Conditions(scenario, "batch", 3).group(0, 0, 2000).states[:, :2]
     share = np.where(places[:, 1] == 30, places[:, 0] - 1, 3 + 30 - places[:, 1]) / 4
     assert stats.kstest(share, "uniform").pvalue > 0.01
 
 
 def test_slight_roughness_hardly_moves_the_first_rebound(tmp_path):
-    rough = rock2d.run(
-        site(tmp_path, BALL, "roughness: {slope: {sd_deg: 1e-4, length_m: 0.5}}\n", releases=1)
-    )
-    smooth = rock2d.run(site(tmp_path, BALL, releases=1))
+    rough = rock2d.run(site(tmp_path, "roughness: {slope: {sd_deg: 1e-4, length_m: 0.5}}\n", releases=1))
+    smooth = rock2d.run(site(tmp_path, releases=1))
     for name in ("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"):
         first, other = (run.to_pandas("impacts")[name].iloc[0] for run in (rough, smooth))
         assert first == pytest.approx(other, rel=1e-4, abs=1e-3)
 
 
 def test_slopes_under_a_place_spread_over_the_releases_as_stated(tmp_path):
-    conditions = Conditions(
-        site(tmp_path, BALL, "roughness: {slope: {sd_deg: 4, length_m: 0.5}}\n"), "batch", 3
-    )
+    conditions = Conditions(site(tmp_path, "roughness: {slope: {sd_deg: 4, length_m: 0.5}}\n"), "batch", 3)
     slopes = []
     for met in conditions.of(0, 0, 1000):
         points = met.cross_section.points_m
@@ -219,11 +197,11 @@ def test_slopes_under_a_place_spread_over_the_releases_as_stated(tmp_path):
 )  # fmt: skip
 def test_what_cannot_vary_is_refused_with_its_place(tmp_path, text, said):
     with pytest.raises(InputError, match=said):
-        site(tmp_path, BALL, text)
+        site(tmp_path, text)
 
 
 def test_a_draw_that_makes_no_sense_names_the_release(tmp_path):
-    scenario = site(tmp_path, BALL, "scatter: {model.deterministic.default.k_ul_N_m: {times: {uniform: {low: 0.01, "
+    scenario = site(tmp_path, "scatter: {model.deterministic.default.k_ul_N_m: {times: {uniform: {low: 0.01, "
                     "high: 0.2}}}}\n")  # fmt: skip
     with pytest.raises(
         InputError, match=r"need 0 < k_l_N_m <= k_ul_N_m.*that is release \d+ of block ball with"

@@ -246,9 +246,8 @@ def test_the_command_writes_the_comparison_and_names_the_diagnosis(tmp_path):
                   report=said.append)  # fmt: skip
     folder = tmp_path / "out" / "diagnosed_batch"
     about = json.loads((folder / "run.json").read_text())["diagnosis"]
-    assert (about["path"], about["verdict"], about["schema"]) == ("d.json", "air_drag", 1) and len(
-        about["sha256"]
-    ) == 64
+    assert (about["path"], about["verdict"], about["schema"]) == ("d.json", "air_drag", 1)
+    assert len(about["sha256"]) == 64
     assert set(pd.read_csv(folder / "before_after.csv")["model"]) == {"before", "soil", "after"}
     sites = pd.read_csv(folder / "sites.csv")
     assert list(sites) == ["diagnosis.air_drag.drag_per_mass_1_m"] and sites.iloc[:, 0].std() > 0
@@ -273,6 +272,5 @@ def test_a_possible_site_has_its_own_effect(tmp_path):
     scenario = diagnosed(tmp_path, drag(0.05), more="uncertainty: {sites: 4, releases: 20}")
     site = variant(scenario, {"diagnosis.air_drag.drag_per_mass_1_m": 0.07})
     met = Conditions(site, "batch", 1).common[0]
-    assert met.block == replace(met.block, air=met.block.air) and max(met.block.air) == pytest.approx(
-        0.07 * 305
-    )
+    assert met.block == replace(met.block, air=met.block.air)
+    assert max(met.block.air) == pytest.approx(0.07 * 305)

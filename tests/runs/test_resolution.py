@@ -11,46 +11,36 @@ from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers, run_campaign
 from rock2d.runs.resolution import unresolved_remarks
 from rock2d.runs.run import run
+from tests.programs import refusal
+from tests.scenarios_of_tests import scenario_file
 
 # 80 m of slope, three blocks, an embankment of 4 m with a vertical facing
-SITE = """
-name: site
-engine: batch
-releases: {releases}
-{time_limit}
-cross_section:
+SITE = {
+    "ground": """
   points_m: [[0, 44], [66, 0], [80, 0], [80, 4], [83, 4], [88, 0], [120, 0]]
   zones: [slope, ditch, facing, crest, back, run_out]
-  measure_lines: {{crest: [[80, 4], [80, 30]]}}
+  measure_lines: {crest: [[80, 4], [80, 30]]}""",
+    "blocks": """
 blocks:
-  ball: {{shape: circle, diameter_m: 1.0, mass_kg: 1414, inertia: solid_sphere}}
-  cube: {{shape: square, side_m: 1.0, mass_kg: 2700}}
-  slab: {{shape: rectangle, length_m: 2.0, height_m: 1.0, mass_kg: 5400}}
-model:
+  ball: {shape: circle, diameter_m: 1.0, mass_kg: 1414, inertia: solid_sphere}
+  cube: {shape: square, side_m: 1.0, mass_kg: 2700}
+  slab: {shape: rectangle, length_m: 2.0, height_m: 1.0, mass_kg: 5400}""",
+    "model": """
   deterministic:
-    default: {{k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg: 30, k_r_Nm_rad: 4.0e4,
-              rolling_cap: true}}
+    default: {k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7, k_t_N_m: 2.5e6, friction_angle_deg: 30, k_r_Nm_rad: 4.0e4,
+              rolling_cap: true}
   probabilistic:
-    default: {{default: {{friction_angle_deg: 10, momentum_half_kg_m_s: 1.0e4, tangential_restitution: 0.85}}}}
-incident:
-  default:
-    distribution:
-      x_m: {{uniform: {{low: 1.0, high: 3.0}}}}
-      y_m: {{uniform: {{low: 46.0, high: 48.0}}}}
-      theta_rad: {{uniform: {{low: -3.1, high: 3.1}}}}
-      vx_m_s: 1.0
-      vy_m_s: 0.0
-"""
+    default: {default: {friction_angle_deg: 10, momentum_half_kg_m_s: 1.0e4, tangential_restitution: 0.85}}""",
+    "incident": "distribution: {x_m: {uniform: {low: 1.0, high: 3.0}}, y_m: {uniform: {low: 46.0, high: 48.0}}, "
+    "theta_rad: {uniform: {low: -3.1, high: 3.1}}, vx_m_s: 1.0, vy_m_s: 0.0}",
+}  # fmt: skip
 
 
 @pytest.fixture
 def site(tmp_path):
-    def write(time_limit: str = "", releases: int = 60):
-        path = tmp_path / "site.yaml"
-        path.write_text(SITE.format(time_limit=time_limit, releases=releases))
-        return path
-
-    return write
+    return lambda more="", releases=60: scenario_file(
+        tmp_path, "site", releases=releases, seed=1, more=f"{more}\n", **SITE
+    )
 
 
 def simulated(path, out, lines, **options):
@@ -86,9 +76,8 @@ def test_results_are_replaced_only_when_asked_to(site, tmp_path):
     path, out = site(releases=2), tmp_path / "out"
     simulated(path, out, [])
     before = (out / "site_batch" / "run.json").stat().st_mtime_ns
-    with pytest.raises(InputError, match="earlier run; --overwrite replaces") as error:
-        simulated(path, out, [])
-    assert error.value.code == "results_exist"
+    said = "earlier run; --overwrite replaces"
+    assert refusal(simulated, path, out, [], said=said).code == "results_exist"
     assert (out / "site_batch" / "run.json").stat().st_mtime_ns == before
     simulated(path, out, [], overwrite=True)
     assert (out / "site_batch" / "run.json").stat().st_mtime_ns > before

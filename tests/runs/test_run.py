@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import signal
 import subprocess
 import sys
@@ -12,10 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from rock2d.cli import cli
-from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.conditions import incident_states
@@ -23,15 +19,8 @@ from rock2d.runs.incident_states import fit_first_flight
 from rock2d.runs.run import run
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
-
-SCENARIOS = Path(__file__).parents[2] / "scenarios"
-
-
-def rock2d(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "rock2d.cli", *arguments],
-        capture_output=True, text=True, env={**os.environ, **environment}, timeout=120, check=False,
-    )  # fmt: skip
+from tests.programs import commanded, other_hash_seed, refusal, rock2d
+from tests.scenarios_of_tests import SHIPPED
 
 
 def digest(folder: Path) -> dict[str, str]:
@@ -39,11 +28,10 @@ def digest(folder: Path) -> dict[str, str]:
 
 
 def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path):
-    words = ["run", str(SCENARIOS / "paper_setup.yaml"), "--releases", "1", "--quiet"]
-    here = CliRunner().invoke(cli, [*words, "--workers", "1", "--out", str(tmp_path / "a")])
+    words = ["run", SHIPPED / "paper_setup.yaml", "--releases", 1, "--quiet"]
+    here = commanded(*words, "--workers", 1, "--out", tmp_path / "a")
     assert here.exit_code == 0, here.output
-    other = "1" if os.environ.get("PYTHONHASHSEED") == "2" else "2"
-    done = rock2d(*words, "--workers", "2", "--out", str(tmp_path / "b"), PYTHONHASHSEED=other)
+    done = rock2d(*words, "--workers", 2, "--out", tmp_path / "b", PYTHONHASHSEED=other_hash_seed())
     assert done.returncode == 0, done.stderr
     seen = [digest(tmp_path / name / "paper_setup_pymunk") for name in "ab"]
     assert seen[0] == seen[1]
@@ -51,7 +39,7 @@ def test_results_are_identical_for_any_number_of_workers_and_hash_seed(tmp_path)
 
 
 def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_many_there_are():
-    scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
+    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
     few, many = incident_states(scenario, 1, 2), incident_states(scenario, 1, 5)
     assert np.array_equal(few[1].state, many[1].state)
     assert not np.array_equal(few[0].state, incident_states(scenario, 2, 2)[0].state)
@@ -59,7 +47,7 @@ def test_another_seed_gives_other_releases_and_a_release_does_not_depend_on_how_
 
 @pytest.mark.parametrize("engine", ["pymunk", "point_mass"])
 def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
-    scenario = load_scenario(SCENARIOS / "paper_setup.yaml")
+    scenario = load_scenario(SHIPPED / "paper_setup.yaml")
     result = run(scenario, engine=engine, releases=2, workers=1, progress=False)
     result.write(tmp_path / "out")
     back = load_experiment(tmp_path / "out")
@@ -73,7 +61,7 @@ def test_what_is_written_is_an_experiment_that_reads_back(tmp_path, engine):
 
 
 def test_every_scenario_runs_as_it_stands(data_root):
-    for path in sorted(SCENARIOS.glob("*.yaml")):
+    for path in sorted(SHIPPED.glob("*.yaml")):
         scenario = load_scenario(path, data_root)
         assert scenario.assumed, f"{path.name} must say what it assumes"
         result = run(scenario, releases=1, workers=1, progress=False)
@@ -81,27 +69,25 @@ def test_every_scenario_runs_as_it_stands(data_root):
 
 
 def test_missing_data_are_said_plainly():
-    done = rock2d("run", str(SCENARIOS / "real_squares.yaml"), ROCK2D_DATA="")
+    done = rock2d("run", SHIPPED / "real_squares.yaml", ROCK2D_DATA="")
     assert done.returncode == 2
     assert "ROCK2D_DATA" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_a_mistake_is_one_line_with_its_place_and_exit_code_2(tmp_path):
-    text = (SCENARIOS / "flat_floor.yaml").read_text().replace("releases:", "relaeses:", 1)
+    text = (SHIPPED / "flat_floor.yaml").read_text().replace("releases:", "relaeses:", 1)
     (tmp_path / "bad.yaml").write_text(text)
-    done = rock2d("run", str(tmp_path / "bad.yaml"), "--out", str(tmp_path / "out"))
+    done = rock2d("run", tmp_path / "bad.yaml", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "bad.yaml:" in done.stderr and "did you mean" in done.stderr and "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
 
 
 def test_a_former_key_is_named_on_the_terminal(tmp_path):
-    text = (
-        (SCENARIOS / "flat_floor.yaml").read_text().replace("rolling_cap: false", "rolling_in_crater: false")
-    )
+    text = (SHIPPED / "flat_floor.yaml").read_text().replace("rolling_cap: false", "rolling_in_crater: false")
     (tmp_path / "old.yaml").write_text(text)
-    options = ["--engine", "point_mass", "--releases", "1", "--quiet", "--out", str(tmp_path / "out")]
-    done = rock2d("run", str(tmp_path / "old.yaml"), *options)
+    options = ["--engine", "point_mass", "--releases", 1, "--quiet", "--out", tmp_path / "out"]
+    done = rock2d("run", tmp_path / "old.yaml", *options)
     assert done.returncode == 0, done.stderr
     (line,) = [line for line in done.stderr.splitlines() if "rolling_in_crater" in line]
     assert line.startswith(f"warning: {tmp_path / 'old.yaml'}:") and "'rolling_in_indentation'" in line
@@ -109,7 +95,7 @@ def test_a_former_key_is_named_on_the_terminal(tmp_path):
 
 def test_an_interrupted_run_leaves_nothing_half_written(tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-m", "rock2d.cli", "run", str(SCENARIOS / "paper_setup.yaml"), "--releases", "2000",
+        [sys.executable, "-m", "rock2d.cli", "run", str(SHIPPED / "paper_setup.yaml"), "--releases", "2000",
          "--out", str(tmp_path / "out"), "--workers", "1"],
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -165,12 +151,12 @@ def test_first_flight_errors_are_those_of_least_squares():
 def test_a_start_that_is_drawn_below_the_ground_is_refused(tmp_path):
     path = tmp_path / "low.yaml"
     path.write_text(
-        (SCENARIOS / "flat_floor.yaml").read_text().replace("      y_m: 0.32\n", "      y_m: -0.32\n")
+        (SHIPPED / "flat_floor.yaml").read_text().replace("      y_m: 0.32\n", "      y_m: -0.32\n")
     )
-    with pytest.raises(InputError, match="would start below the ground") as caught:
-        run(load_scenario(path), engine="batch", releases=2)
-    assert caught.value.code == "bad_state"
-    assert caught.value.line is not None
+    said = "would start below the ground"
+    error = refusal(run, load_scenario(path), engine="batch", releases=2, said=said)
+    assert error.code == "bad_state"
+    assert error.line is not None
 
 
 @pytest.mark.filterwarnings("ignore::rock2d.errors.OldKeyWarning")

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 from rock2d.scene.blocks import make_block
 from rock2d.scene.shapes import inertia_words, shapes
 from rock2d.scene.shapes.shape import BlockError
+from tests.laboratory import CUBE, SLAB, SPHERE
 
 VERTICES = [[0, 0], [0.02, 0], [0.03, 0.01], [0.01, 0.025], [-0.005, 0.015]]
+SIZES = [
+    ("circle", {"diameter_m": 0.03}),
+    ("square", {"side_m": 0.019}),
+    ("rectangle", {"length_m": 0.035, "height_m": 0.014}),
+    ("ellipse", {"length_m": 0.035, "height_m": 0.02}),
+]
 
 
 def polar_moment_per_area(outline):
@@ -25,23 +32,15 @@ def polar_moment_per_area(outline):
 
 
 def test_the_paper_s_blocks_have_the_moments_of_inertia_of_table_1():
-    sphere = make_block("s", "circle", 0.022, "solid_sphere", diameter_m=0.025)
-    cube = make_block("c", "square", 0.0233, side_m=0.019)
-    slab = make_block("p", "rectangle", 0.0231, length_m=0.035, height_m=0.014)
-    assert sphere.inertia_kg_m2 == pytest.approx(1.375e-6)
-    assert cube.inertia_kg_m2 == pytest.approx(0.0233 * (0.019**2 + 0.019**2) / 12)
-    assert slab.inertia_kg_m2 == pytest.approx(0.0231 * (0.035**2 + 0.014**2) / 12)
+    assert SPHERE.inertia_kg_m2 == pytest.approx(1.375e-6)
+    assert CUBE.inertia_kg_m2 == pytest.approx(0.0233 * (0.019**2 + 0.019**2) / 12)
+    assert SLAB.inertia_kg_m2 == pytest.approx(0.0231 * (0.035**2 + 0.014**2) / 12)
 
 
 @pytest.mark.parametrize(
     "shape, size",
-    [
-        ("circle", {"diameter_m": 0.03}), ("square", {"side_m": 0.019}),
-        ("rectangle", {"length_m": 0.035, "height_m": 0.014}),
-        ("ellipse", {"length_m": 0.035, "height_m": 0.02}),
-        ("polygon", {"vertices_m": VERTICES}), ("polygon", {"vertices_m": VERTICES[::-1]}),
-    ],
-)  # fmt: skip
+    [*SIZES, ("polygon", {"vertices_m": VERTICES}), ("polygon", {"vertices_m": VERTICES[::-1]})],
+)
 def test_uniform_inertia_area_and_reach_agree_with_the_outline(shape, size):
     block = make_block("b", shape, 2.0, **size)
     outline = block.outline(20000)
@@ -98,15 +97,7 @@ def test_every_file_of_a_shape_is_found_under_its_name():
     assert inertia_words() == ("solid_sphere", "uniform")
 
 
-@pytest.mark.parametrize(
-    "shape, size",
-    [
-        ("circle", {"diameter_m": 0.03}), ("square", {"side_m": 0.019}),
-        ("rectangle", {"length_m": 0.035, "height_m": 0.014}),
-        ("ellipse", {"length_m": 0.035, "height_m": 0.02}),
-        ("polygon", {"vertices_m": [[-1, -1], [2, -1], [-1, 2]]}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("shape, size", [*SIZES, ("polygon", {"vertices_m": [[-1, -1], [2, -1], [-1, 2]]})])
 def test_a_shape_gives_the_sizes_of_its_blocks_back(shape, size):
     block = make_block("b", shape, 2.0, **size)
     assert shapes()[shape].sizes_of(block.semi_axes_m, block.corners_m) == size

@@ -24,6 +24,10 @@ def run(*arguments: object) -> str:
     return result.output
 
 
+def tracked(film, setup, out, *options: object) -> str:
+    return run("track", film, "--config", setup, *options, "--out", out, "--quiet")
+
+
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory):
     """A folder with film.avi (quality 90), its setup.yaml, and the experiment filmed."""
@@ -37,9 +41,7 @@ def filmed(tmp_path_factory):
 
 
 def test_from_film_to_experiment(filmed, tmp_path):
-    said = run(
-        "track", filmed / "film.avi", "--config", filmed / "setup.yaml", "--out", tmp_path / "out", "--quiet"
-    )
+    said = tracked(filmed / "film.avi", filmed / "setup.yaml", tmp_path / "out")
     assert "3 releases, 420 of 420 frames trusted" in said
     found, truth = load_experiment(tmp_path / "out"), load_experiment(filmed / "truth")
     off = found.trajectories[["x_m", "y_m"]].to_numpy() - truth.trajectories[["x_m", "y_m"]].to_numpy()
@@ -52,9 +54,7 @@ def test_from_film_to_experiment(filmed, tmp_path):
 
 def test_film_writes_its_truth_and_a_setup_that_tracks_it(filmed, tmp_path):
     run("film", filmed / "truth", "--out", tmp_path / "f.avi", "--size", 480, 320, "--releases", 1, "--quiet")
-    said = run(
-        "track", tmp_path / "f.avi", "--config", tmp_path / "f.yaml", "--out", tmp_path / "out", "--quiet"
-    )
+    said = tracked(tmp_path / "f.avi", tmp_path / "f.yaml", tmp_path / "out")
     assert "1 release, 140 of 140 frames trusted" in said
     assert (tmp_path / "f.csv").read_text().count("\n") == 1 + 60 + 140
 
@@ -83,15 +83,7 @@ def test_export_and_import_give_the_same_motion(filmed, tmp_path):
 def test_files_that_are_no_whole_film_are_refused(filmed, tmp_path, spoil, said):
     (tmp_path / "bad.avi").write_bytes(spoil((filmed / "film.avi").read_bytes()))
     with pytest.raises(InputError, match=said):
-        run(
-            "track",
-            tmp_path / "bad.avi",
-            "--config",
-            filmed / "setup.yaml",
-            "--out",
-            tmp_path / "out",
-            "--quiet",
-        )
+        tracked(tmp_path / "bad.avi", filmed / "setup.yaml", tmp_path / "out")
     assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
 
 
@@ -109,7 +101,7 @@ def test_a_setup_that_is_not_the_films_is_reported(filmed, tmp_path, true, wrong
     setup, out = tmp_path / "setup.yaml", tmp_path / "out"
     setup.write_text(text.replace(true, wrong))
     with pytest.raises(InputError, match=said):
-        run("track", filmed / "film.avi", "--config", setup, "--frames", frames, "--out", out, "--quiet")
+        tracked(filmed / "film.avi", setup, out, "--frames", frames)
     assert not out.exists()
 
 

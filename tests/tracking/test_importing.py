@@ -8,17 +8,9 @@ import pytest
 from rock2d_tracking.importing import read_points
 
 from rock2d.files.experiment import TRAJECTORY_COLUMNS, read_trajectories
-from tests.tracking.tracked_files import (
-    CUBE,
-    DEEPLABCUT,
-    KINOVEA_TEXT,
-    MULTI,
-    SCALE,
-    SPHERE,
-    TRACKER,
-    imported,
-    refusal,
-)
+from tests.laboratory import CUBE, SPHERE
+from tests.programs import refusal
+from tests.tracking.tracked_files import DEEPLABCUT, KINOVEA_TEXT, MULTI, SCALE, TRACKER, imported
 
 
 def test_trackers_time_is_not_believed_but_its_frames_are(put):

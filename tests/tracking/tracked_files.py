@@ -5,14 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 
 import pandas as pd
-import pytest
 from rock2d_tracking.importing import CameraScale, ImportOptions, TrackedFiles, import_tracks
 
-from rock2d.errors import InputError
-from rock2d.scene.blocks import make_block
-
-SPHERE = make_block("sphere", shape="circle", diameter_m=0.025, mass_kg=0.022, inertia="solid_sphere")
-CUBE = make_block("cube", shape="square", side_m=0.019, mass_kg=0.0233, inertia="uniform")
 SCALE = {"metres_per_unit": 1.0, "y": "up", "fps": 1000.0}
 
 TRACKER = """\
@@ -99,9 +93,3 @@ def imported(paths, kind, *, block, report=print, **stated) -> pd.DataFrame:
     )
     assert set(stated) <= set.union(*records.values())
     return import_tracks(TrackedFiles(paths, kind, y), scale, block, options, report=report)
-
-
-def refusal(function, *args, **kwargs) -> InputError:
-    with pytest.raises(InputError) as caught:
-        function(*args, **kwargs)
-    return caught.value

@@ -16,11 +16,9 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.cli import cli
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from rock2d.runs.campaigns import ensembles, order_statistics
@@ -34,11 +32,12 @@ from rock2d.runs.indicators.percentiles import percentile_table
 from rock2d.runs.indicators.stops import stops_table
 from rock2d.runs.run import run
 from rock2d.statistics import percentile_estimate, percentile_ranks
+from tests.programs import commanded
+from tests.scenarios_of_tests import SHIPPED
 from tests.test_processes import heed_interrupts
 
-SCENARIOS = Path(__file__).parents[3] / "scenarios"
 CUT_SHORT = 4  # exit code
-SETUP = load_scenario(SCENARIOS / "paper_setup.yaml")
+SETUP = load_scenario(SHIPPED / "paper_setup.yaml")
 
 
 def campaign(
@@ -55,16 +54,8 @@ def campaign(
     """A campaign of small chunks; what it reported comes back beside its tables."""
     lines: list[str] = []
     chosen = CampaignOptions(engine=engine, releases=releases, chunk_releases=chunk, **options)
-    tables = run_campaign(
-        scenario,
-        folder,
-        chosen,
-        workers or Workers(),
-        overwrite=overwrite,
-        progress=False,
-        report=lines.append,
-    )
-    return tables, lines
+    said = {"progress": False, "report": lines.append}
+    return run_campaign(scenario, folder, chosen, workers or Workers(), overwrite=overwrite, **said), lines
 
 
 def digest(folder: Path) -> dict[str, str]:
@@ -115,7 +106,7 @@ def test_a_campaign_holds_what_single_runs_hold(tmp_path, engine, monkeypatch):
 
 
 def test_tables_are_those_of_all_values(tmp_path):
-    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    slope = load_scenario(SHIPPED / "slope_embankment.yaml")
     tables, _ = campaign(tmp_path / "out", scenario=slope, engine="point_mass", releases=4000, chunk=1500)
     ends, crossings = kept(tmp_path / "out", "ends"), kept(tmp_path / "out", "crossings")
     order = {"by": ["block", "line", "quantity", "percentile"], "ignore_index": True}
@@ -131,7 +122,7 @@ def test_tables_are_those_of_all_values(tmp_path):
 
 
 def test_tables_do_not_depend_on_the_size_of_chunks_or_on_how_much_is_in_memory(tmp_path, monkeypatch):
-    slope = load_scenario(SCENARIOS / "slope_embankment.yaml")
+    slope = load_scenario(SHIPPED / "slope_embankment.yaml")
     many = {"scenario": slope, "engine": "point_mass", "releases": 3000}
     tables, _ = campaign(tmp_path / "large", chunk=3000, **many)
     monkeypatch.setattr(order_statistics, "MOST_COLLECTED", 100)
@@ -185,19 +176,14 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
 
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
-    text = (SCENARIOS / "paper_setup.yaml").read_text()
+    text = (SHIPPED / "paper_setup.yaml").read_text()
     (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.08"))
     words = [
         "run",
         str(tmp_path / "short.yaml"),
-        "--engine",
-        "batch",
-        "--releases",
-        "20001",
-        "--quiet",
-        "--out",
+        *["--engine", "batch", "--releases", "20001", "--quiet", "--out"],
     ]
-    whole = CliRunner().invoke(cli, [*words, str(tmp_path / "whole")])
+    whole = commanded(*words, tmp_path / "whole")
     assert whole.exit_code == CUT_SHORT and "NOT RESOLVED: of 20001 releases of cube 20001" in whole.stdout
     assert "campaign: 60003 releases in 9 chunks" in whole.stdout and "passing frequency" in whole.stdout
     cut, done = tmp_path / "cut" / "paper_setup_batch", 0
@@ -224,7 +210,7 @@ def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
             assert any(shown)
             assert "Traceback" not in errors
             assert not list(cut.rglob(".*"))
-    again = CliRunner().invoke(cli, [*words, str(tmp_path / "cut")])
+    again = commanded(*words, tmp_path / "cut")
     assert again.exit_code == CUT_SHORT
     assert f"{done} of 9 chunks are done already" in again.stdout
     assert digest(cut) == digest(tmp_path / "whole" / "paper_setup_batch")
@@ -305,7 +291,7 @@ def test_what_cannot_be_a_campaign_is_said_plainly(tmp_path, options, words, mon
 
 
 def test_measured_starts_are_not_for_campaigns(tmp_path, data_root):
-    scenario = load_scenario(SCENARIOS / "real_squares.yaml", data_root)
+    scenario = load_scenario(SHIPPED / "real_squares.yaml", data_root)
     with pytest.raises(InputError, match="measured"):
         campaign(tmp_path, scenario=scenario)
 

@@ -9,18 +9,16 @@ from rock2d.records.track import Track
 from rock2d.runs.indicators.envelopes import STATIONS, envelope_table
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
+from tests import laboratory
 
 GROUND = CrossSection([[0, 10], [20, 0], [60, 0]], ["slope", "floor"])
 BALL = make_block("ball", "circle", 100.0, "solid_sphere", diameter_m=0.5)
 G = 9.81
 
 
-def flight(release: int, vx: float, seconds: float = 2.0) -> Track:
-    """A flight from (0, 30) with a spin of 4 rad/s."""
-    begin = [0.0, 0.0, 30.0, 0.0, vx, 1.0, 4.0]
-    t = seconds
-    end = [t, vx * t, 30 + t - 0.5 * G * t * t, 4 * t, vx, 1.0 - G * t, 4.0]
-    return Track(release, "ball", np.array([begin, end]), np.array([True, False]), [], "time", G)
+def flight(release: int, vx: float) -> Track:
+    """A flight of 2 s from (0, 30) with a spin of 4 rad/s."""
+    return laboratory.flight(release, "ball", [0.0, 30.0, 0.0, vx, 1.0, 4.0], 2.0, "time")
 
 
 def values(table, quantity, percentile):

@@ -12,6 +12,7 @@ from rock2d.runs.indicators.stops import stops_table
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.statistics import wilson_interval
+from tests import laboratory
 
 G = 9.81
 CUBE = make_block("cube", "square", 0.5, side_m=0.1)
@@ -22,10 +23,8 @@ GROUND = CrossSection(
 )
 
 
-def flight(release, x, y, vx, vy, omega=0.0, seconds=1.0, stop="exit", block="cube"):
-    end = [seconds, x + vx * seconds, y + vy * seconds - 0.5 * G * seconds**2]
-    knots = np.array([[0, x, y, 0, vx, vy, omega], [*end, omega * seconds, vx, vy - G * seconds, omega]])
-    return Track(release, block, knots, np.array([True, False]), [], stop, G)
+def flight(release, x, y, vx, vy, omega=0.0, stop="exit"):
+    return laboratory.flight(release, "cube", [x, y, 0.0, vx, vy, omega], 1.0, stop)
 
 
 def test_the_state_at_an_upright_line_is_that_of_the_parabola():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from rock2d_tracking.importing import read_points
 
-from tests.tracking.tracked_files import CUBE, DLTDV, SPARSE, imported
+from tests.laboratory import CUBE
+from tests.tracking.tracked_files import DLTDV, SPARSE, imported
 
 
 def test_dltdv_rows_are_frames_and_nan_is_lost(put):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from rock2d_tracking.importing import read_points
 
-from tests.tracking.tracked_files import KINOVEA_CSV, KINOVEA_TEXT, refusal, values
+from tests.programs import refusal
+from tests.tracking.tracked_files import KINOVEA_CSV, KINOVEA_TEXT, values
 
 
 @pytest.mark.parametrize(

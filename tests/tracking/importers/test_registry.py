@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import pytest
 from rock2d_tracking import importers
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.importing import read_points
 
-from tests.tracking.tracked_files import FILES, refusal, values
+from tests.programs import printed, refusal
+from tests.tracking.tracked_files import FILES, values
 
 
 @pytest.mark.parametrize("chosen", importer_names())
@@ -82,24 +79,14 @@ def test_a_format_is_added_as_one_file(put, tmp_path, monkeypatch):
     path = put("loupe\n3 1.5 2.5\n")
     assert values(read_points(path, "loupe"), "stone") == [[1.5, 2.5]]
     assert "looks like loupe" in refusal(read_points, path, "kinovea").message
-    chosen = python(
+    chosen = printed(
         f"from rock2d_tracking import importers; importers.__path__.append({str(tmp_path)!r})\n"
         "from rock2d.cli import cli\n"
         "print(*next(p for p in cli.commands['import'].params if p.name == 'kind').type.choices)"
-    )
+    ).split()
     assert chosen == list(importer_names())
 
 
 def test_the_command_line_names_the_formats_without_heavy_imports():
     heavy = ("numpy", "pandas", "cv2", "numba", "pydantic")
-    assert python(f"import sys, rock2d.cli; print(*(m for m in {heavy} if m in sys.modules))") == []
-
-
-def python(script: str) -> list[str]:
-    """The words that a script prints in a process of its own."""
-    paths = os.pathsep.join(sys.path)
-    result = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True,
-        env=os.environ | {"PYTHONPATH": paths},
-    )  # fmt: skip
-    return result.stdout.split()
+    assert printed(f"import sys, rock2d.cli; print(*(m for m in {heavy} if m in sys.modules))") == ""

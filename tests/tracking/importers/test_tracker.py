@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from rock2d_tracking.importers.tracker import write_tracker
 from rock2d_tracking.importing import read_points
 
-from rock2d.scene.blocks import make_block
-from tests.tracking.tracked_files import TRACKER, imported, refusal, values
+from tests.laboratory import CUBE
+from tests.programs import refusal
+from tests.tracking.tracked_files import TRACKER, imported, values
 
 
 @pytest.mark.parametrize(
@@ -43,7 +46,7 @@ def test_what_is_written_for_tracker_is_read_back_to_the_last_digit(tmp_path):
     assert table["frame"].tolist() == [7, 9, 12, 13] and set(table["track"]) == {"the_cube_release_4"}
     back = table[["time", "u", "v", "theta_rad"]].to_numpy()
     assert (back == kept[["t_s", "x_m", "y_m", "theta_rad"]].to_numpy()).all()
-    block = make_block("the cube", shape="square", side_m=0.019, mass_kg=0.0233, inertia="uniform")
+    block = replace(CUBE, name="the cube")
     say = {"metres_per_unit": 1.0, "y": "up", "fps": 333.0}
     again = imported(path, "tracker", **say, block=block, first_release=4)
     pd.testing.assert_frame_equal(again, kept, check_exact=True)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from rock2d_tracking.importing import read_points
 
-from tests.tracking.tracked_files import CUBE, SPHERE, imported, refusal, values
+from tests.laboratory import CUBE, SPHERE
+from tests.programs import refusal
+from tests.tracking.tracked_files import imported, values
 
 TRACKER = "org.opensourcephysics.cabrillo.tracker"
 ORIGIN_PX, PX_PER_M, FPS = (100.0, 300.0), 400.0, 50.0
@@ -72,12 +74,8 @@ def test_points_of_two_marks_tell_the_orientation(put):
     )
     points = read_points(put(marks), "tracker")
     # Tracker counts from the corner of the first pixel
-    assert values(points, "b") == [[19.5, 9.5], [9.5, -0.5]] and points.table["frame"].tolist() == [
-        0,
-        1,
-        0,
-        1,
-    ]
+    assert values(points, "b") == [[19.5, 9.5], [9.5, -0.5]]
+    assert points.table["frame"].tolist() == [0, 1, 0, 1]
     seen = imported(
         put(marks), "tracker", metres_per_unit=1.0, y="down", fps=1.0, block=CUBE, marks=("a", "b"),
         report=lambda _: None,
@@ -86,15 +84,8 @@ def test_points_of_two_marks_tell_the_orientation(put):
 
 
 def test_y_of_pixels_grows_downwards_whoever_says_otherwise(put):
-    error = refusal(
-        imported,
-        put(project(mass("ball", toss()))),
-        "tracker",
-        metres_per_unit=1.0,
-        y="up",
-        fps=FPS,
-        block=SPHERE,
-    )
+    stated = {"metres_per_unit": 1.0, "y": "up", "fps": FPS, "block": SPHERE}
+    error = refusal(imported, put(project(mass("ball", toss()))), "tracker", **stated)
     assert "state y down" in error.message
 
 
@@ -135,15 +126,8 @@ def test_a_damaged_project_is_told_with_its_line(put, spoil, words):
 @pytest.mark.skipif(not os.environ.get("ROCK2D_DATA"), reason="needs the film under ROCK2D_DATA")
 def test_the_marks_of_a_real_project_fall_with_gravity():
     path = Path(os.environ["ROCK2D_DATA"]) / "data/films/ball_toss/BallToss.trk"
-    seen = imported(
-        path,
-        "tracker",
-        metres_per_unit=1 / 398.709,
-        y="down",
-        fps=1 / 0.066,
-        block=SPHERE,
-        report=lambda _: None,
-    )
+    stated = {"metres_per_unit": 1 / 398.709, "y": "down", "fps": 1 / 0.066, "block": SPHERE}
+    seen = imported(path, "tracker", **stated, report=lambda _: None)
     assert len(seen) == 11 and seen["t_s"].iloc[0] == pytest.approx(2 * 0.066)
     fall = np.polyfit(seen["t_s"], seen["y_m"], 2)
     assert np.std(seen["y_m"] - np.polyval(fall, seen["t_s"])) * 398.709 < 1.0  # px: marks made by hand

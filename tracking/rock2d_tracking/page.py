@@ -60,12 +60,13 @@ def _summary(film: TrackedFilm, flights: pd.DataFrame, impacts: pd.DataFrame) ->
     """Label -> value of the table at the top of the page."""
     frames, experiment, flag = film.frames, film.experiment, impacts["flag"].astype(str)
     lost = frames.loc[frames["reason"] != "", "reason"].value_counts()
+    angles = frames["angle_error_rad"].notna().any()
+    angle_noise = f"{np.rad2deg(experiment.angle_noise_rad):.2g}°" if angles else "angle not measured"
     return {
         "releases": f"{frames['release'].nunique()}",
         "frames trusted": f"{(frames['reason'] == '').sum()} of {len(frames)}",
         "flights, impacts": f"{len(flights)}, {len(impacts)}",
-        "noise of a frame": f"{1e3 * experiment.position_noise_m:.3g} mm, "
-        f"{np.rad2deg(experiment.angle_noise_rad):.2g}°",
+        "noise of a frame": f"{1e3 * experiment.position_noise_m:.3g} mm, {angle_noise}",
         "residuals of the parabolas, over the noise": f"{flights['misfit'].median():.2f} (noise alone makes 1)"
         if len(flights)
         else "no flight was seen",

@@ -25,7 +25,7 @@ def tossed(frames: int, gravity: float = 9.81) -> TrackedFilm:
     pixels = CAMERA.to_pixel(table[["x_m", "y_m"]].to_numpy())
     frame = pd.DataFrame({
         "release": 0, "block": "sphere", "frame": np.arange(frames), "t_s": t, "u_px": pixels[:, 0],
-        "v_px": pixels[:, 1], "confidence": 0.9, "reason": "",
+        "v_px": pixels[:, 1], "angle_error_rad": np.nan, "confidence": 0.9, "reason": "",
     })  # fmt: skip
     return TrackedFilm(experiment, frame, [])
 
@@ -37,4 +37,5 @@ def test_a_film_without_an_impact_or_a_flight_gets_its_page(tmp_path, frames):
     assert len(impacts) == 0 and len(flights) == (frames > 8)
     write_page(tmp_path / "page.html", found, flights, impacts, data, np.zeros(SIZE_PX[::-1], np.uint8))
     page = (tmp_path / "page.html").read_text()
+    assert "angle not measured" in page
     assert f"{len(flights)}, 0" in page and page.count("<img") == 5 and "nan" not in page

@@ -29,6 +29,7 @@ from rock2d.design.report_tables import (
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -135,6 +136,7 @@ def report_page(results: SiteResults, figures: Mapping[str, Path], made: Made) -
         "remarks": [
             *results.remarks, *(results.assessment.remarks() if results.assessment else ()),
             *(line for line in results.diagnosis if line.startswith("warning")),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
         ],
         "resolved": not results.remarks,
         "sections": [section for section in _sections(results, figures) if section is not None],

@@ -35,7 +35,7 @@ def test_effect(example):
     module = example("speed_lift")
     assert module.EFFECT.name == "speed_lift"
     law = getattr(module.flight, "py_func", module.flight)
-    assert law(0.2, 3.0, 4.0, 0.0, 2.0, 1.0) == pytest.approx((0.0, 2.5, 0.0))
+    assert law(0.2, 3.0, 4.0, 0.0, 2.0, 1.0) == pytest.approx((-2.0, 1.5, 0.0))
 
 
 def test_shape(example):

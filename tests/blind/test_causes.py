@@ -28,7 +28,8 @@ def test_files_are_found_in_draw_order(tmp_path, monkeypatch):
 def test_published_trials_keep_their_order():
     """Seeds assign causes by their place: an addition comes last."""
     assert list(reality.FORMS)[:3] == ["air_drag", "flight_damping", "magnus_lift"]
-    assert list(reality.FORMS)[21] == "mirrored_axis" and next(iter(reality.OUTSIDE)) == "side_wind"
+    assert list(reality.FORMS)[21] == "mirrored_axis", "a new cause sets no draw_order"
+    assert next(iter(reality.OUTSIDE)) == "side_wind"
     for causes in (known_causes(), outside_causes()):
         places = [cause.draw_order for cause in causes.values()]
         assert places == sorted(places)

@@ -261,9 +261,9 @@ def test_every_cause_shows_and_vanishes_with_its_size(setup: Setup) -> None:
         if name in EMBANKMENT_ONLY and setup is FLOOR:
             assert gaps == [0.0, 0.0], name
         else:
-            assert gaps[0] > 1e-4, (name, form)
+            assert gaps[0] > 1e-4, f"{name}, form {form}: the film does not show it"
         if name != "mirrored_axis":
-            assert gaps[1] < 0.02, (name, form, gaps)
+            assert gaps[1] < 0.02, f"{name}, form {form}: does not vanish with its size, {gaps}"
 
 
 def test_forms_of_an_effect_differ() -> None:
@@ -277,7 +277,7 @@ def test_forms_of_an_effect_differ() -> None:
             for form in range(forms)
         ]
         assert forms >= 2
-        assert not np.allclose(records[0], records[1], atol=1e-6), name
+        assert not np.allclose(records[0], records[1], atol=1e-6), f"{name}: the forms give the same film"
     assert len(OUTSIDE) >= 8
     assert not set(OUTSIDE) & set(FORMS)
 

@@ -61,7 +61,10 @@ def test_every_scenario_is_in_the_gallery():
 def test_every_table_of_a_run_is_documented():
     page = generator().results_page()
     for name, columns in generator().result_columns().items():
-        assert f"### {name}.csv" in page and f"`{name}.csv`" in page
+        assert f"### {name}.csv" in page
+        assert f"`{name}.csv`" in page, (
+            f"docs/hooks/heads/formats_results.md does not say what {name}.csv holds"
+        )
         assert all(f"`{column}`" in page for column in columns)
 
 

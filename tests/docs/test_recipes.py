@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rock2d_tracking.importers import find_importer, importer_names
 
 from rock2d.errors import InputError
 from tests.docs.sources import ROOT
@@ -35,7 +36,7 @@ def test_effect(example):
     module = example("speed_lift")
     assert module.EFFECT.name == "speed_lift"
     law = getattr(module.flight, "py_func", module.flight)
-    assert law(0.2, 3.0, 4.0, 0.0, 2.0, 1.0) == pytest.approx((0.0, 2.5, 0.0))
+    assert law(0.2, 3.0, 4.0, 0.0, 2.0, 1.0) == pytest.approx((-2.0, 1.5, 0.0))
 
 
 def test_shape(example):
@@ -49,12 +50,16 @@ def test_shape(example):
 
 def test_importer(example, tmp_path):
     importer = example("plain").IMPORTER
-    text = "frame,x,y\n0,1.5,2\n\n1,2.5,3\n"
+    text = "image,u,v\n0,1.5,2\n\n1,2.5,3\n"
     assert importer.looks_like(text)
     table = importer.read(tmp_path / "seen.csv", text).table
     assert table[["line", "frame", "u", "v"]].to_numpy().tolist() == [[2, 0, 1.5, 2], [4, 1, 2.5, 3]]
+    assert not any(find_importer(name).looks_like(text) for name in importer_names())
     with pytest.raises(InputError, match="expected 3 cells, found 2"):
-        importer.read(tmp_path / "seen.csv", "frame,x,y\n0,1.5\n")
+        importer.read(tmp_path / "seen.csv", "image,u,v\n0,1.5\n")
+    with pytest.raises(InputError, match="names of columns") as caught:
+        importer.read(tmp_path / "seen.csv", "what,ever\n1,2\n")
+    assert caught.value.line == 1
 
 
 def test_indicator(example):

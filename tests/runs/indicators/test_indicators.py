@@ -106,8 +106,7 @@ def test_stops_name_the_zone_and_the_runout():
 
 
 def test_every_file_of_an_indicator_is_found_under_its_name():
-    assert set(indicators()) == {
-        "crossings", "energy", "envelopes", "impacts", "passing", "percentiles", "stops",
-    }  # fmt: skip
+    kept = {"crossings", "energy", "envelopes", "impacts", "passing", "percentiles", "stops"}
+    assert set(indicators()) >= kept, "names of files do not change"
     for name, indicator in indicators().items():
         assert indicator.name == name and indicator.columns

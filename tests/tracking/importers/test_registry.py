@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from rock2d_tracking import importers
-from rock2d_tracking.importers import importer_names
+from rock2d_tracking.importers import find_importer, importer_names
 from rock2d_tracking.importing import read_points
 
 from tests.programs import printed, refusal
@@ -14,10 +14,14 @@ from tests.tracking.tracked_files import FILES, values
 @pytest.mark.parametrize("chosen", importer_names())
 @pytest.mark.parametrize("real", importer_names())
 def test_the_wrong_kind_is_told_and_the_right_one_named(put, chosen, real):
+    assert real in FILES, f"tracked_files.FILES has no file of {real}"
     path = put(FILES[real])
     if chosen == real:
         assert not read_points(path, chosen).table.empty
         return
+    assert not find_importer(chosen).looks_like(FILES[real]), (
+        f"a file of {real} looks like one of {chosen}, too"
+    )
     error = refusal(read_points, path, chosen)
     assert f"looks like {real}" in error.message and (error.file, error.line) == (path, 1)
 

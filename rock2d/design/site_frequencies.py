@@ -36,9 +36,9 @@ def _finer(k: Array, releases: int, angle: Array) -> Array:
     for _ in range(2):
         _, _, weight = _posterior(k, releases, np.sin(angle) ** 2)
         own = weight.reshape(-1, STRENGTHS).sum(axis=1)
-        held = np.flatnonzero(own > 1e-6 * own.max())
+        support = np.flatnonzero(own > 1e-6 * own.max())
         step = angle[1] - angle[0]
-        low, high = max(angle[held[0]] - step, 0.0), min(angle[held[-1]] + step, 0.5 * np.pi)
+        low, high = max(angle[support[0]] - step, 0.0), min(angle[support[-1]] + step, 0.5 * np.pi)
         angle = low + (high - low) * (np.arange(MEANS) + 0.5) / MEANS
     return angle
 

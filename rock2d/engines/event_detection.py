@@ -107,7 +107,7 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 
 @kernel
-def hold_event(row, first, before, after, peak, bottom, h):
+def force_limit_event(row, first, before, after, peak, bottom, h):
     """Time in (0, h] at which the force of a pressing contact with effects reaches or leaves its lower limit 0; h if it
     does not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
     normal force in N) at the two ends of the step."""
@@ -265,8 +265,8 @@ def first_event(h, whole, q0, q1, world, memory, found):
             if p[ACTS] != 0.0:
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
-                held = hold_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-                t = held if LEAST_EVENT * whole < held < t else t
+                at_limit = force_limit_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
+                t = at_limit if LEAST_EVENT * whole < at_limit < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]

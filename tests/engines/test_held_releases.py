@@ -36,10 +36,13 @@ def starts(n: int) -> np.ndarray:
 
 def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, BatchResult]:
     whole = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S)
-    first = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S, until_m=HELD_AT_M)
+    first = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S, suspend_x_m=HELD_AT_M)
     on = first.stop == STOP_REACHED
     rest = run_batch(
-        ENSEMBLES[name], first.ends[on, AT], time_limit_s=LIMIT_S - first.ends[on, TIME], held=first.held[on]
+        ENSEMBLES[name],
+        first.ends[on, AT],
+        time_limit_s=LIMIT_S - first.ends[on, TIME],
+        saved_contacts=first.saved_contacts[on],
     )
     return whole, first, rest
 
@@ -79,6 +82,6 @@ def test_both_parts_of_its_way_keep_their_energy(name):
 
 
 def test_a_release_that_begins_beyond_is_held_at_once():
-    found = run_batch(ENSEMBLES["ball"], starts(3), until_m=-1.0)
+    found = run_batch(ENSEMBLES["ball"], starts(3), suspend_x_m=-1.0)
     assert (found.stop == STOP_REACHED).all() and (found.ends[:, TIME] == 0.0).all()
     assert np.array_equal(found.ends[:, AT], starts(3))

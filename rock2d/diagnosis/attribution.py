@@ -31,7 +31,7 @@ from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.workload import BASE, EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
-from rock2d.laws.contact import INDENTATION
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
@@ -158,7 +158,7 @@ def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array
     some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
         rows = model.setup.contact.copy()
-        rows[..., INDENTATION] = reading
+        rows[..., ROLLING_IN_INDENTATION] = reading
         model = replace(model, setup=replace(model.setup, contact=rows))
         corners = [
             np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])

@@ -57,13 +57,13 @@ from rock2d.engines.recording import note_pressure
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
 from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
 from rock2d.laws.contact import (
-    INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
+    ROLLING_IN_INDENTATION,
     normal_force,
-    residual,
+    residual_penetration,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
@@ -287,7 +287,7 @@ def _branches(active, rows, trial, sizes, effects):
         loading = loading and d0 >= peak and goes_deeper(d0, trial[a, RATE_0], sizes.loading)
         unpressed = unpressed and floats(d0 - rows[a, L_BOTTOM], trial[a, RATE_0], sizes.floating)
         unpressed = unpressed and not (effects and rows[a, L_ACTS] != 0.0)
-        unpressed = unpressed and rows[a, L_LAW + INDENTATION] == 0.0
+        unpressed = unpressed and rows[a, L_LAW + ROLLING_IN_INDENTATION] == 0.0
     return loading, unpressed
 
 
@@ -330,7 +330,9 @@ def _commit(active, loaded, works, audit):
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
         if trial[a, PEAK_1] != rows[a, L_PEAK]:
             rows[a, L_PEAK] = trial[a, PEAK_1]
-            rows[a, L_BOTTOM] = residual(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+            rows[a, L_BOTTOM] = residual_penetration(
+                rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
+            )
         rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = trial[a, DISPLACEMENT_1], turned
         trial[a, DEPTH_0], trial[a, RATE_0] = trial[a, DEPTH_1], trial[a, RATE_1]
         total += trial[a, ACTING_1]

@@ -61,7 +61,7 @@ def advance(q, stride, world, contacts, audit, zone, rows):
         elif active == 0 and zone >= 0:
             row[K_ZONE], row[K_RECOIL] = zone, audit[RECOIL]
             if end_impact(q, np.zeros(N_IMPACT), world.law[zone], world.block, audit):
-                contact_step.look_again(q, near, world, memory, found)
+                contact_step.refresh_depths(q, near, world, memory, found)
             zone = np.int64(-1)
             if not _same(q, row[AT]):  # velocities that change at once
                 after = rows[used]
@@ -82,7 +82,7 @@ def first_zone(memory):
 
 
 @njit
-def look_round(q, t, touching, world, reach, watch):
+def depth_and_rest(q, t, touching, world, reach, watch):
     """After a stride: (depth of the centroid below the surface nearby in m, whether the block has come to rest).
 
     touching : whether an impact is open; reach : of the block, in m

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.effects.forces import FIRST, departure
+from rock2d.effects.forces import FIRST_EFFECT_COLUMN, departure
 from rock2d.engines.contact_energy import kinetic_energy
 from rock2d.engines.contact_state import ACTIVE, ZONE
 from rock2d.engines.event_detection import hermite_root
@@ -243,7 +243,9 @@ def note_pressure(current, left, force, depth, t, q):
 def depart(state, row, recoil):
     """What effects make of a block's velocities at the end of an impact in the zone of `row`: back from the frame of
     recoiling ground, and whatever laws of departure say."""
-    state[VX], state[VY], state[OMEGA] = departure(row, FIRST, state[VX] - recoil, state[VY], state[OMEGA])
+    state[VX], state[VY], state[OMEGA] = departure(
+        row, FIRST_EFFECT_COLUMN, state[VX] - recoil, state[VY], state[OMEGA]
+    )
 
 
 @kernel

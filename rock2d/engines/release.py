@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
-from rock2d.effects.forces import ACTS
+from rock2d.effects.forces import ANY_EFFECT_ACTS
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.contact_state import (
     ACTIVE,
@@ -56,7 +56,7 @@ from rock2d.engines.recording import (
     sample,
 )
 from rock2d.engines.time_to_contact import time_aloft
-from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
+from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_penetration
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
@@ -361,13 +361,13 @@ def _step_alone(q, world, step_sizes, rules, recorder, workspace):
     seen = facet_range(world.ground, q[X] - half, q[X] + half)
     if active == 0 and counts[NOTICED] == 0:
         contact_state.clear(memory)
-        active = contact_step.begin(q, seen, world, memory, found)
+        active = contact_step.seat_contacts(q, seen, world, memory, found)
         counts[NOTICED] = 1
         if active > 0:
             _touch(t, q, block, workspace)
     flying = active == 0
     if counts[STALE] != 0:
-        contact_step.look_again(q, seen, world, memory, found)
+        contact_step.refresh_depths(q, seen, world, memory, found)
         counts[STALE] = 0
     airy = in_air(block)
     counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
@@ -434,9 +434,9 @@ def _pressing(memory, law, loading_s, floating_s):
         if ints[j, ACTIVE]:
             p, pressed, peak = law[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK]
             loading = loading and pressed >= peak and goes_deeper(pressed, reals[j, RATE], loading_s)
-            floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
+            floating = floating and p[ANY_EFFECT_ACTS] == 0.0 and p[ROLLING_IN_INDENTATION] == 0.0
             floating = floating and floats(
-                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
+                pressed - residual_penetration(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
             )
     return loading, floating
 

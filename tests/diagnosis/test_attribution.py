@@ -19,7 +19,7 @@ from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.laws.contact import INDENTATION
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from tests.kinematics.synthetic_films import LAW, START, data_of, film, series_order, world
 
 RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
@@ -134,16 +134,16 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     large even beside the mirrored axis."""
     plain = world()
     rows = plain.contact.copy()
-    rows[..., INDENTATION] = 1.0
+    rows[..., ROLLING_IN_INDENTATION] = 1.0
     true = catalogue()["mirrored_axis"].apply(replace(plain, contact=rows), [3.0])
     experiment = film(true, 12, seed=2)
     setup, data = data_of(experiment)
     base = fit_base(setup, base_start(experiment), data)
-    assert not base.model.setup.contact[..., INDENTATION].any()
+    assert not base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
     found = attribute(base, data, {name: catalogue()[name] for name in ("mirrored_axis", "inertia_error")})
     law = found.final.fit.model
     assert found.named == {"mirrored_axis"} and found.outside < 0.05
-    assert law.setup.contact[..., INDENTATION].all()
+    assert law.setup.contact[..., ROLLING_IN_INDENTATION].all()
     assert law.law(found.final.fit.p)[4] == pytest.approx(LAW.k_r_Nm_rad, rel=0.05)
 
 

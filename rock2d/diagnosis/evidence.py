@@ -30,7 +30,7 @@ from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.soil_scatter import fit_scatter
-from rock2d.effects.changes import CENTRE
+from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 from rock2d.records.columns import RATES
@@ -232,7 +232,7 @@ def size(fit: Fit, name: str) -> float:
         first += len(parameters)
     sizes = []
     for k, parameter in enumerate(parameters, first):
-        if parameter not in CENTRE:
+        if parameter not in AIM_PARAMETERS:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))

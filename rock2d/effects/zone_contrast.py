@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.laws.contact import K_L, K_UL, MU
 from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
 from rock2d.scene.world import World
@@ -30,7 +30,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return world
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The law of the embankment's zones, or of its face alone, as a scenario states it."""
     stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
     section, law = fitted.setup.cross_section, fitted.law

@@ -11,7 +11,7 @@ from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
 from rock2d.diagnosis.model import Model, from_scale
 from rock2d.effects import catalogue
-from rock2d.effects.changes import image
+from rock2d.effects.changes import aim_and_width
 from rock2d.kinematics.flights import load_film
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from tests.kinematics.synthetic_films import film, world
@@ -74,7 +74,7 @@ def test_a_strong_cause_still_shows_in_the_impacts(record):
 
 def test_a_wrong_scale_is_the_scaled_record(record):
     own = put_in(record, "scale_error", scale=1.04).experiment.trajectories
-    (x, y), _ = image(record.cross_section)
+    (x, y), _ = aim_and_width(record.cross_section)
     np.testing.assert_allclose(own["x_m"], x + 1.04 * (record.trajectories["x_m"] - x), atol=1e-12)
     np.testing.assert_allclose(own["y_m"], y + 1.04 * (record.trajectories["y_m"] - y), atol=1e-12)
     np.testing.assert_allclose(own["theta_rad"], record.trajectories["theta_rad"], atol=1e-12)

@@ -25,7 +25,7 @@ from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
-from rock2d.kinematics.states import centroid_poses, drift
+from rock2d.kinematics.states import centroid_poses, move_freely
 from rock2d.records.columns import AT, BEFORE, I_TIME, N_STATE, TIME
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
@@ -167,7 +167,7 @@ def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[
         old, new = worlds(own)
         scale, block = old.view.time_scale, flights.block[flight]
         since = (film.t_s[begin] - data.basis.middle[flight]) * scale
-        state = _tracked(old, block, drift(old, block, data.states(old).middle[flight], since))
+        state = _tracked(old, block, move_freely(old, block, data.states(old).middle[flight], since))
         frames = begin[:, None] + np.arange((end - begin).max(initial=0))
         here = frames < end[:, None]
         times = np.where(here, film.t_s[np.where(here, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
@@ -227,7 +227,7 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
             np.where(hit[:, None], touch[:, BEFORE], last),
             np.where(hit, touch[:, I_TIME] - back, np.inf),
         )
-        near = turned(drift(world, block, pivot, -back), pivot, -slope)
+        near = turned(move_freely(world, block, pivot, -back), pivot, -slope)
         left = np.where(hit, limit_s - begin, 0.0)
         left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + little)
         since = np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0)

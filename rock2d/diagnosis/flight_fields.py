@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.diagnosis import quantities as q
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -43,7 +43,7 @@ def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
     lengths = np.diff(basis.start)
     own = np.repeat(np.arange(len(lengths)), lengths)
     t_s = (data.film.t_s[basis.frames] - basis.middle[own]) * world.view.time_scale
-    path = drift(world, flights.block[own], data.states(world).middle[own], t_s)
+    path = move_freely(world, flights.block[own], data.states(world).middle[own], t_s)
     release = flights.release[own]
     began = data.film.t_s[np.searchsorted(data.film.release, release)]
     number = np.zeros(len(lengths))

@@ -25,7 +25,7 @@ from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import (
     AT,
     BEFORE,
@@ -80,7 +80,7 @@ def predicted_poses(
     """
     scale, block = world.view.time_scale, segments.block
     before = data.states(world).middle[segments.flight]
-    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
+    starts = move_freely(world, block, before, data.start_s[segments.flight] * scale) + shift
     times = segments.instants_s * scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     if changes:
@@ -266,7 +266,7 @@ class LearntMotion:
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
-            states = drift(self._world, block, states, np.full(len(own), step))
+            states = move_freely(self._world, block, states, np.full(len(own), step))
             states[:, POSE] += 0.5 * step**2 * pushes[-1]
             states[:, RATES] += step * pushes[-1]
             flies &= self._clear(own, states) & (now < left_s)
@@ -290,7 +290,7 @@ class LearntMotion:
         beyond = (aloft_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
         block = np.repeat(self._segments.block[own], since_s.shape[1])
-        flown = drift(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
+        flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 

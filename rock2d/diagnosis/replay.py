@@ -15,7 +15,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses
 from rock2d.engines.batch import run_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -92,7 +92,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     """
     scale, middle = world.view.time_scale, data.basis.middle[flights]
     block = data.segmentation.flights.block[flights]
-    starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
+    starts = move_freely(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
     times = (t_s - start_s[:, None]) * scale
     limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)
     samples = run_world(world, starts, block, time_limit_s=limits, times_s=instants).samples

@@ -18,7 +18,7 @@ from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
 from tests.diagnosed_files import with_learnt
@@ -148,7 +148,7 @@ def test_a_uniform_acceleration_answers_as_another_gravity_does():
     dt = paths.t_s[paths.start[1:] - 1]
     place, rate = answer.state_change(flights, dt)
     block = data.segmentation.flights.block
-    moved = drift(heavier, block, after.middle, dt) - drift(setup, block, before.middle, dt)
+    moved = move_freely(heavier, block, after.middle, dt) - move_freely(setup, block, before.middle, dt)
     assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
     assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)
 

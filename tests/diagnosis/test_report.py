@@ -31,7 +31,7 @@ from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, scale
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.progress import Bars
 from tests.kinematics.synthetic_films import film, series_order, world
 
@@ -304,8 +304,8 @@ def impact_table(result: Diagnosis) -> pd.DataFrame:
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     )
-    before = drift(result.setup, impacts.block, states[impacts.before], ends)
-    after = drift(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
+    before = move_freely(result.setup, impacts.block, states[impacts.before], ends)
+    after = move_freely(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
     columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
     table = pd.DataFrame(before, columns=columns)
     table[["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]] = after[:, 3:]

@@ -18,7 +18,7 @@ from rock2d.errors import InputError
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import data_of, film, world
 
@@ -88,8 +88,8 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
 def test_flight_of_the_parabola_is_reversible():
     setup = world()
     state = np.array([[0.1, 0.2, 0.3, 1.0, -2.0, 30.0]])
-    there = drift(setup, np.zeros(1, int), state, np.array([0.05]))
-    assert drift(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
+    there = move_freely(setup, np.zeros(1, int), state, np.array([0.05]))
+    assert move_freely(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
     assert there[0, 1] == pytest.approx(0.2 - 2.0 * 0.05 - 0.5 * 9.81 * 0.05**2, abs=1e-12)
 
 

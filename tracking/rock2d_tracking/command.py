@@ -24,7 +24,7 @@ from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
 if TYPE_CHECKING:
-    from rock2d.kinematics.film_statement import FilmStatement
+    from rock2d.kinematics.film_findings import FilmFindings
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
 Array = np.ndarray
@@ -114,7 +114,7 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
 
 
 def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: TrackSettings) -> None:
-    from rock2d.kinematics.film_statement import film_statement, write_statement
+    from rock2d.kinematics.film_findings import film_findings, write_film_findings
     from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.overlay import Overlay
@@ -148,8 +148,8 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
             raise _explained(error, out, seen) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
-        said = film_statement(data, setup_world(found.experiment), found.experiment.fps)
-        write_statement(folder, said)
+        said = film_findings(data, setup_world(found.experiment), found.experiment.fps)
+        write_film_findings(folder, said)
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
@@ -165,13 +165,13 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
             (folder / "setup.yaml").write_bytes(setup.path.read_bytes())
     report = settings.report
     report(counts)
-    _report_statement(said, report)
+    _report_findings(said, report)
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
 
 
-def _report_statement(said: FilmStatement, report: Report) -> None:
+def _report_findings(said: FilmFindings, report: Report) -> None:
     for line in said.sentences():
         report(f"film: {line}")
 
@@ -270,8 +270,8 @@ def import_files(
 
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
+    from rock2d.kinematics.film_findings import film_findings, write_film_findings
     from rock2d.kinematics.film_segments import FilmSegments
-    from rock2d.kinematics.film_statement import film_statement, write_statement
     from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.tracked_film import film_of, with_measured_noise
@@ -292,12 +292,12 @@ def import_files(
     found = with_measured_noise(film_of(stated, setup), stated)
     _check_sanity(found, setup)
     world = setup_world(found)
-    said = film_statement(FilmSegments.of(film_of(found, setup), world), world, found.fps)
+    said = film_findings(FilmSegments.of(film_of(found, setup), world), world, found.fps)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
-        write_statement(folder, said)
+        write_film_findings(folder, said)
     report(f"{counted(table['release'].nunique(), 'release')}, {counted(len(table), 'frame')}")
-    _report_statement(said, report)
+    _report_findings(said, report)
     report(f"written: {out}")
 
 

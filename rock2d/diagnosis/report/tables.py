@@ -19,7 +19,7 @@ from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
 
@@ -88,8 +88,8 @@ def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     )
-    leaves = drift(corrected, impacts.block, states[impacts.before], ends)
-    arrives = drift(corrected, impacts.block, states[impacts.after], impacts.begin_s)
+    leaves = move_freely(corrected, impacts.block, states[impacts.before], ends)
+    arrives = move_freely(corrected, impacts.block, states[impacts.after], impacts.begin_s)
     return 0.5 * (leaves + arrives)[:, POSITION]
 
 

@@ -22,7 +22,7 @@ from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.derivatives import spread
+from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, state_units
@@ -212,9 +212,9 @@ def _any_scatter(data: Data, less: Validated) -> Gain:
     own, units = less.fit, state_units(less.fit.model.setup)[RATES]
     columns = np.zeros((*own.residuals.impacts.shape, len(units)))
     columns[:, -len(units) :] = np.diag(units)
-    slope = replace(own.slope, scatter=np.concatenate([own.slope.scatter, columns], axis=-1))
+    slope = replace(own.jacobian, scatter=np.concatenate([own.jacobian.scatter, columns], axis=-1))
     start = np.concatenate([own.scatter, np.full(len(units), START_SCATTER)])
-    wide = spread(slope, fit_scatter(own.residuals.impacts, slope, start))
+    wide = residual_covariance(slope, fit_scatter(own.residuals.impacts, slope, start))
     scores = [
         by_release(data, less.held_out.residuals, covariance) for covariance in (wide, own.covariance())
     ]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
@@ -92,8 +92,8 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
     """
     start, tried = extended(base, model), Tried(model, data)
     starts = [start]
-    for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
-        p = scan(tried, start, wide * base.covariance(), slope)
+    for wide, jacobian in ((1.0, base.jacobian), (WIDE_SCAN, None)):
+        p = scan(tried, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in starts):
             starts.append(p)
     found = [_short(tried, p, base) for p in starts]
@@ -102,7 +102,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
         found.append(fit(model, data, p, rounds=EXPLORING_ITERATIONS))
     best = max(found, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
-        again = scan(tried, best.p, best.covariance(), best.slope)
+        again = scan(tried, best.p, best.covariance(), best.jacobian)
         if np.allclose(again, best.p):
             break
         other = _short(tried, again, best)
@@ -113,7 +113,7 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
 
 
 def _short(tried: Tried, start: Array, base: Fit) -> Fit:
-    return fit(tried.model, tried.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_slopes=True)
+    return fit(tried.model, tried.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_jacobian=True)
 
 
 class Tried:
@@ -131,10 +131,10 @@ class Tried:
         return self._known[key]
 
 
-def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Array:
+def scan(tried: Tried, p: Array, covariance: Array, jacobian: Jacobian | None) -> Array:
     """Best parameters of a grid search over the effects' parameters, one after another.
 
-    With the `slope` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
+    With the `jacobian` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
     which value would then be best, and a simulation checks it.
     """
     model, data = tried.model, tried.data
@@ -159,8 +159,8 @@ def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Arr
             own = value(residuals)
             if own > best:
                 best, p = own, trial
-            if slope is not None:
-                step, after = _followed(model, trial, residuals, slope, covariance, data)
+            if jacobian is not None:
+                step, after = _followed(model, trial, residuals, jacobian, covariance, data)
                 followed.append((value(after), np.clip(trial - step, low, high)))
         expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
         if expected > best and (own := value(tried.residuals(other))) > best:
@@ -169,17 +169,19 @@ def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Arr
 
 
 def _followed(
-    model: Model, p: Array, residuals: Residuals, slope: Slopes, covariance: Array, data: Data
+    model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array, data: Data
 ) -> tuple[Array, Residuals]:
     """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""
     n = len(BASE_WIDTH)
-    centre, tight = prior(model)
-    own = Slopes(slope.impacts[..., :n], slope.flights[..., :n], slope.scatter, covariance)
+    centre, prior_precision = prior(model)
+    own = Jacobian(jacobian.impacts[..., :n], jacobian.flights[..., :n], jacobian.scatter, covariance)
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    curve, grad = normal_equations(residuals, own, covariance, everything)
-    grad += tight[:n] * (p[:n] - centre[:n])
+    curvature, grad = normal_equations(residuals, own, covariance, everything)
+    grad += prior_precision[:n] * (p[:n] - centre[:n])
     step = np.zeros(model.size)
-    step[:n] = np.linalg.solve(curve + np.diag(tight[:n]), grad).clip(-LARGEST_BASE_STEP, LARGEST_BASE_STEP)
+    step[:n] = np.linalg.solve(curvature + np.diag(prior_precision[:n]), grad).clip(
+        -LARGEST_BASE_STEP, LARGEST_BASE_STEP
+    )
     return step, Residuals(
         residuals.impacts - own.impacts @ step[:n], residuals.flights - own.flights @ step[:n]
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut, Validated, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.fitting import Enough, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
@@ -85,8 +85,8 @@ class LearntModel(Model):
         ends = np.cumsum([answer.size for answer in self.answers])[:-1]
         return np.split(p[self.named_size :] * self.widths, ends) if self.answers else []
 
-    def further_slopes(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """See `Model.further_slopes`. By the chain rule: a change of many coefficients moves few numbers."""
+    def further_derivatives(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+        """See `Model.further_derivatives`. By the chain rule: a change of many coefficients moves few numbers."""
         answering = Answering(self, p, data, at, by_law)
         found = [by_coefficients(answer, answering) for answer in self.answers]
         return Residuals(
@@ -197,11 +197,11 @@ def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: flo
         np.concatenate([before, widths]),
         flown=model.flown,
     )
-    slope = Slopes(
-        np.concatenate([old.slope.impacts, columns.impacts * widths], axis=-1),
-        np.concatenate([old.slope.flights, columns.flights * widths], axis=-1),
-        old.slope.scatter,
-        old.slope.covariance,
+    jacobian = Jacobian(
+        np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
+        np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
+        old.jacobian.scatter,
+        old.jacobian.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=enough)
+    return fit(wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), enough=enough)

@@ -211,7 +211,7 @@ class Levers:
     def _answering(self) -> Answering:
         own = self._fit
         return Answering(
-            own.model, own.p, self._data, own.residuals, own.slope.impacts[..., : len(BASE_WIDTH)]
+            own.model, own.p, self._data, own.residuals, own.jacobian.impacts[..., : len(BASE_WIDTH)]
         )
 
     def _of_flights(self, basis: Basis, units: Array) -> Answer:

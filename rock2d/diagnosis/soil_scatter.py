@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
 
 Array = np.ndarray
@@ -18,12 +18,12 @@ MOST_STEPS = 30
 LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
 
-def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
+def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
 
     Damped steps of Fisher scoring in their logarithms.
     """
-    cost = _Cost.of(r, slope)
+    cost = _Cost.of(r, jacobian)
     low, high = np.log(BOUNDS)
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_STEPS):
@@ -43,14 +43,14 @@ def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
     return np.exp(at.logs)
 
 
-def scatter_errors(r: Array, slope: Slopes, scatter: Array) -> Array:
+def scatter_errors(r: Array, jacobian: Jacobian, scatter: Array) -> Array:
     """(k,) relative standard errors of fitted standard deviations."""
-    at = _Cost.of(r, slope).at(np.log(scatter))
+    at = _Cost.of(r, jacobian).at(np.log(scatter))
     return np.sqrt(np.diag(np.linalg.inv(at.curve)))
 
 
 class _Point(NamedTuple):
-    """Logarithms of standard deviations (k,), minus the log posterior there, its slope and its expected curvature."""
+    """Logarithms of standard deviations (k,), minus the log posterior, its gradient and expected curvature."""
 
     logs: Array
     value: float
@@ -66,10 +66,10 @@ class _Cost(NamedTuple):
     covariance: Array
 
     @classmethod
-    def of(cls, r: Array, slope: Slopes) -> _Cost:
+    def of(cls, r: Array, jacobian: Jacobian) -> _Cost:
         """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
-        return cls(r[good], slope.scatter[good], slope.covariance[good])
+        return cls(r[good], jacobian.scatter[good], jacobian.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """At logarithms of the standard deviations."""

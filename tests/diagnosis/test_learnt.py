@@ -87,7 +87,7 @@ def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):
     for k in range(found.model.named_size, found.model.size):
         ahead = found.model.residuals(found.p + step * (np.arange(found.model.size) == k), data)
         slope = (ahead.impacts - found.residuals.impacts) / step
-        error = np.abs(found.slope.impacts[..., k] - slope)
+        error = np.abs(found.jacobian.impacts[..., k] - slope)
         assert np.quantile(error, 0.9) < 0.05 * np.quantile(np.abs(slope), 0.9)
 
 

@@ -193,13 +193,13 @@ def predict(
     InputError
         If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
     """
-    from rock2d.diagnosis.diagnosis_file import read_model
+    from rock2d.diagnosis.diagnosis_file import read_for_prediction
     from rock2d.diagnosis.predict import predict as predict_segments
 
     if isinstance(diagnosis, DiagnosisResult):
         content = diagnosis.to_dict()
     else:
-        content = dict(diagnosis) if isinstance(diagnosis, Mapping) else read_model(diagnosis)
+        content = dict(diagnosis) if isinstance(diagnosis, Mapping) else read_for_prediction(diagnosis)
     return predict_segments(_loaded(experiment), content, base_only=base_only)
 
 

@@ -19,7 +19,13 @@ from rock2d.blind.injection import OF_THE_SERIES, injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.known_causes import effects_of_size, sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import (
+    effects_of_size,
+    largest_size,
+    size_parameter,
+    values_of_size,
+    with_cause,
+)
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -114,9 +120,9 @@ def write_record_case(
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:
         effect = catalogue()[name]
-        parameter = sized(effect, record.setup)
+        parameter = size_parameter(effect, record.setup)
         assert parameter is not None
-        size = span(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
+        size = largest_size(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         values = values_of_size(effect, size, record.setup, below=bool(rng.random() < 0.5))
         films = [
             injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films

@@ -22,7 +22,7 @@ from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.known_causes import sized, span, two_sided, values_of_size
+from rock2d.diagnosis.known_causes import largest_size, size_parameter, two_sided, values_of_size
 from rock2d.diagnosis.limits import TRUTH
 from rock2d.diagnosis.model import from_scale, to_scale
 from rock2d.effects import catalogue
@@ -95,10 +95,10 @@ def make_cases(
     expected = {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
         for k, (name, size) in enumerate(plan.of(expected)):
-            effect, parameter = known[name], sized(known[name], result.setup)
+            effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
-            size = min(size, span(parameter), _room(parameter, has, below))
+            size = min(size, largest_size(parameter), _room(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)

@@ -25,9 +25,9 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.known_causes import (
-    off_neutral,
-    sized,
-    span,
+    distance_from_neutral,
+    largest_size,
+    size_parameter,
     two_sided,
     values_of_size,
     with_cause,
@@ -98,11 +98,11 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
-        own = sized(effect, result.setup)
+        own = size_parameter(effect, result.setup)
         if own is None:
             continue
-        tried = _Tried(fit, data, effect, result.setup, least)
-        low, high = SMALLEST_TRIED * span(own), span(own)
+        tried = _AddedEffect(fit, data, effect, result.setup, least)
+        low, high = SMALLEST_TRIED * largest_size(own), largest_size(own)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
             chance = np.maximum.accumulate([tried.seen(s) for s in sizes])
@@ -113,7 +113,9 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in found.named
-        curves[name] = Curve(seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, span(own))
+        curves[name] = Curve(
+            seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, largest_size(own)
+        )
     return curves
 
 
@@ -158,7 +160,7 @@ def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict
     return {name: curve.limit() for name, curve in corrected(curves, []).items()}
 
 
-class _Tried:
+class _AddedEffect:
     """An effect that is put into the record of a fit, by the linear model."""
 
     def __init__(self, fit: Fit, data: Data, effect: Effect, world: World, least: float) -> None:
@@ -174,7 +176,7 @@ class _Tried:
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
         further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
         self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
-        own = sized(effect, world)
+        own = size_parameter(effect, world)
         assert own is not None
         self._size, self._unit = own, 0.5 * (own.high - own.low)
         rng = np.random.default_rng(np.random.SeedSequence(0))
@@ -184,7 +186,7 @@ class _Tried:
 
     def seen(self, size: float) -> float:
         """Probability that the effect is named at this size, above and below the neutral value alike."""
-        if size < LEAST_SIZE * span(self._size):
+        if size < LEAST_SIZE * largest_size(self._size):
             return 0.0
         gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
         return float(np.mean([self._chance(gain) for gain in gains]))
@@ -242,7 +244,7 @@ class _Tried:
         fit, data, jacobian = self._fit, self._data, self._jacobian
         if self._effect.scatter:
             scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
-            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * span(self._size)
+            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest_size(self._size)
             tried = [
                 residual_covariance(jacobian, np.where(self._wide, s / self._unit, scatter)) for s in sizes
             ]
@@ -267,4 +269,4 @@ class _Tried:
         z = self._p[at] - np.linalg.solve(curvature, grad)[at]
         half = ONE_SIDED_Z * np.sqrt(of_p[at, at])
         low, value, high = (from_scale(self._size, z + s * half) for s in (-1, 0, 1))
-        return min(off_neutral(self._size, low, high), span(self._size)), value
+        return min(distance_from_neutral(self._size, low, high), largest_size(self._size)), value

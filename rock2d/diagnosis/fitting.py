@@ -83,7 +83,7 @@ def some_releases(data: Data) -> Array:
     return data.order % max(1, len(data.impact_release) // EXPLORED_IMPACTS) == 0
 
 
-class Enough(NamedTuple):
+class Convergence(NamedTuple):
     """When a fit has converged: at a `gain` in log likelihood of an iteration, or at a larger one where the fit is far
     behind a `rival` (a log likelihood): what is far behind needs no further digit."""
 
@@ -101,7 +101,7 @@ def fit(
     start: Array | None = None,
     old: Fit | None = None,
     rounds: int = MOST_ITERATIONS,
-    enough: Enough = Enough(),  # noqa: B008 (cannot be changed)
+    convergence: Convergence = Convergence(),  # noqa: B008 (cannot be changed)
     keep_jacobian: bool = False,
     renew_noise: bool = False,
 ) -> Fit:
@@ -115,7 +115,7 @@ def fit(
     start : parameters to start from; default: the base law without effects
     old : a fit whose noise covariance and scatter are the start, and whose derivatives are used near its parameters
     rounds : most iterations
-    enough : when the fit has converged
+    convergence : when the fit has converged
     keep_jacobian : use the derivatives of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
     """
@@ -147,7 +147,7 @@ def fit(
         grad = grad + posterior.prior_precision * (at.p - posterior.centre)
         grad[discrete(model)] = 0.0  # a scan chooses them
         before, now = at, posterior.cost(at, covariance)
-        least = enough.at(-now)
+        least = convergence.at(-now)
         at, damping, gain = _advance(posterior, at, now, covariance, curvature, grad, damping, least)
         if gain >= least and updates < MOST_UPDATES:
             jacobian, updates = _updated(jacobian, before, at), updates + 1
@@ -200,7 +200,7 @@ def _advance(
     curvature: Array,
     grad: Array,
     damping: float,
-    enough: float,
+    least_gain: float,
 ) -> tuple[_Point, float, float]:
     """One damped Newton step from a point whose cost is `now`: (point, damping, gain). The damping grows until the step
     gains; the gain is not positive where none does."""
@@ -210,7 +210,7 @@ def _advance(
     for _ in range(MOST_DAMPINGS):
         regular = curvature + np.diag(prior_precision + damping * np.diag(curvature))
         ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
-        if grad @ (at.p - ahead) < 0.2 * enough:  # the gain of a parabola is half of it
+        if grad @ (at.p - ahead) < 0.2 * least_gain:  # the gain of a parabola is half of it
             break
         trial = _Point(ahead, model.residuals(ahead, data))
         gain = now - posterior.cost(trial, covariance)

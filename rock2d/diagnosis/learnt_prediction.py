@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.diagnosis import quantities as q
-from rock2d.diagnosis.flight_fields import flight_paths, path_quantities, response
+from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
 from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
@@ -178,8 +178,8 @@ class LearntMotion:
     def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
         """(n, 6) what an acceleration changes in the states at the starts."""
         flight = self._segments.flight
-        answer = response(data, self._world, flight_paths(data, self._world), change.basis)
-        place, rate = answer.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
+        response = flight_response(data, self._world, flight_paths(data, self._world), change.basis)
+        place, rate = response.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
         return np.column_stack([place @ change.coefficients.T, rate @ change.coefficients.T])
 
     def samples(self, t_s: Array) -> Array:

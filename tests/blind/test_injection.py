@@ -8,7 +8,7 @@ import pytest
 from rock2d.blind.injection import injected
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
-from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import largest_size, size_parameter, values_of_size, with_cause
 from rock2d.diagnosis.model import Model, from_scale
 from rock2d.effects import catalogue
 from rock2d.effects.changes import aim_and_width
@@ -19,7 +19,7 @@ from tests.kinematics.synthetic_films import film, world
 POSE = ["x_m", "y_m", "theta_rad"]
 ROW = world().contact[0, 0]
 MODEL = Model(world(), np.array([ROW[K_L], ROW[K_UL] / ROW[K_L], ROW[K_T], ROW[MU], ROW[K_R]]))
-SIZED = [name for name, effect in catalogue().items() if sized(effect, world())]
+SIZED = [name for name, effect in catalogue().items() if size_parameter(effect, world())]
 NOISE_FREE = {"noise_m": 0.0, "noise_rad": 0.0, "soil": 0.0}
 
 
@@ -57,7 +57,9 @@ def test_a_cause_of_the_motion_changes_what_follows_it_and_no_piece_is_lost(reco
     own = put_in(
         record,
         name,
-        **values_of_size(catalogue()[name], 0.1 * span(sized(catalogue()[name], world())), world()),
+        **values_of_size(
+            catalogue()[name], 0.1 * largest_size(size_parameter(catalogue()[name], world())), world()
+        ),
     )
     both = beside(own, record)
     moved = np.hypot(both.x_m - both.x_m_old, both.y_m - both.y_m_old)

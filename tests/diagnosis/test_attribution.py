@@ -13,7 +13,7 @@ from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Enough, fit
+from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
@@ -121,7 +121,10 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     (setup, data), start = data_of(experiment), base_start(experiment)
     proper = fit(Model(setup, start), data)
     stuck = fit(
-        Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=Enough(np.inf)
+        Model(setup, start),
+        data,
+        proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]),
+        convergence=Convergence(np.inf),
     )
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})

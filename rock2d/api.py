@@ -331,7 +331,7 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
     >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP
     """
-    from rock2d.design.report import REPORTED_TABLES, SiteResults
+    from rock2d.design.report import REPORTED_TABLES, ReportContent
     from rock2d.design.report import write_report as write_page
     from rock2d.errors import InputError
     from rock2d.files.folders import make_folder
@@ -344,7 +344,7 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     make_folder(folder)
-    found = SiteResults(scenario, result, tables, remarks, assessment)
+    found = ReportContent(scenario, result, tables, remarks, assessment)
     write_page(found, folder, "rock2d.write_report in Python")
     if assessment is not None:
         assessment.write(folder)

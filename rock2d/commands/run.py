@@ -239,11 +239,11 @@ class Findings:
 def _write_page(
     sample: RunResult, tables: dict[str, pd.DataFrame], found: Findings, folder: Path, command: str
 ) -> None:
-    from rock2d.design.report import SiteResults, write_report
+    from rock2d.design.report import ReportContent, write_report
 
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
-    results = SiteResults(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
+    results = ReportContent(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
     write_report(results, folder, command)
 
 

@@ -26,7 +26,7 @@ STOP_MARKERS = {
     "time": ("s", "time limit"),
     "impacts": ("D", "limit of impacts"),
     "spent": ("X", "energy spent"),
-    "reached": ("P", "held on its way"),
+    "reached": ("P", "suspended on its way"),
     "buried": ("v", "sank into the ground"),
 }
 

@@ -27,7 +27,7 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, scale
+from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, tick_labels
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
@@ -232,7 +232,7 @@ def test_backticks_become_code_and_everything_is_escaped():
 
 
 def test_a_phone_shows_no_tick_labels_that_overlap():
-    labels = scale(Axis(-20.0, 6000.0, 10.0))
+    labels = tick_labels(Axis(-20.0, 6000.0, 10.0))
     shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
     assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
     assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there

@@ -16,10 +16,10 @@ from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.explanation import Seen
+from rock2d_tracking.explanation import TrackingAttempt
 from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.following import Followed, follow, looks_in
-from rock2d_tracking.looks import View
+from rock2d_tracking.looks import ChannelMix
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 Report = Callable[[str], None]
 
-GREY_VIEW = View()
+GREY = ChannelMix()
 SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
 VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
@@ -78,7 +78,7 @@ class ShownFrames(Frames):
     def __init__(self, film: FilmFile, last: int | None, bars: Bars, passes: Sequence[str]) -> None:
         super().__init__(film, last)
         self._bars, self._passes = bars, iter(passes)
-        self._length = min(film.promised, last or film.promised)
+        self._length = min(film.expected_frames, last or film.expected_frames)
 
     def __iter__(self) -> Iterator[Array]:
         with self._bars.stage(next(self._passes, "reading again"), self._length, "frames") as bar:
@@ -106,7 +106,7 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
         try:
             write_first_setup(first, film, motion, *config)
         except InputError as error:
-            raise _explained(error, out, Seen(frames, motion, None, None)) from None
+            raise _explained(error, out, TrackingAttempt(frames, motion, None, None)) from None
         looks = looks_in(frames, Setup(first), film.size_px, motion)
         write_first_setup(first, film, motion, *config, looks["ball"].size)
         _track(film, frames, Setup(first), out, settings)
@@ -124,15 +124,15 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
 
     with atomic_folder(out) as folder:
         still: list[Array] = []
-        with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay:
+        with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.expected_frames)) as overlay:
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
-                    still.append(GREY_VIEW(frame))
+                    still.append(GREY(frame))
                 overlay.draw(number, frame, release)
 
-            followed = follow(frames, setup, film.size_px, on_progress, film.promised)
-        seen = Seen(frames, followed.motion, followed, setup)
+            followed = follow(frames, setup, film.size_px, on_progress, film.expected_frames)
+        seen = TrackingAttempt(frames, followed.motion, followed, setup)
         stamps = frames.stamps()
         for sight in (s for release in followed.releases for s in release.sights):
             sight.frame = int(stamps.numbers[sight.frame])
@@ -193,7 +193,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
     return remarks
 
 
-def _explained(error: InputError, out: Path, seen: Seen) -> InputError:
+def _explained(error: InputError, out: Path, seen: TrackingAttempt) -> InputError:
     """The error, with a word on the folder in which what was seen of the film is now explained."""
     from rock2d_tracking.explanation import keys_to_try, write_explanation
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, HELDOUT_SHARE, LEAST_STRENGTH
-from rock2d.blind.injection import OF_THE_SERIES, injected, of_releases
+from rock2d.blind.injection import SERIES_EFFECTS, injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
@@ -93,7 +93,7 @@ def bases_of(
 ) -> list[int | None]:
     """For each case the number of the record that is its base; None for one that is made. A case with a cause that
     has no size, or from outside the catalogue, or that grows from release to release, is made."""
-    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(OF_THE_SERIES)
+    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(SERIES_EFFECTS)
     eligible = [i for i, own in enumerate(causes) if possible.issuperset(own)]
     count = round(SHARE_OF_RECORDS * len(causes)) if records else 0
     number = {int(i): k % records for k, i in enumerate(rng.permutation(eligible)[:count])}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.files.scenario import Scenario
-from rock2d.records.columns import AT, N_INSTANT, STOP_REACHED, TIME
+from rock2d.records.columns import INSTANT_STATE, N_INSTANT, STOP_REACHED, TIME
 from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
 from rock2d.runs.campaigns.job import Job, job_of
 from rock2d.runs.conditions import Group, Suspended
@@ -61,7 +61,7 @@ class Descent:
         """What becomes of the releases with the ground of a size."""
         n, lines = len(group.states), len(job.cross_section.measure_lines)
         ends, crossings = np.full((n, N_INSTANT), np.nan), np.full((n, lines, N_INSTANT), np.nan)
-        ends[:, TIME], ends[:, AT], stop = self.suspended.elapsed_s, self.states, self.stop.copy()
+        ends[:, TIME], ends[:, INSTANT_STATE], stop = self.suspended.elapsed_s, self.states, self.stop.copy()
         on = np.flatnonzero(stop == STOP_REACHED)
         if len(on):
             resumed = group.part(on)._replace(states=self.states[on], suspended=self.suspended.part(on))
@@ -131,4 +131,6 @@ def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
     assert found.saved_contacts is not None
     grounds = [own.cross_section for own in group.conditions]
     suspended = Suspended(found.ends[:, TIME], found.saved_contacts)
-    return Descent(group.states, grounds, suspend_x_m, radius, found.ends[:, AT], suspended, found.stop)
+    return Descent(
+        group.states, grounds, suspend_x_m, radius, found.ends[:, INSTANT_STATE], suspended, found.stop
+    )

@@ -26,7 +26,7 @@ from rock2d.kinematics.flights import heights
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
 from rock2d.kinematics.states import RESIDUAL_DEGREES, move_freely
-from rock2d.records.columns import AFTER, AT, BEFORE, POSE, RATES, VX, VY, X, Y
+from rock2d.records.columns import AFTER, BEFORE, INSTANT_STATE, POSE, RATES, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -80,7 +80,7 @@ class TableData(ImpactTable):
         touch = result.impacts[:, 0]
         leaves = np.isfinite(touch[:, AFTER])
         stays = np.isfinite(touch[:, BEFORE]) & ~leaves
-        end = np.where(stays, result.ends[:, AT], touch[:, AFTER])
+        end = np.where(stays, result.ends[:, INSTANT_STATE], touch[:, AFTER])
         recorded = _recorded_velocities(world, end)
         d = recorded - self.after
         residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])

@@ -27,10 +27,10 @@ from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
 from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import (
-    AT,
     BEFORE,
     I_TIME,
     I_TIME_AFTER,
+    INSTANT_STATE,
     LINEAR_VELOCITY,
     POSE,
     POSITION,
@@ -136,7 +136,7 @@ class LearntMotion:
         self._least_flight_s = FEWEST_FLIGHT_FRAMES * segments.frame_s * world.view.time_scale
         touch = self._run(world, start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
-        at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, AT])
+        at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, INSTANT_STATE])
         facet = nearest_facets(np.ascontiguousarray(at[:, POSITION]), world.cross_section.points_m)
         self._tangent = world.cross_section.tangents[facet]
         zone = world.cross_section.zone_ids[facet]
@@ -225,7 +225,9 @@ class LearntMotion:
         ).samples
         clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
         clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
-        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[:, AT]
+        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[
+            :, INSTANT_STATE
+        ]
         flights = _Aloft(own, left_s, left_s + clear_s, states)
         return flights.only(np.asarray(clear.any(axis=1)))
 

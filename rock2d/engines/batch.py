@@ -23,9 +23,9 @@ from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
-    AT,
     I_ZONE,
     IMPACT_NAMES,
+    INSTANT_STATE,
     KNOT_FLIGHT,
     N_AUDIT,
     N_IMPACT,
@@ -242,7 +242,7 @@ def run_batch(
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    balances = energy_balances(masses, states, outputs.ends[:, AT], outputs.audit)
+    balances = energy_balances(masses, states, outputs.ends[:, INSTANT_STATE], outputs.audit)
     return BatchResult(*outputs[:6], balances, saved_contacts)
 
 
@@ -294,9 +294,10 @@ def run_batch_track(
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
     knots = outputs.knots[:used]
+    start, end = knots[0, INSTANT_STATE], knots[-1, INSTANT_STATE]
     return Track(
         release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[outputs.stop[0]],
-        gravity_m_s2, energy_balance(block, cross_section, gravity_m_s2, knots[0, AT], knots[-1, AT], outputs.audit[0]),
+        gravity_m_s2, energy_balance(block, cross_section, gravity_m_s2, start, end, outputs.audit[0]),
     )  # fmt: skip
 
 
@@ -360,6 +361,6 @@ def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
         )
         outputs.stop[i] = code
         outputs.ends[i, TIME] = t
-        copy(q, outputs.ends[i, AT])  # a slice assignment takes 3 s to compile
+        copy(q, outputs.ends[i, INSTANT_STATE])  # a slice assignment takes 3 s to compile
         outputs.impact_count[i] = count
     return used

@@ -33,9 +33,9 @@ from rock2d.engines.pymunk_stride import (
 )
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
-    AT,
     EFFECTS,
     ELASTIC,
+    INSTANT_STATE,
     N_AUDIT,
     N_STATE,
     STATE_NAMES,
@@ -195,7 +195,7 @@ class PymunkRelease:
                 row = self._rows[k].copy()
                 t, *_, active, force, depth, ended, recoil = row.tolist()
                 departure = Departure(self.table[int(ended)], recoil) if ended >= 0 else None
-                self._events.append(Knot(t, row[AT], int(active), force, depth, departure))
+                self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, departure))
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""

@@ -15,7 +15,6 @@ from rock2d.engines.free_flight import fly, in_air
 from rock2d.records.columns import (
     AFTER,
     AFTER_INSTANT,
-    AT,
     BEFORE,
     EFFECTS,
     I_FORCE,
@@ -23,6 +22,7 @@ from rock2d.records.columns import (
     I_TIME,
     I_TIME_AFTER,
     I_ZONE,
+    INSTANT_STATE,
     KNOT_FLIGHT,
     N_POSE,
     N_STATE,
@@ -109,7 +109,7 @@ def cross(interval, q0, q1, flight, body, record):
             when = tau * side0 / (side0 - side1)
         else:
             continue
-        found = crossings[k, AT]
+        found = crossings[k, INSTANT_STATE]
         copy(q0, found)
         if flight:
             fly(found, when, gravity, block)
@@ -197,7 +197,7 @@ def knot(knots, used, t, q, flight):
     """Note a knot if there is room; returns the number of knots, those without room included."""
     if used < len(knots):
         knots[used, TIME] = t
-        copy(q, knots[used, AT])
+        copy(q, knots[used, INSTANT_STATE])
         knots[used, KNOT_FLIGHT] = flight
     return used + 1
 

@@ -16,7 +16,7 @@ from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
-from rock2d.records.columns import AT_X, STOPS, UNRESOLVED_STOPS, X, Y
+from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.placing import touching_height_m
@@ -131,7 +131,7 @@ class Descents:
             cross_section_ids=np.arange(len(grounds)), table_ids=block_ids, gravity_m_s2=scenario.gravity_m_s2,
             time_limit_s=scenario.longest_release_s(), stop_when_captured=True,
         )  # fmt: skip
-        return self._distances(found.ends[:, AT_X], np.array(STOPS)[found.stop])
+        return self._distances(found.ends[:, INSTANT_X], np.array(STOPS)[found.stop])
 
     def _as_points(self, scenario: Scenario) -> Distances:
         from rock2d.engines.point_mass_batch import run_point_mass_batch
@@ -149,7 +149,7 @@ class Descents:
                 self.blocks[name], section, by_block[name], self.states[k : k + 1], seed,
                 gravity_m_s2=scenario.gravity_m_s2, time_limit_s=limit,
             )  # fmt: skip
-            x[k], stop[k] = found.ends[0, AT_X], found.stop[0]
+            x[k], stop[k] = found.ends[0, INSTANT_X], found.stop[0]
         return self._distances(x, np.array(STOPS)[stop])
 
     def _distances(self, x: Array, stop: Array) -> Distances:

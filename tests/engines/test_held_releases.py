@@ -9,7 +9,7 @@ from rock2d.design.shared_descents import OVERSHOOT
 from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_batch
 from rock2d.engines.energy_balance import unclosed
 from rock2d.laws.contact import ContactParameters
-from rock2d.records.columns import AT, AT_VX, AT_X, E_ELASTIC, STOP_REACHED, STOPS, TIME
+from rock2d.records.columns import E_ELASTIC, INSTANT_STATE, INSTANT_VX, INSTANT_X, STOP_REACHED, STOPS, TIME
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import ensemble
@@ -40,7 +40,7 @@ def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, B
     on = first.stop == STOP_REACHED
     rest = run_batch(
         ENSEMBLES[name],
-        first.ends[on, AT],
+        first.ends[on, INSTANT_STATE],
         time_limit_s=LIMIT_S - first.ends[on, TIME],
         saved_contacts=first.saved_contacts[on],
     )
@@ -54,7 +54,7 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     whole, first, rest = whole_and_held(name)
     on = first.stop == STOP_REACHED
     assert on.mean() > 0.9
-    x = first.ends[on, AT_X]
+    x = first.ends[on, INSTANT_X]
     assert (x < HELD_AT_M + OVERSHOOT * BLOCKS[name].radius_m).all()
     now, then = rest.crossings[:, 0].copy(), whole.crossings[on, 0]
     now[:, TIME] += first.ends[on, TIME]
@@ -62,9 +62,11 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
     fine = run_batch(
         ENSEMBLES[name], starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION
     )
-    apart, of_a_step = (np.abs(found[:, AT_VX] - then[:, AT_VX]) for found in (now, fine.crossings[on, 0]))
+    apart, of_a_step = (
+        np.abs(found[:, INSTANT_VX] - then[:, INSTANT_VX]) for found in (now, fine.crossings[on, 0])
+    )
     most = np.nanpercentile(apart, 90)
-    assert most < 1e-3 * np.nanmedian(then[:, AT_VX])
+    assert most < 1e-3 * np.nanmedian(then[:, INSTANT_VX])
     assert most < np.nanmedian(of_a_step)
     assert [np.mean(whole.stop[on] == k) for k in range(len(STOPS))] == pytest.approx(
         [np.mean(rest.stop == k) for k in range(len(STOPS))], abs=0.02
@@ -84,4 +86,4 @@ def test_both_parts_of_its_way_keep_their_energy(name):
 def test_a_release_that_begins_beyond_is_held_at_once():
     found = run_batch(ENSEMBLES["ball"], starts(3), suspend_x_m=-1.0)
     assert (found.stop == STOP_REACHED).all() and (found.ends[:, TIME] == 0.0).all()
-    assert np.array_equal(found.ends[:, AT], starts(3))
+    assert np.array_equal(found.ends[:, INSTANT_STATE], starts(3))

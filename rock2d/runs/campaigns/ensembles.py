@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
+from rock2d.records.columns import I_TIME, I_ZONE, INSTANT_THETA, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.conditions import Condition, Group
 from rock2d.runs.incident_states import DRAW_GROUP
@@ -135,7 +135,7 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
     def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
         before = rows[:, :N_INSTANT]  # a rebound takes no time and changes no pose
-        values = np.column_stack([before, before[:, : AT_THETA + 1], rows[:, VELOCITIES], unknown])
+        values = np.column_stack([before, before[:, : INSTANT_THETA + 1], rows[:, VELOCITIES], unknown])
         facets = rows[:, FACET].astype(int)
         if len(group.conditions) == 1:
             return group.conditions[0].cross_section.zone_ids[facets], values

@@ -28,7 +28,7 @@ def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_STEPS):
         ahead = at
-        step = newton_step(at.curve, at.grad, at.logs, low, high)
+        step = newton_step(at.curvature, at.grad, at.logs, low, high)
         step /= max(1.0, np.abs(step).max() / LARGEST_STEP)
         for _ in range(MOST_STEPS):
             ahead = cost.at(np.clip(at.logs - step, low, high))
@@ -46,7 +46,7 @@ def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
 def scatter_errors(r: Array, jacobian: Jacobian, scatter: Array) -> Array:
     """(k,) relative standard errors of fitted standard deviations."""
     at = _Cost.of(r, jacobian).at(np.log(scatter))
-    return np.sqrt(np.diag(np.linalg.inv(at.curve)))
+    return np.sqrt(np.diag(np.linalg.inv(at.curvature)))
 
 
 class _Point(NamedTuple):
@@ -55,7 +55,7 @@ class _Point(NamedTuple):
     logs: Array
     value: float
     grad: Array
-    curve: Array
+    curvature: Array
 
 
 class _Cost(NamedTuple):
@@ -83,5 +83,5 @@ class _Cost(NamedTuple):
         weight = df / (IMPACT_STUDENT_DF + chi2)
         own = square / PRIOR_SCATTER**2
         grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0) + own
-        curve = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
-        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curve + 2.0 * np.diag(own))
+        curvature = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
+        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curvature + 2.0 * np.diag(own))

@@ -73,7 +73,7 @@ from rock2d.laws.contact import (
     cross_zone,
     elastic_energy,
     normal_force,
-    residual_penetration,
+    residual_indentation,
     rolling_energy,
     tangential_force,
 )
@@ -209,7 +209,7 @@ def _enter_zone(j, depth, forces, p, new, memory):
     kept = reals[j, ROTATION]
     stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
     # lifted off within its indentation, the contact meets the new soil at the indentation's bottom
-    bottom = reals[j, OFFSET] + residual_penetration(reals[j, PEAK], p[K_L], p[K_UL])
+    bottom = reals[j, OFFSET] + residual_indentation(reals[j, PEAK], p[K_L], p[K_UL])
     loaded, reals[j, DISPLACEMENT], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, depth, p, new)
     reals[j, PEAK] = loaded
     reals[j, OFFSET] = depth - loaded if force_n > 0.0 else bottom

@@ -41,7 +41,7 @@ from rock2d.laws.contact import (
     ROLLING_IN_INDENTATION,
     normal_force_from_bottom,
     plastic_work,
-    residual_penetration,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -68,7 +68,7 @@ def note_outcome(a, loaded, effects):
     acting = force_n = normal_1
     if effects and rows[a, L_ACTS] != 0.0:
         trial[a, TANGENTIAL_0] = k_t * rows[a, L_DISPLACEMENT]  # within the friction of the step before
-        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual_penetration(peak, k_l, k_ul))
+        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual_indentation(peak, k_l, k_ul))
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, motion, normal_1)
         mu, acting = mu * factor, abs(force_n) + abs(drag)
     else:

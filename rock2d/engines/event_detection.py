@@ -34,7 +34,7 @@ from rock2d.engines.geometry import (
     pose_of,
 )
 from rock2d.engines.loaded_contacts import LEAST_EVENT
-from rock2d.laws.contact import K_L, K_UL, normal_force, residual_penetration
+from rock2d.laws.contact import K_L, K_UL, normal_force, residual_indentation
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 MOST_LANDINGS = 8  # landings of a step on its events: near a vertex the way to an event is far from a cubic
@@ -259,7 +259,7 @@ def first_event(h, whole, q0, q1, world, memory, found):
             clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * whole if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, PEAK]
-            bottom = residual_penetration(peak, p[K_L], p[K_UL])
+            bottom = residual_indentation(peak, p[K_L], p[K_UL])
             t = law_event(d0, r0, d1, r1, peak, bottom, h)
             t = min(t, clear)
             if p[ANY_EFFECT_ACTS] != 0.0:

@@ -63,7 +63,7 @@ from rock2d.laws.contact import (
     K_UL,
     ROLLING_IN_INDENTATION,
     normal_force,
-    residual_penetration,
+    residual_indentation,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
@@ -330,7 +330,7 @@ def _commit(active, loaded, works, audit):
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
         if trial[a, PEAK_1] != rows[a, L_PEAK]:
             rows[a, L_PEAK] = trial[a, PEAK_1]
-            rows[a, L_BOTTOM] = residual_penetration(
+            rows[a, L_BOTTOM] = residual_indentation(
                 rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
             )
         rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = trial[a, DISPLACEMENT_1], turned

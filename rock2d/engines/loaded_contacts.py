@@ -32,7 +32,7 @@ from rock2d.laws.contact import (
     ROLLING_CAP,
     ROLLING_IN_INDENTATION,
     normal_force_from_bottom,
-    residual_penetration,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -102,7 +102,7 @@ def load_active(world, memory, loaded):
                 for i in range(N_COLUMNS - FIRST_EFFECT_COLUMN):
                     rows[active, L_EFFECTS + i] = law[zone, FIRST_EFFECT_COLUMN + i]
             rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
-            rows[active, L_BOTTOM] = residual_penetration(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
+            rows[active, L_BOTTOM] = residual_indentation(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
             rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
                 reals[j, DISPLACEMENT],
                 reals[j, ROTATION],

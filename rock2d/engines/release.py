@@ -56,7 +56,7 @@ from rock2d.engines.recording import (
     sample,
 )
 from rock2d.engines.time_to_contact import time_aloft
-from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_penetration
+from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_indentation
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
@@ -436,7 +436,7 @@ def _pressing(memory, law, loading_s, floating_s):
             loading = loading and pressed >= peak and goes_deeper(pressed, reals[j, RATE], loading_s)
             floating = floating and p[ANY_EFFECT_ACTS] == 0.0 and p[ROLLING_IN_INDENTATION] == 0.0
             floating = floating and floats(
-                pressed - residual_penetration(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
+                pressed - residual_indentation(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
             )
     return loading, floating
 

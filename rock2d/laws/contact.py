@@ -91,7 +91,7 @@ def contact_rows(
 @kernel(forceinline=True)
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
-    return normal_force_from_bottom(delta, delta_max, residual_penetration(delta_max, k_l, k_ul), k_l, k_ul)
+    return normal_force_from_bottom(delta, delta_max, residual_indentation(delta_max, k_l, k_ul), k_l, k_ul)
 
 
 @kernel(forceinline=True)
@@ -105,7 +105,7 @@ def normal_force_from_bottom(delta, delta_max, bottom, k_l, k_ul):
 
 
 @kernel(forceinline=True)
-def residual_penetration(delta_max, k_l, k_ul):
+def residual_indentation(delta_max, k_l, k_ul):
     """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
     return delta_max * (1.0 - k_l / k_ul)
 

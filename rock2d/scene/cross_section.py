@@ -253,8 +253,8 @@ def embankment_facets(cross_section: CrossSection) -> Array:
     return found
 
 
-def face_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the embankment's left flank: the face that blocks run up. None on a floor or a plain
+def facing_facets(cross_section: CrossSection) -> Array:
+    """(n,) bool, the facets of the embankment's facing, its left flank, which blocks run up. None on a floor or a plain
     slope."""
     found = np.zeros(len(cross_section.zones), bool)
     if cross_section.embankment is not None:

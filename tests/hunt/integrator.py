@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from rock2d.laws.contact import (
     ContactParameters,
     normal_force,
-    residual_penetration,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -55,7 +55,7 @@ class Contact:
     @property
     def bottom(self) -> float:
         """Bottom of the indentation in m."""
-        return residual_penetration(self.peak, self.law.k_l_N_m, self.law.k_ul_N_m)
+        return residual_indentation(self.peak, self.law.k_l_N_m, self.law.k_ul_N_m)
 
 
 class Motion(NamedTuple):

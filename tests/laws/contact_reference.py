@@ -21,7 +21,7 @@ from rock2d.laws.contact import (
     ROLLING_IN_INDENTATION,
     ContactParameters,
     normal_force,
-    residual_penetration,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -38,7 +38,7 @@ class Rebound:
     omega_rad_s: float
     time_s: float
     penetration_m: float
-    residual_penetration_m: float
+    residual_indentation_m: float
     peak_force_N: float
 
 
@@ -99,7 +99,7 @@ def rebound(
         return y[RATE]
 
     def lifted(_, y):
-        return y[DEPTH] - residual_penetration(deep, p[K_L], p[K_UL])
+        return y[DEPTH] - residual_indentation(deep, p[K_L], p[K_UL])
 
     deepest.terminal, deepest.direction = True, -1
     lifted.terminal, lifted.direction = True, -1
@@ -127,7 +127,7 @@ def rebound(
                     y[OMEGA],
                     time,
                     deep,
-                    residual_penetration(deep, p[K_L], p[K_UL]),
+                    residual_indentation(deep, p[K_L], p[K_UL]),
                     p[K_L] * deep,
                 )
         else:

@@ -328,9 +328,9 @@ def _say_compiling(begins: bool) -> None:
 
 def main() -> None:
     """Entry point: bad input is one message and exit code 2, a failure of the machine 3, Ctrl-C 130, SIGTERM 143."""
-    from rock2d.errors import InputError, print_old_keys_in_one_line
+    from rock2d.errors import InputError, print_warnings_in_one_line
 
-    print_old_keys_in_one_line()
+    print_warnings_in_one_line()
     terminated = answer_signals()
     # Matrices are small: a second thread of linear algebra burns processor time and slows the first. Before numpy is
     # imported, so that every library with a BLAS of its own has it, and every worker.

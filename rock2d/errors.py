@@ -111,12 +111,16 @@ class OldKeyWarning(FutureWarning):
         self.file, self.line, self.old, self.key = file, line, old, key
 
 
-def print_old_keys_in_one_line() -> None:
+class UnusualWarning(UserWarning):
+    """A number of an input is unusual. It is used all the same."""
+
+
+def print_warnings_in_one_line() -> None:
     """Let a warning about an input file look like an error message: without the place in rock2d's own code."""
     show = warnings.showwarning
 
     def print_warning(message: Any, category: type[Warning], *arguments: Any, **options: Any) -> None:
-        if issubclass(category, OldKeyWarning):
+        if issubclass(category, (OldKeyWarning, UnusualWarning)):
             print(f"warning: {message}", file=sys.stderr)
         else:
             show(message, category, *arguments, **options)

@@ -29,6 +29,7 @@ from rock2d.design.report_tables import (
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -135,6 +136,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "remarks": [
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *(line for line in content.diagnosis if line.startswith("warning")),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
         ],
         "resolved": not content.remarks,
         "sections": [section for section in _sections(content, figures) if section is not None],

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PrivateAttr
 
-from rock2d.errors import InputError, counted, listed
+from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.files import law_parameters
 from rock2d.files.checked_yaml import Checked, Document, json_schema, shown
 from rock2d.files.diagnosed_model import DiagnosedModel
@@ -27,7 +28,7 @@ from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
 from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys
-from rock2d.files.scenario_checks import check_scenario
+from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
 from rock2d.files.uncertainty_keys import Uncertainty
@@ -238,9 +239,13 @@ def load_scenario(path: str | Path, data_root: str | Path | None = None) -> Scen
     """Load and check a scenario file.
 
     `data_root` (else the variable ROCK2D_DATA) is the folder under which `from_experiment` looks.
-    Raises `InputError` with file, line and column of the first mistake.
+    Raises `InputError` with file, line and column of the first mistake. An `UnusualWarning` tells of each number
+    that is possible, but unusual.
     """
-    return checked_scenario(Document(path), None, data_root)
+    scenario = checked_scenario(Document(path), None, data_root)
+    for doubt in doubts(scenario):
+        warnings.warn(UnusualWarning(str(scenario.error(doubt.text, *doubt.key, at="key"))), stacklevel=2)
+    return scenario
 
 
 def checked_scenario(

@@ -11,16 +11,30 @@ from rock2d.files.places import number_at
 from rock2d.files.scatter_keys import SCATTERED
 from rock2d.scene.cross_section import CrossSectionError
 from rock2d.scene.earthworks import EarthworkError
+from rock2d.scene.plausibility import (
+    Doubt,
+    block_doubts,
+    contact_doubts,
+    highest_speed_m_s,
+    site_doubts,
+    start_doubts,
+)
 from rock2d.scene.soils import SOIL_CLASSES
 
 if TYPE_CHECKING:
     from rock2d.files.scenario import Scenario
-    from rock2d.files.scenario_keys import Soil
+    from rock2d.files.scenario_keys import Incident, Soil
+    from rock2d.scene.cross_section import CrossSection
+
+Array = np.ndarray
+
+POSSIBLE_STARTS = 200  # drawn starts of a block whose plausibility is judged
 
 
 def check_scenario(scenario: Scenario) -> None:
     """Raise InputError, with its place in the file, at the first mistake."""
     _check_earthworks(scenario)
+    _check_plausible(scenario)
     _check_names(scenario)
     _check_field_test(scenario)
     _check_diagnosis(scenario)
@@ -43,6 +57,48 @@ def _check_earthworks(scenario: Scenario) -> None:
         raise scenario.error(
             str(error), "cross_section", error.key, *place, code="bad_cross_section"
         ) from None
+
+
+def _check_plausible(scenario: Scenario) -> None:
+    """Refuse what no site has."""
+    for doubt in _site_and_blocks(scenario):
+        if doubt.impossible:
+            raise scenario.error(doubt.text, *doubt.key, at="key", code="implausible")
+
+
+def _site_and_blocks(scenario: Scenario) -> list[Doubt]:
+    ground = scenario.make_cross_section()
+    found = list(site_doubts(ground, scenario.gravity_m_s2))
+    for block in scenario.make_blocks().values():
+        found += block_doubts(block, ground)
+    return found
+
+
+def doubts(scenario: Scenario) -> list[Doubt]:
+    """What is unusual in a scenario: its site, its blocks, the contacts of its fastest blocks, its starts."""
+    found, ground, gravity = _site_and_blocks(scenario), scenario.make_cross_section(), scenario.gravity_m_s2
+    for name, block in scenario.make_blocks().items():
+        incident = scenario.incident_of(name)
+        if incident.from_experiment is not None:
+            continue
+        states = _possible_starts(incident, ground)
+        key = ("incident", name if name in scenario.incident else "default")
+        found += start_doubts(name, states, ground, gravity, key)
+        if scenario.engine != "point_mass":
+            soils = scenario.contact_parameters(block)
+            stiffness = {zone: soils.get(zone, soils.get("default")) for zone in ground.zone_names}
+            springs = {zone: own.k_l_N_m for zone, own in stiffness.items() if own is not None}
+            found += contact_doubts(block, springs, highest_speed_m_s(states, ground, gravity))
+    return found
+
+
+def _possible_starts(incident: Incident, ground: CrossSection) -> Array:
+    """(n, 6) drawn starts; those above the ground at their height."""
+    states = np.array(incident.draw(np.random.default_rng(0), POSSIBLE_STARTS), float)
+    if incident.above_ground is not None:
+        x = ground.points_m[:, 0]
+        states[:, 1] += ground.height_m(np.clip(states[:, 0], x.min(), x.max()))
+    return states
 
 
 def _check_names(scenario: Scenario) -> None:

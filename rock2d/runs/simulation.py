@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.errors import InputError, counted, listed
+from rock2d.errors import InputError, UnusualWarning, counted, listed
 from rock2d.records.columns import STATE_NAMES
 from rock2d.records.track import Track
 from rock2d.runs.engines import ReleaseInputs, engine_named
@@ -18,6 +19,7 @@ from rock2d.runs.indicators import indicators
 from rock2d.runs.recording import Recording, trajectories_table
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.plausibility import contact_doubts, highest_speed_m_s
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
@@ -178,6 +180,11 @@ def simulate(
     ValueError
         If a zone has no parameters, or there is neither gravity nor a time limit.
 
+    Warns
+    -----
+    UnusualWarning
+        If the block goes unusually deep, or hardly, into the ground at the highest speed that the site allows.
+
     Examples
     --------
     >>> import rock2d
@@ -193,6 +200,10 @@ def simulate(
     rows = np.atleast_2d(np.asarray(states, float))
     if rows.ndim != 2 or rows.shape[1:] != (len(STATE_NAMES),) or not np.isfinite(rows).all():
         raise InputError(f"states must be rows of six finite numbers: {', '.join(STATE_NAMES)}")
+    if chosen.law == "deterministic" and len(rows):
+        stiffness = {zone: own.k_l_N_m for zone, own in by_zone.items()}
+        for doubt in contact_doubts(block, stiffness, highest_speed_m_s(rows, cross_section, gravity_m_s2)):
+            warnings.warn(UnusualWarning(doubt.text), stacklevel=2)
     seeds = drawn_seeds(seed, 0, 0, len(rows)) if len(rows) else ()
     limit = site_time_limit_s(cross_section, gravity_m_s2) if time_limit_s is None else time_limit_s
     tracks = [

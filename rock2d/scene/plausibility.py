@@ -1,0 +1,147 @@
+"""Is a site plausible? What is impossible, and what is unusual, with its number and the usual range.
+
+A wrong unit is the costliest mistake of an input file: nothing stops a simulation of a block of 4.7 kg where 4.7 t were
+meant. Every check here compares two numbers of the input with each other, or one with what nature has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection, ditch_facets
+
+Array = np.ndarray
+
+USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
+POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium
+USUAL_LENGTH_M, LARGEST_LENGTH_M = (0.2, 5000.0), 50_000.0  # of a cross-section
+LARGEST_RELIEF_M = 9000.0
+LARGEST_BLOCK = 0.2  # size of a block as a share of the extent of the site
+USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
+USUAL_SPEED_M_S = 50.0
+USUAL_GRAVITY_M_S2 = (9.7, 9.9)
+UNITS = {
+    1000.0: "t instead of kg",
+    1e-3: "g instead of kg",
+}  # factor that makes a density usual -> what was stated
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What is impossible, or unusual, in an input.
+
+    Attributes
+    ----------
+    text : a sentence with the number and the usual range
+    key : path of the key in a scenario
+    impossible : no site is like that
+    """
+
+    text: str
+    key: tuple[str, ...]
+    impossible: bool = False
+
+
+def density_kg_m3(block: Block) -> tuple[float, float]:
+    """Mass over the volume of bodies with this profile: as deep as the profile is long, and as it is thick. A ball and
+    the spheroid of an ellipse have two thirds of the volume of the prism; of a square the second one is a cube."""
+    volume = block.area_m2 * (2.0 / 3.0 if block.smooth else 1.0)
+    return block.mass_kg / (volume * 2.0 * block.radius_m), block.mass_kg / (volume * 2.0 * block.inradius_m)
+
+
+def site_doubts(ground: CrossSection, gravity_m_s2: float) -> Iterator[Doubt]:
+    """About the extent of the cross-section and about gravity."""
+    length, relief = np.ptp(ground.points_m, axis=0)
+    extent, key = f"the cross-section is {length:.4g} m long and {relief:.4g} m high", ("cross_section",)
+    if length > LARGEST_LENGTH_M or relief > LARGEST_RELIEF_M:
+        yield Doubt(f"{extent}: no slope is. Are its points in mm?", key, impossible=True)
+    elif not USUAL_LENGTH_M[0] <= length <= USUAL_LENGTH_M[1]:
+        yield Doubt(f"{extent}; usual lengths: {_range(USUAL_LENGTH_M)} m. Are its points in m?", key)
+    if gravity_m_s2 and not USUAL_GRAVITY_M_S2[0] <= gravity_m_s2 <= USUAL_GRAVITY_M_S2[1]:
+        yield Doubt(f"gravity is {gravity_m_s2:g} m/s²; on the earth it is 9.78 to 9.83", ("gravity_m_s2",))
+
+
+def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
+    """About the density of a block, and its size beside that of the site, the ditch and the embankment."""
+    key, (low, high) = ("blocks", block.name), USUAL_DENSITY_KG_M3
+    lightest, heaviest = density_kg_m3(block)
+    if heaviest < low or lightest > high:
+        density = heaviest if heaviest < low else lightest
+        unit = next(
+            (f". Is the mass in {said}?" for times, said in UNITS.items() if low <= times * density <= high),
+            "",
+        )
+        text = (
+            f"block {block.name} has a density of {density:.3g} kg/m³ ({block.mass_kg:g} kg, {block.size_m:.3g} m); "
+            f"usual: {_range(USUAL_DENSITY_KG_M3)}{unit}"
+        )
+        yield Doubt(text, key, not POSSIBLE_DENSITY_KG_M3[0] <= density <= POSSIBLE_DENSITY_KG_M3[1])
+    extent = float(np.ptp(ground.points_m, axis=0).max())
+    if block.size_m > LARGEST_BLOCK * extent:
+        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
+        yield Doubt(f"{text}; usual: less than a fifth", key, impossible=block.size_m > extent)
+    if (bank := ground.embankment) is not None:
+        ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_facets(ground)].sum())
+        if 0.0 < ditch < block.size_m:
+            yield Doubt(
+                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch, {ditch:.3g} m wide",
+                key,
+            )
+        if block.size_m > bank.height_m:
+            text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment of {bank.height_m:.3g} m"
+            yield Doubt(text, key)
+
+
+def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: float) -> Iterator[Doubt]:
+    """About how deep a block at the highest speed goes into the ground of each zone: v √(m / k_l), from the kinetic
+    energy and the loading stiffness. At most one doubt of each kind."""
+    depth = {zone: speed_m_s * np.sqrt(block.mass_kg / k) / block.size_m for zone, k in stiffness_N_m.items()}
+    if not depth:
+        return
+    low, high = USUAL_INDENTATION
+    for zone in {min(depth, key=depth.__getitem__), max(depth, key=depth.__getitem__)}:
+        if not low <= depth[zone] <= high:
+            yield Doubt(
+                f"at {speed_m_s:.3g} m/s, the highest speed that the site allows, block {block.name} goes "
+                f"{depth[zone] * block.size_m:.3g} m deep into {zone}, {depth[zone]:.3g} of its size; usual: "
+                f"{low:g} to {high:g}. Is k_l_N_m ({stiffness_N_m[zone]:.3g}) that of such a block?", ("model",),
+            )  # fmt: skip
+
+
+def start_doubts(
+    name: str, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
+) -> Iterator[Doubt]:
+    """About possible starts (n, 6) of a block, beside the embankment and the measure lines."""
+    speed = float(np.hypot(states[:, 3], states[:, 4]).max())
+    if speed > USUAL_SPEED_M_S:
+        text = f"block {name} starts with up to {speed:.3g} m/s; the fastest blocks on slopes reach {USUAL_SPEED_M_S:g}"
+        yield Doubt(text, key)
+    bank, x = ground.embankment, ground.points_m[:, 0]
+    if bank is not None and states[:, 0].min() > x[bank.crest_end]:
+        text = f"block {name} starts behind the crest of the embankment, which ends at x = {x[bank.crest_end]:.4g} m"
+        yield Doubt(text, key)
+    if gravity_m_s2 <= 0.0:
+        return
+    head = float((states[:, 1] + np.sum(states[:, 3:5] ** 2, axis=1) / (2.0 * gravity_m_s2)).max())
+    for line, ends in ground.measure_lines.items():
+        lowest = float(np.min(ends[:, 1]))
+        if lowest > head:
+            text = (
+                f"no block {name} reaches measure line {line}: it begins {lowest:.4g} m high, and the energy at the "
+                f"start lifts the block to {head:.4g} m"
+            )
+            yield Doubt(text, ("cross_section", "measure_lines", line))
+
+
+def highest_speed_m_s(states: Array, ground: CrossSection, gravity_m_s2: float) -> float:
+    """Speed of a fall without loss from the starts (n, 6) to the lowest ground."""
+    fall = np.maximum(states[:, 1] - ground.points_m[:, 1].min(), 0.0)
+    return float(np.sqrt((states[:, 3:5] ** 2).sum(axis=1) + 2.0 * gravity_m_s2 * fall).max())
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:,g} to {ends[1]:,g}"

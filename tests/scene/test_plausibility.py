@@ -1,0 +1,104 @@
+"""Wrong units and sites that cannot be do not pass in silence; usual sites get no remark."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rock2d
+from rock2d.errors import InputError, UnusualWarning
+from rock2d.scene.blocks import make_block
+from rock2d.scene.cross_section import CrossSection
+from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, start_doubts
+
+SLOPE = Path(__file__).parents[2] / "scenarios" / "slope_embankment.yaml"
+GROUND = CrossSection(
+    [[0.0, 50.0], [60.0, 0.0], [66.0, 0.0], [69.0, 4.0], [71.0, 4.0], [75.0, 0.0], [90.0, 0.0]],
+    ["slope", "ditch", "face", "crest", "back", "out"],
+)
+
+
+def said(path: Path) -> list[str]:
+    """What loading a scenario warns of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        rock2d.load_scenario(path)
+    return [str(each.message) for each in caught if issubclass(each.category, UnusualWarning)]
+
+
+def changed(folder: Path, old: str, new: str) -> Path:
+    text = SLOPE.read_text(encoding="utf-8")
+    assert old in text
+    path = Path(shutil.copy(SLOPE, folder / "site.yaml"))
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "name", ["slope_embankment", "design_site", "paper_setup", "rough_slope", "flat_floor"]
+)
+def test_the_shipped_scenarios_are_plausible(name):
+    assert said(SLOPE.with_stem(name)) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass_kg: 2700", "mass_kg: 270", "density of 270 kg/m³ .*usual: 1,500 to 4,000"),
+        ("mass_kg: 2700", "mass_kg: 2.7e+4", "density of .*e\\+04 kg/m³"),
+        ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 8.0, mass_kg: 724000", "larger than the ditch, 7 m wide"),
+        ("low: 0.0, high: 4.0", "low: 100.0, high: 104.0", "starts behind the crest"),
+        ("forest_edge: [[50.0, 16.0], [50.0, 40.0]]", "forest_edge: [[50.0, 200.0], [50.0, 240.0]]",
+         "no block .* reaches measure line forest_edge: it begins 200 m high"),
+        ("default: {k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7", "default: {k_l_N_m: 1.0e4, k_ul_N_m: 9.0e7", "m deep into"),
+        ("default: {k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7", "default: {k_l_N_m: 1.0e14, k_ul_N_m: 9.0e14", "m deep into"),
+        ("vx_m_s: {normal: {mean: 1.5, sd: 0.5}}", "vx_m_s: 150", "starts with up to 150 m/s"),
+        ("gravity_m_s2: 9.81", "gravity_m_s2: 98.1", "gravity is 98.1"),
+    ],
+)  # fmt: skip
+def test_what_is_unusual_is_told_with_its_place(tmp_path, old, new, words):
+    told = said(changed(tmp_path, old, new))
+    assert any(re.search(words, text) for text in told), told
+    assert all(re.search(r"site\.yaml:\d+", text) for text in told)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass_kg: 2700", "mass_kg: 2.7", "density of 2.7 kg/m³ .* Is the mass in t instead of kg"),
+        ("mass_kg: 2700", "mass_kg: 2.7e+6", "density of .* Is the mass in g instead of kg"),
+        ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 800, mass_kg: 7.2e+11", "on a site of 144 m"),
+        ("[140.0, -2.0]]", "[140000.0, -2.0]]", "Are its points in mm"),
+    ],
+)
+def test_what_is_impossible_is_refused(tmp_path, old, new, words):
+    with pytest.raises(InputError, match=words) as refused:
+        rock2d.load_scenario(changed(tmp_path, old, new))
+    assert refused.value.line and refused.value.code == "implausible"
+
+
+def test_a_density_is_that_of_the_sphere_and_of_the_cube():
+    ball = make_block("ball", "circle", 2.0, diameter_m=1.0)
+    cube = make_block("cube", "square", 2.0, side_m=1.0)
+    assert np.allclose(density_kg_m3(ball), 2.0 / (np.pi / 6.0))
+    assert np.isclose(density_kg_m3(cube)[1], 2.0)
+
+
+def test_depth_and_reach_follow_from_energy():
+    ball = make_block("ball", "circle", 1400.0, diameter_m=1.0)
+    states = np.array([[0.0, 60.0, 0.0, 3.0, -4.0, 0.0]])
+    speed = highest_speed_m_s(states, GROUND, 9.81)
+    assert np.isclose(0.5 * speed**2, 0.5 * 25.0 + 9.81 * 60.0)
+    stiffness = 1400.0 * speed**2 / 10.0**2  # 10 m deep: k d² / 2 = m v² / 2
+    (doubt,) = contact_doubts(ball, {"slope": stiffness}, speed)
+    assert "10 m deep into slope" in doubt.text
+    head = 60.0 + 25.0 / (2 * 9.81)
+    for above, doubts in ((-0.1, 0), (0.1, 1)):
+        line = {"line": [[50.0, head + above], [50.0, head + 10.0]]}
+        ground = CrossSection(GROUND.points_m, GROUND.zones, line)
+        assert len(list(start_doubts("ball", states, ground, 9.81, ()))) == doubts

@@ -193,13 +193,13 @@ def predict(
     InputError
         If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
     """
-    from rock2d.diagnosis.diagnosis_file import read_model
+    from rock2d.diagnosis.diagnosis_file import read_for_prediction
     from rock2d.diagnosis.predict import predict as predict_segments
 
     if isinstance(diagnosis, DiagnosisResult):
         content = diagnosis.to_dict()
     else:
-        content = dict(diagnosis) if isinstance(diagnosis, Mapping) else read_model(diagnosis)
+        content = dict(diagnosis) if isinstance(diagnosis, Mapping) else read_for_prediction(diagnosis)
     return predict_segments(_loaded(experiment), content, base_only=base_only)
 
 
@@ -331,7 +331,7 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     >>> site = rock2d.load_scenario("site.yaml")  # doctest: +SKIP
     >>> rock2d.write_report(rock2d.run(site), "out/site", assessment=rock2d.assess(site))  # doctest: +SKIP
     """
-    from rock2d.design.report import REPORTED_TABLES, SiteResults
+    from rock2d.design.report import REPORTED_TABLES, ReportContent
     from rock2d.design.report import write_report as write_page
     from rock2d.errors import InputError
     from rock2d.files.folders import make_folder
@@ -344,7 +344,7 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     tables = {name: result.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     make_folder(folder)
-    found = SiteResults(scenario, result, tables, remarks, assessment)
+    found = ReportContent(scenario, result, tables, remarks, assessment)
     write_page(found, folder, "rock2d.write_report in Python")
     if assessment is not None:
         assessment.write(folder)

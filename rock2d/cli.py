@@ -11,7 +11,7 @@ import click
 from rock2d_tracking.importers import importer_names
 from rock2d_tracking.synthetic import FAULT_LEVEL_NAMES
 
-from rock2d.commands.sites import ON_SCHEDULER, SITE_COMMANDS
+from rock2d.commands.click_commands import ON_SCHEDULER, SITE_COMMANDS
 from rock2d.compiling import COMPILING, heard
 from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema

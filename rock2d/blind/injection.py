@@ -25,8 +25,8 @@ from rock2d.files.experiment import Experiment, seen_frames
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, Film, Flights, load_film
 from rock2d.kinematics.impacts import release_order
-from rock2d.kinematics.states import centroid_poses, drift
-from rock2d.records.columns import AT, BEFORE, I_TIME, N_STATE, TIME
+from rock2d.kinematics.states import centroid_poses, move_freely
+from rock2d.records.columns import BEFORE, I_TIME, INSTANT_STATE, N_STATE, TIME
 from rock2d.scene.blocks import states_at
 from rock2d.scene.world import World
 
@@ -39,7 +39,7 @@ END_MARGIN_S = 1e-9  # the last frame is inside
 # by which an impact with the cause, or with the model, may lie inside a flight of the record, which looks like a longer
 # contact as long as no flight could be seen in between
 LARGEST_SHIFT_FRAMES = FEWEST_FLIGHT_FRAMES // 2
-OF_THE_SERIES = ("soil_compaction",)  # whose size refers to one release more: with pieces, to one piece more
+SERIES_EFFECTS = ("soil_compaction",)  # whose size refers to one release more: with pieces, to one piece more
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _change(data: FilmSegments, stretches: _Stretches, worlds: Worlds) -> tuple[
         old, new = worlds(own)
         scale, block = old.view.time_scale, flights.block[flight]
         since = (film.t_s[begin] - data.basis.middle[flight]) * scale
-        state = _tracked(old, block, drift(old, block, data.states(old).middle[flight], since))
+        state = _tracked(old, block, move_freely(old, block, data.states(old).middle[flight], since))
         frames = begin[:, None] + np.arange((end - begin).max(initial=0))
         here = frames < end[:, None]
         times = np.where(here, film.t_s[np.where(here, frames, 0)] - film.t_s[begin][:, None], np.inf) * scale
@@ -215,7 +215,7 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
         )  # fmt: skip
 
     plain = run(starts, limit_s, times_s=times_s)
-    samples, last, impacts = plain.samples, plain.ends[:, AT], plain.impacts[..., I_TIME]
+    samples, last, impacts = plain.samples, plain.ends[:, INSTANT_STATE], plain.impacts[..., I_TIME]
     slope = np.broadcast_to(world.slope_rad, len(block))
     if slope.any():
         # ground that is turned where the first impact is: the same as the stated ground, the motion turned against it,
@@ -227,13 +227,13 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
             np.where(hit[:, None], touch[:, BEFORE], last),
             np.where(hit, touch[:, I_TIME] - back, np.inf),
         )
-        near = turned(drift(world, block, pivot, -back), pivot, -slope)
+        near = turned(move_freely(world, block, pivot, -back), pivot, -slope)
         left = np.where(hit, limit_s - begin, 0.0)
         left = np.minimum(left, run(near, left, impact_limit=1).ends[:, TIME] + little)
         since = np.maximum(times_s - np.where(hit, begin, 0.0)[:, None], 0.0)
         during = run(near, left, times_s=since)
         left = begin + left
-        after = turned(during.ends[:, AT], pivot, slope)
+        after = turned(during.ends[:, INSTANT_STATE], pivot, slope)
         onward = run(
             after, np.where(hit, np.maximum(limit_s - left, 0.0), 0.0),
             times_s=np.maximum(times_s - np.where(hit, left, 0.0)[:, None], 0.0),
@@ -243,7 +243,7 @@ def _moved(world: World, block: Array, tracked: Array, times_s: Array, limit_s: 
         samples = np.where(
             times_s[..., None] < begin[:, None, None], samples, np.where(late, onward.samples, within)
         )
-        last = np.where(hit[:, None], onward.ends[:, AT], last)
+        last = np.where(hit[:, None], onward.ends[:, INSTANT_STATE], last)
         instants = [begin[:, None] + during.impacts[..., I_TIME], left[:, None] + onward.impacts[..., I_TIME]]
         impacts = np.where(hit[:, None], np.hstack(instants), np.nan)
     return _Motion(centroid_poses(world, block, samples), _tracked(world, block, last), impacts)

@@ -15,11 +15,17 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.cases import FEWEST_CASE_RELEASES, HELDOUT_SHARE, LEAST_STRENGTH
-from rock2d.blind.injection import OF_THE_SERIES, injected, of_releases
+from rock2d.blind.injection import SERIES_EFFECTS, injected, of_releases
 from rock2d.diagnosis.detection import SEEN_Z, Curve, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.known_causes import effects_of_size, sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import (
+    effects_of_size,
+    largest_size,
+    size_parameter,
+    values_of_size,
+    with_cause,
+)
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -87,7 +93,7 @@ def bases_of(
 ) -> list[int | None]:
     """For each case the number of the record that is its base; None for one that is made. A case with a cause that
     has no size, or from outside the catalogue, or that grows from release to release, is made."""
-    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(OF_THE_SERIES)
+    rng, possible = np.random.default_rng(seed), set(effects_of_size("")) - set(SERIES_EFFECTS)
     eligible = [i for i, own in enumerate(causes) if possible.issuperset(own)]
     count = round(SHARE_OF_RECORDS * len(causes)) if records else 0
     number = {int(i): k % records for k, i in enumerate(rng.permutation(eligible)[:count])}
@@ -114,9 +120,9 @@ def write_record_case(
     hidden, strengths = list[dict[str, Any]](), list[float]()
     for name in causes:
         effect = catalogue()[name]
-        parameter = sized(effect, record.setup)
+        parameter = size_parameter(effect, record.setup)
         assert parameter is not None
-        size = span(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
+        size = largest_size(parameter) * math.exp(rng.uniform(math.log(LEAST_STRENGTH), 0.0))
         values = values_of_size(effect, size, record.setup, below=bool(rng.random() < 0.5))
         films = [
             injected(own, model, p, effect, values, int(rng.integers(2**31))).experiment for own in films

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from rock2d.blind.case_files import CASES
-from rock2d.blind.injection import OF_THE_SERIES, injected
+from rock2d.blind.injection import SERIES_EFFECTS, injected
 from rock2d.blind.running import RESULTS, run_cases
 from rock2d.diagnosis.detection import Curve, corrected, detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
-from rock2d.diagnosis.known_causes import sized, span, two_sided, values_of_size
+from rock2d.diagnosis.known_causes import largest_size, size_parameter, two_sided, values_of_size
 from rock2d.diagnosis.limits import TRUTH
 from rock2d.diagnosis.model import from_scale, to_scale
 from rock2d.effects import catalogue
@@ -35,8 +35,12 @@ from rock2d.files.text_files import read_json
 
 Array = np.ndarray
 
-LARGEST_SHARE = 0.9  # largest sum of effects put in and of the record, as a share of the plausible range
-CLOSE = 0.5  # largest error of an effect that the record has anyway, as a share of the size put in
+LARGEST_SHARE_OF_RANGE = (
+    0.9  # largest sum of effects put in and of the record, as a share of the plausible range
+)
+LARGEST_RELATIVE_ERROR = (
+    0.5  # largest error of an effect that the record has anyway, as a share of the size put in
+)
 
 
 @dataclass(frozen=True)
@@ -95,10 +99,10 @@ def make_cases(
     expected = {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
         for k, (name, size) in enumerate(plan.of(expected)):
-            effect, parameter = known[name], sized(known[name], result.setup)
+            effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
-            size = min(size, span(parameter), _room(parameter, has, below))
+            size = min(size, largest_size(parameter), _room(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
             changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
             write_experiment(folder / f"{k:03d}", changed.experiment)
@@ -109,7 +113,7 @@ def make_cases(
             cases[f"{k:03d}"] = {
                 "effect": name, "size": size, "values": values, "releases": changed.releases,
                 "pieces": changed.pieces, "cut": changed.cut,
-                "expected": both * (changed.releases / changed.pieces if name in OF_THE_SERIES else 1.0),
+                "expected": both * (changed.releases / changed.pieces if name in SERIES_EFFECTS else 1.0),
             }  # fmt: skip
             on_case()
     own = {n: asdict(c) for n, c in curves.items()}
@@ -120,7 +124,7 @@ def make_cases(
 def _room(parameter: Parameter, has: float, below: bool) -> float:
     """The largest size that can be put into a record that has a value anyway, so that a fit can find both together."""
     end = parameter.low if below or parameter.high <= parameter.neutral else parameter.high
-    most = to_scale(parameter, parameter.neutral + LARGEST_SHARE * (end - parameter.neutral))
+    most = to_scale(parameter, parameter.neutral + LARGEST_SHARE_OF_RANGE * (end - parameter.neutral))
     put = from_scale(parameter, most - to_scale(parameter, has))
     return max((put - parameter.neutral) * np.sign(end - parameter.neutral), 0.0)
 
@@ -161,7 +165,7 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
         value = own[known[effect].parameters[0].name]["value"] if own else None
         seen = any(effect in group for group in names.values())
         if value is not None and effect in truth["named"]:
-            seen = abs(value - case["expected"]) <= CLOSE * case["size"]
+            seen = abs(value - case["expected"]) <= LARGEST_RELATIVE_ERROR * case["size"]
         false = sorted(name for name, group in names.items() if not group & {effect, *truth["named"]})
         cases.append({"case": name, **case, "seen": seen, "found": value, "false": false})
     curves = {name: Curve(**own) for name, own in truth["curves"].items()}

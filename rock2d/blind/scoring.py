@@ -101,12 +101,12 @@ class ScoredCase:
         return None if not hit and self.verdict in self.of_record else hit
 
     @property
-    def first(self) -> str | None:
+    def most_probable(self) -> str | None:
         """The most probable effect without those that the record holds anyway."""
         return next((effect for effect in self.p if effect not in self.of_record - self.hidden.keys()), None)
 
     @property
-    def judged(self) -> list[frozenset[str]]:
+    def scored_names(self) -> list[frozenset[str]]:
         """The names without those of what the record holds anyway."""
         return [own for own in self.names if own & self.hidden.keys() or not own & self.of_record]
 
@@ -200,7 +200,7 @@ def _main_numbers(cases: Sequence[ScoredCase]) -> dict[str, Any]:
         },
         "first_right_single": _by_strength(
             [
-                (z, c.first == effect)
+                (z, c.most_probable == effect)
                 for c in cases
                 if c.kind == "one effect"
                 for effect, z in c.hidden.items()
@@ -285,11 +285,11 @@ def _by_strength(found: Sequence[tuple[float, bool]]) -> dict[str, list[float]]:
 
 
 def _precision(cases: Iterable[ScoredCase]) -> list[float]:
-    return wilson_share([bool(own & case.hidden.keys()) for case in cases for own in case.judged])
+    return wilson_share([bool(own & case.hidden.keys()) for case in cases for own in case.scored_names])
 
 
 def _nulls_named(cases: Iterable[ScoredCase]) -> list[float]:
-    return wilson_share([bool(case.judged) for case in cases if case.kind == "nothing"])
+    return wilson_share([bool(case.scored_names) for case in cases if case.kind == "nothing"])
 
 
 def _of_releases(cases: Sequence[ScoredCase]) -> dict[str, list[float]]:

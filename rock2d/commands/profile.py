@@ -57,11 +57,11 @@ def write_profile(
     text = scenario_of(profile, name, _zones(zones) if zones is not None else ())
     write_whole(out, text)
     scenario = load_scenario(out)
+    from rock2d.graphics.cross_section_figure import cross_section_figure
     from rock2d.graphics.figure_style import save_figure
-    from rock2d.graphics.section import section_figure
 
     picture = save_figure(
-        section_figure(scenario.make_cross_section(), profile.source), out.with_suffix(".png")
+        cross_section_figure(scenario.make_cross_section(), profile.source), out.with_suffix(".png")
     )
     length, fall = np.ptp(profile.points_m, axis=0)
     report(f"{profile.source}: {len(profile.points_m)} points, {length:.4g} m long, {fall:.4g} m of height")

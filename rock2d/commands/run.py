@@ -69,16 +69,16 @@ def run_scenarios(
             loaded[0], predict, out, seed=options.seed, overwrite=overwrite, progress=progress, report=report
         )
         return True
-    asked = Asked(out, options, workers, engines, video, page_of, overwrite, progress, report)
+    request = RunRequest(out, options, workers, engines, video, page_of, overwrite, progress, report)
     for scenario in loaded:  # before any work
-        asked.check(scenario)
-    resolved = [_run_scenario(scenario, asked) for scenario in loaded]
+        request.check(scenario)
+    resolved = [_run_scenario(scenario, request) for scenario in loaded]
     return all(resolved)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What `run_scenarios` is asked for."""
+class RunRequest:
+    """What `run_scenarios` is request for."""
 
     out: Path
     options: CampaignOptions
@@ -124,36 +124,36 @@ class Asked:
             check_engine(scenario, engine)
 
 
-def _run_scenario(scenario: Scenario, asked: Asked) -> bool:
+def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
     """Run a scenario with every engine, or study its field test; whether the releases are resolved."""
-    if asked.studies(scenario):
+    if request.studies(scenario):
         from rock2d.field_tests.command import run_field_test
 
         run_field_test(
-            scenario, asked.out / scenario.name, seed=asked.options.seed, overwrite=asked.overwrite,
-            progress=asked.progress, report=asked.report,
+            scenario, request.out / scenario.name, seed=request.options.seed, overwrite=request.overwrite,
+            progress=request.progress, report=request.report,
         )  # fmt: skip
         return True
     for remark in line_remarks(scenario.make_cross_section(), scenario.make_blocks().values()):
-        asked.report(f"warning: {remark}")
+        request.report(f"warning: {remark}")
     for remark in diagnosis_remarks(scenario):
-        asked.report(remark)
+        request.report(remark)
     resolved = True
-    for engine in asked.engines_of(scenario):
-        tables = (_run_campaign if asked.large(scenario) else _run_in_memory)(scenario, engine, asked)
+    for engine in request.engines_of(scenario):
+        tables = (_run_campaign if request.large(scenario) else _run_in_memory)(scenario, engine, request)
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
             for remark in remarks:
-                asked.report(remark)
-        asked.report(f"written: {asked.folder(scenario, engine)}")
+                request.report(remark)
+        request.report(f"written: {request.folder(scenario, engine)}")
     return resolved
 
 
-def _run_in_memory(scenario: Scenario, engine: str, asked: Asked) -> dict[str, pd.DataFrame]:
+def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
     """Run, print the tables, then write the folder; the tables that it holds."""
-    options, processes = asked.options, asked.workers.processes
-    bars = run_bars(scenario, engine, asked.progress, processes)
+    options, processes = request.options, request.workers.processes
+    bars = run_bars(scenario, engine, request.progress, processes)
     result = run(
         scenario,
         engine=engine,
@@ -165,38 +165,38 @@ def _run_in_memory(scenario: Scenario, engine: str, asked: Asked) -> dict[str, p
     print_tables(result)
     found = Findings(
         before_after(scenario, result, workers=processes) if scenario.diagnosed is not None else None,
-        _assessed(scenario, result.engine, result.seed, asked.progress),
+        _assessed(scenario, result.engine, result.seed, request.progress),
         table_note(scenario),
     )
     found.show()
 
     def also(partial: Path) -> None:
         found.write(partial)
-        if asked.page_of is not None:
+        if request.page_of is not None:
             from rock2d.design.report import REPORTED_TABLES
 
             of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-            _write_page(result, of_run, found, partial, asked.page_of)
+            _write_page(result, of_run, found, partial, request.page_of)
 
-    tables = result.write(asked.folder(scenario, engine), asked.video, progress=bars, also=also)
+    tables = result.write(request.folder(scenario, engine), request.video, progress=bars, also=also)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
 
 
-def _run_campaign(scenario: Scenario, engine: str, asked: Asked) -> dict[str, pd.DataFrame]:
+def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
     """Run a campaign and print its tables. Its folder also holds findings, and a page whose figures show its first
     releases."""
-    folder, progress = asked.folder(scenario, engine), asked.progress
-    options = replace(asked.options, engine=engine)
+    folder, progress = request.folder(scenario, engine), request.progress
+    options = replace(request.options, engine=engine)
     tables = run_campaign(
         scenario,
         folder,
         options,
-        asked.workers,
-        overwrite=asked.overwrite,
+        request.workers,
+        overwrite=request.overwrite,
         progress=progress,
-        report=asked.report,
+        report=request.report,
     )
     print_campaign(scenario, engine, tables)
     compared = None
@@ -205,10 +205,10 @@ def _run_campaign(scenario: Scenario, engine: str, asked: Asked) -> dict[str, pd
     found = Findings(compared, _assessed(scenario, engine, options.seed, progress), table_note(scenario))
     found.show()
     found.write(folder)
-    if asked.page_of is not None:
+    if request.page_of is not None:
         first = min(options.releases or scenario.releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
-        _write_page(sample, tables, found, folder, asked.page_of)
+        _write_page(sample, tables, found, folder, request.page_of)
     return tables
 
 
@@ -239,11 +239,11 @@ class Findings:
 def _write_page(
     sample: RunResult, tables: dict[str, pd.DataFrame], found: Findings, folder: Path, command: str
 ) -> None:
-    from rock2d.design.report import SiteResults, write_report
+    from rock2d.design.report import ReportContent, write_report
 
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
-    results = SiteResults(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
+    results = ReportContent(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
     write_report(results, folder, command)
 
 

@@ -179,7 +179,7 @@ def _write_page(
     Returns what the embankment must take, in words.
     """
     from rock2d.design.possible_sites import SAME_LAW
-    from rock2d.design.report import REPORTED_TABLES, SiteResults, demand_tiles, write_report
+    from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
@@ -190,6 +190,6 @@ def _write_page(
     sample = run(chosen, engine=SAME_LAW.get(engine, engine), seed=seed, releases=releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
-    results = SiteResults(chosen, sample, tables, remarks, answer=answer)
+    results = ReportContent(chosen, sample, tables, remarks, answer=answer)
     write_report(results, folder, command)
     return [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]

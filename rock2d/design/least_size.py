@@ -211,9 +211,9 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
     unresolved: dict[str, float] = {}
     for b, block in enumerate(results.blocks):
         passed = results.passed[:, b, k]
-        most = passed | results.cut[:, b, k]
+        most = passed | results.unresolved[:, b, k]
         n = passed.shape[1]
-        unresolved[block] = float(results.cut[:, b, k].mean())
+        unresolved[block] = float(results.unresolved[:, b, k].mean())
         median[block] = float(np.median(passed.mean(axis=1)))
         share, _ = variance_shares(most)
         for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):

@@ -93,14 +93,14 @@ class SiteResults:
 
     Attributes
     ----------
-    passed, cut : (s, b, l, n) bool; cut: unresolved before the line
+    passed, unresolved : (s, b, l, n) bool, of each line: passed, or cut short or buried before it
     crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN where not passed
     """
 
     blocks: tuple[str, ...]
     lines: tuple[str, ...]
     passed: Array
-    cut: Array
+    unresolved: Array
     crossings: dict[str, Array]
 
 
@@ -120,7 +120,7 @@ def simulate_sites(
     first = scenarios[0]
     blocks, lines = tuple(first.make_blocks()), tuple(first.make_cross_section().measure_lines)
     shape = (len(scenarios), len(blocks), len(lines), releases)
-    passed, cut = np.zeros(shape, bool), np.zeros(shape, bool)
+    passed, unresolved = np.zeros(shape, bool), np.zeros(shape, bool)
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
     chosen = engine_named(SAME_LAW.get(engine, engine))
     assert chosen.ensemble is not None
@@ -135,14 +135,14 @@ def simulate_sites(
             else:
                 found = chosen.ensemble(job, group)
             own = found.passed(len(lines))
-            passed[s, b], cut[s, b] = own.T, found.unresolved(len(lines)).T
+            passed[s, b], unresolved[s, b] = own.T, found.unresolved(len(lines)).T
             for k, ends in enumerate(job.cross_section.measure_lines.values()):
                 masses = group.masses()[own[:, k]]
                 values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
                 for quantity, of in crossings.items():
                     of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
         on_progress(1)
-    return SiteResults(blocks, lines, passed, cut, crossings)
+    return SiteResults(blocks, lines, passed, unresolved, crossings)
 
 
 def variants_of(scenario: Scenario, sites: PossibleSites) -> list[Scenario]:

@@ -81,7 +81,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class SiteResults:
+class ReportContent:
     """What a report tells.
 
     Attributes
@@ -114,43 +114,43 @@ class SiteResults:
         return design_table(self.scenario, self.tables["percentiles"], uncertain)
 
 
-def write_report(results: SiteResults, folder: Path, command: str) -> None:
+def write_report(content: ReportContent, folder: Path, command: str) -> None:
     """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
     from rock2d.graphics.figure_style import save_figure
 
     figures = {
-        name: save_figure(figure, folder / f"{name}.png") for name, figure in _figures(results).items()
+        name: save_figure(figure, folder / f"{name}.png") for name, figure in _figures(content).items()
     }
-    for name, table in _further_tables(results).items():
+    for name, table in _further_tables(content).items():
         write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-    made = Made.now(command, f"{results.sample.seed} (of every random draw)")
-    write_whole(folder / PAGE, report_page(results, figures, made))
+    made = Made.now(command, f"{content.sample.seed} (of every random draw)")
+    write_whole(folder / PAGE, report_page(content, figures, made))
 
 
-def report_page(results: SiteResults, figures: Mapping[str, Path], made: Made) -> str:
+def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
     """The page."""
-    scenario = results.scenario
+    scenario = content.scenario
     context = {
-        "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(results),
-        "about": scenario.about, "tiles": _tiles(results),
+        "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(content),
+        "about": scenario.about, "tiles": _tiles(content),
         "remarks": [
-            *results.remarks, *(results.assessment.remarks() if results.assessment else ()),
-            *(line for line in results.diagnosis if line.startswith("warning")),
+            *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
+            *(line for line in content.diagnosis if line.startswith("warning")),
             *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
         ],
-        "resolved": not results.remarks,
-        "sections": [section for section in _sections(results, figures) if section is not None],
+        "resolved": not content.remarks,
+        "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
     }  # fmt: skip
     return rendered("rock2d.design", "report.html.j2", context, {})
 
 
-def _figures(results: SiteResults) -> dict[str, Figure]:
+def _figures(content: ReportContent) -> dict[str, Figure]:
     from rock2d.design.design_curve import design_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
     from rock2d.graphics.trajectories import trajectories_figure
 
-    run = results.sample
+    run = content.sample
     ground, lines = run.cross_section, list(run.cross_section.measure_lines)
     found = {"trajectories": run.plot()}
     if (window := _window(run)) is not None:
@@ -159,10 +159,10 @@ def _figures(results: SiteResults) -> dict[str, Figure]:
     found["stops"] = stops_figure(ground, run.to_pandas("stops"))
     if lines:
         found["distributions"] = distributions_figure(run.to_pandas("crossings"), lines, run.blocks)
-    if results.assessment is not None and len(results.assessment.sensitivity):
-        found["tornado"] = results.assessment.plot()
-    if results.answer is not None:
-        found["design"] = design_figure(results.answer)
+    if content.assessment is not None and len(content.assessment.sensitivity):
+        found["tornado"] = content.assessment.plot()
+    if content.answer is not None:
+        found["design"] = design_figure(content.answer)
     return found
 
 
@@ -179,18 +179,18 @@ def _window(run: RunResult) -> tuple[float, float, float, float] | None:
     )  # fmt: skip
 
 
-def _further_tables(results: SiteResults) -> dict[str, pd.DataFrame]:
-    found = {"envelopes": results.sample.to_pandas("envelopes")}
-    if "percentiles" in results.tables:
-        found["design_values"] = results.design_values
+def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
+    found = {"envelopes": content.sample.to_pandas("envelopes")}
+    if "percentiles" in content.tables:
+        found["design_values"] = content.design_values
     return found
 
 
-def _worst(results: SiteResults) -> tuple[str, str, float, float, float] | None:
+def _worst(content: ReportContent) -> tuple[str, str, float, float, float] | None:
     """Block, line and frequency [95 % interval] of the block that passes the last line most often."""
-    table: Any = results.tables.get("passing")
-    if results.assessment is not None:
-        own = results.assessment.uncertain
+    table: Any = content.tables.get("passing")
+    if content.assessment is not None:
+        own = content.assessment.uncertain
         table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
     if table is None or not len(table):
         return None
@@ -200,13 +200,13 @@ def _worst(results: SiteResults) -> tuple[str, str, float, float, float] | None:
     return str(row["block"]), line, float(row["frequency"]), float(row["low95"]), float(row["high95"])
 
 
-def _headline(results: SiteResults) -> str:
-    answer, worst = results.answer, _worst(results)
+def _headline(content: ReportContent) -> str:
+    answer, worst = content.answer, _worst(content)
     if answer is not None and answer.least is None:
         return f"No {answer.place} up to {answer.judgements[-1].size:.4g} meets the target"
     if answer is not None:
         return f"Least {answer.place}: {answer.least:.4g}"
-    if results.remarks:
+    if content.remarks:
         return "Not resolved"
     if worst is None:
         return "Where blocks go"
@@ -214,54 +214,54 @@ def _headline(results: SiteResults) -> str:
     return f"{with_interval(share, low, high, 100.0)} % of {block} pass {line}"
 
 
-def _tiles(results: SiteResults) -> list[tuple[str, str, str]]:
-    run, worst, found = results.sample, _worst(results), []
-    releases = int(results.tables["stops"]["releases"].sum()) if "releases" in results.tables.get(
+def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
+    run, worst, found = content.sample, _worst(content), []
+    releases = int(content.tables["stops"]["releases"].sum()) if "releases" in content.tables.get(
         "stops", ()
     ) else len(run.tracks)  # fmt: skip
     found.append(("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}"))
-    if results.answer is not None:
-        target = results.answer.target
+    if content.answer is not None:
+        target = content.answer.target
         aim = f"at {100 * target.confidence:.3g} % confidence pass {target.line}"
         found.append(("Target", f"{100 * target.frequency:.3g} %", f"at most, {aim}"))
     if worst is not None:
         block, line, share, low, high = worst
-        over = "over sampling and what is not known" if results.assessment is not None else "sampling only"
+        over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
         found.append(
             (f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over)
         )
-    return found + demand_tiles(results)
+    return found + demand_tiles(content)
 
 
-def demand_tiles(results: SiteResults) -> list[tuple[str, str, str]]:
+def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
     """What the embankment must take: what it is, the largest value of all blocks with its interval, the block."""
-    if "percentiles" not in results.tables:
+    if "percentiles" not in content.tables:
         return []
     words = {
         "kinetic_J": "Energy that arrives (95 %)",
         "passing_height_m": "Height at which it arrives (95 %)",
     }
-    uncertain = results.assessment.uncertain if results.assessment is not None else None
+    uncertain = content.assessment.uncertain if content.assessment is not None else None
     return [
         (words[quantity], quantity_text(quantity, *estimate), name)
-        for quantity, (name, estimate) in demands(results.tables["percentiles"], uncertain).items()
+        for quantity, (name, estimate) in demands(content.tables["percentiles"], uncertain).items()
     ]
 
 
-def _sections(results: SiteResults, figures: Mapping[str, Path]) -> list[Section | None]:
+def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section | None]:
     def noted(section: Section | None) -> Section | None:
         """The section whose tables say what the run leaves out."""
-        note = table_note(results.scenario)
+        note = table_note(content.scenario)
         if section is None or not note:
             return section
         tables = [replace(table, note=f"{table.note} Simulated {note}.".strip()) for table in section.tables]
         return replace(section, tables=tables)
 
     return [
-        noted(_answer_section(results, figures)), _site_section(results, figures), _assumption_section(results),
-        noted(_passing_section(results, figures)), noted(_slope_section(results, figures)),
-        noted(_line_section(results, figures)), noted(_design_section(results)),
-        noted(_certainty_section(results, figures)), noted(_diagnosis_section(results)),
+        noted(_answer_section(content, figures)), _site_section(content, figures), _assumption_section(content),
+        noted(_passing_section(content, figures)), noted(_slope_section(content, figures)),
+        noted(_line_section(content, figures)), noted(_design_section(content)),
+        noted(_certainty_section(content, figures)), noted(_diagnosis_section(content)),
         Section("Limits", points=LIMITS),
     ]  # fmt: skip
 
@@ -272,10 +272,10 @@ def _picture(figures: Mapping[str, Path], name: str, alt: str, caption: str = ""
     return [Picture(embedded_picture(figures[name]), alt, caption)] if name in figures else []
 
 
-def _answer_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
-    if results.answer is None:
+def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if content.answer is None:
         return None
-    answer = results.answer
+    answer = content.answer
     shown = TextTable(
         (answer.place, "block", "median %", "bound %", "meets"),
         [
@@ -287,8 +287,8 @@ def _answer_section(results: SiteResults, figures: Mapping[str, Path]) -> Sectio
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
 
 
-def _site_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
-    run = results.sample
+def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    run = content.sample
     points = run.cross_section.points_m
     alt = (
         f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the ways of the blocks; "
@@ -298,12 +298,12 @@ def _site_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
     return Section(
         "Site and blocks",
         pictures=[*_picture(figures, "trajectories", alt), *near],
-        tables=[block_rows(results.scenario), *parameter_tables(results.scenario, run.engine)],
+        tables=[block_rows(content.scenario), *parameter_tables(content.scenario, run.engine)],
     )
 
 
-def _assumption_section(results: SiteResults) -> Section:
-    scenario = results.scenario
+def _assumption_section(content: ReportContent) -> Section:
+    scenario = content.scenario
     points = list(scenario.assumed) or ["The scenario file lists no assumption."]
     points += [
         f"Varies from release to release: {place}, {_drawn(draw)}" for place, draw in scenario.scatter.items()
@@ -326,20 +326,20 @@ def _drawn(draw: Any) -> str:
     return f"{kind} ({said})"
 
 
-def _passing_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
+def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
     tables = []
-    if len(results.tables.get("passing", ())):
-        tables.append(passing_rows(results.tables["passing"]))
-    if "stops" in results.tables:
-        tables.append(stop_rows(results.tables["stops"]))
+    if len(content.tables.get("passing", ())):
+        tables.append(passing_rows(content.tables["passing"]))
+    if "stops" in content.tables:
+        tables.append(stop_rows(content.tables["stops"]))
     alt = "Histogram of the places at which releases ended, below the cross-section"
     return Section(
         "Do blocks pass, and where do they end", pictures=_picture(figures, "stops", alt), tables=tables
     )
 
 
-def _slope_section(results: SiteResults, figures: Mapping[str, Path]) -> Section:
-    table: Any = results.sample.to_pandas("envelopes")
+def _slope_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    table: Any = content.sample.to_pandas("envelopes")
     top = table[(table["quantity"] == "kinetic_J") & (table["percentile"] == 95.0)]["value"]
     alt = "Height above the ground, speed and energy along the slope, exceeded by 50, 5 and 1 % of the blocks"
     alt += (
@@ -350,21 +350,21 @@ def _slope_section(results: SiteResults, figures: Mapping[str, Path]) -> Section
     return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
 
 
-def _line_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
-    if "percentiles" not in results.tables:
+def _line_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if "percentiles" not in content.tables:
         return None
     alt = "Histograms of energy, passing height and speed of the blocks that pass each measure line"
     return Section(
         "How high and how hard",
         pictures=_picture(figures, "distributions", alt),
-        tables=[percentile_rows(results.tables["percentiles"])],
+        tables=[percentile_rows(content.tables["percentiles"])],
     )
 
 
-def _design_section(results: SiteResults) -> Section | None:
-    if "percentiles" not in results.tables:
+def _design_section(content: ReportContent) -> Section | None:
+    if "percentiles" not in content.tables:
         return None
-    values = results.design_values
+    values = content.design_values
     if (values["line"] == ARRIVAL_LINE).any():
         values = values[values["line"] == ARRIVAL_LINE]
     if not len(values):
@@ -377,8 +377,8 @@ def _design_section(results: SiteResults) -> Section | None:
     return Section("Design values", texts=[text], tables=[design_value_rows(values)])
 
 
-def _without_assessment(results: SiteResults) -> str:
-    if results.scenario.uncertainty is None:
+def _without_assessment(content: ReportContent) -> str:
+    if content.scenario.uncertainty is None:
         return "The scenario says nothing about what is not known. All intervals are those of sampling alone."
     return (
         "The size holds over all that is listed as not known. The other intervals on this page are those of sampling "
@@ -386,17 +386,17 @@ def _without_assessment(results: SiteResults) -> str:
     )
 
 
-def _diagnosis_section(results: SiteResults) -> Section | None:
-    if results.compared is None:
+def _diagnosis_section(content: ReportContent) -> Section | None:
+    if content.compared is None:
         return None
-    shown = before_after_rows(results.compared)
-    return Section("Before and after the diagnosis", texts=results.diagnosis, tables=[shown])
+    shown = before_after_rows(content.compared)
+    return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
 
 
-def _certainty_section(results: SiteResults, figures: Mapping[str, Path]) -> Section | None:
-    if results.assessment is None:
-        return Section("How sure is that", texts=[_without_assessment(results)])
-    table: Any = results.assessment.sensitivity
+def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if content.assessment is None:
+        return Section("How sure is that", texts=[_without_assessment(content)])
+    table: Any = content.assessment.sensitivity
     alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
     if len(table):
         first = table.loc[table["total"].idxmax()]
@@ -404,5 +404,5 @@ def _certainty_section(results: SiteResults, figures: Mapping[str, Path]) -> Sec
     return Section(
         "How sure is that",
         pictures=_picture(figures, "tornado", alt),
-        tables=[uncertain_rows(results.assessment.uncertain)],
+        tables=[uncertain_rows(content.assessment.uncertain)],
     )

@@ -1,7 +1,7 @@
 """The descent that all sizes of an earthwork share: simulated once, down to where their grounds part.
 
 Upslope of an embankment or a ditch nothing depends on its size, and most of a release's time is spent there. Each
-release is held before the grounds part, with the memory of its contacts, and goes on from there with each size.
+release is suspended before the grounds part, with the memory of its contacts, and goes on from there with each size.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from rock2d.files.scenario import Scenario
-from rock2d.records.columns import AT, N_INSTANT, STOP_REACHED, TIME
+from rock2d.records.columns import INSTANT_STATE, N_INSTANT, STOP_REACHED, TIME
 from rock2d.runs.campaigns.ensembles import Outcome, batch_outcome
 from rock2d.runs.campaigns.job import Job, job_of
-from rock2d.runs.conditions import Group, Past
+from rock2d.runs.conditions import Group, Suspended
 from rock2d.scene.cross_section import CrossSection
 
 Array = np.ndarray
 
 EARTHWORKS = ("embankment", "ditch", "cross_section")  # keys of a scenario that change nothing but the ground
 SHARING_ENGINE = "batch"  # the one that holds releases
-OVERSHOOT = 2.0  # radii that a release may move on in one look before it is held
+OVERSHOOT = 2.0  # radii that a release may move on in one look before it is suspended
 REACH = 5.0  # radii ahead of its centroid up to which a block looks at the ground, at most
 
 
@@ -35,25 +35,25 @@ class Descent:
     ----------
     starts : (n, 6) the states at which they start
     grounds : one for each release, or a single one for all
-    until_m, radius_m : the x at which they are held, and the largest radius of the blocks
+    suspend_x_m, radius_m : the x at which they are suspended, and the largest radius of the blocks
     states : (n, 6) where they go on with each size, or ended
-    past : time and contact memory with which they go on
+    suspended : time and contact memory with which they go on
     stop : (n,) index into STOPS, why they ended; STOP_REACHED: they go on
     """
 
     starts: Array
     grounds: Sequence[CrossSection]
-    until_m: float
+    suspend_x_m: float
     radius_m: float
     states: Array
-    past: Past
+    suspended: Suspended
     stop: Array
 
     def serves(self, group: Group) -> bool:
         """Whether these releases have the same starts and ground, and no measure line, as far as the descent goes."""
         return np.array_equal(self.starts, group.states) and all(
-            parting_m(own, met.cross_section) >= self.until_m + REACH * self.radius_m
-            and _first_line_m(met.cross_section) >= self.until_m + OVERSHOOT * self.radius_m
+            parting_m(own, met.cross_section) >= self.suspend_x_m + REACH * self.radius_m
+            and _first_line_m(met.cross_section) >= self.suspend_x_m + OVERSHOOT * self.radius_m
             for own, met in zip(self.grounds, group.conditions, strict=True)
         )
 
@@ -61,11 +61,11 @@ class Descent:
         """What becomes of the releases with the ground of a size."""
         n, lines = len(group.states), len(job.cross_section.measure_lines)
         ends, crossings = np.full((n, N_INSTANT), np.nan), np.full((n, lines, N_INSTANT), np.nan)
-        ends[:, TIME], ends[:, AT], stop = self.past.elapsed_s, self.states, self.stop.copy()
+        ends[:, TIME], ends[:, INSTANT_STATE], stop = self.suspended.elapsed_s, self.states, self.stop.copy()
         on = np.flatnonzero(stop == STOP_REACHED)
         if len(on):
-            held = group.part(on)._replace(states=self.states[on], past=self.past.part(on))
-            found = batch_outcome(job, held)
+            resumed = group.part(on)._replace(states=self.states[on], suspended=self.suspended.part(on))
+            found = batch_outcome(job, resumed)
             ends[on], crossings[on], stop[on] = found.ends, found.crossings, found.stop
         return Outcome(stop, ends, crossings)
 
@@ -103,8 +103,8 @@ class SharedDescents:
 
 
 def shares_descents(scenario: Scenario, place: str, engine: str) -> bool:
-    """Whether variants that differ in the number at this place differ in the ground alone, for an engine that can hold
-    releases. Effects of a diagnosis may remember more than the contacts do."""
+    """Whether variants that differ in the number at this place differ in the ground alone, for an engine that can
+    suspend releases. Effects of a diagnosis may remember more than the contacts do."""
     ground_alone = place.split(".")[0] in EARTHWORKS
     return engine == SHARING_ENGINE and scenario.diagnosed is None and ground_alone
 
@@ -126,9 +126,11 @@ def _first_line_m(ground: CrossSection) -> float:
 def _descent(job: Job, group: Group, limits: tuple[float, float]) -> Descent:
     """The descent before `limits`: where the grounds part, and the first measure line."""
     radius = max(own.block.reach_m for own in group.conditions)
-    until = min(limits[0] - REACH * radius, limits[1] - OVERSHOOT * radius)
-    found = batch_outcome(job, group, until)
-    assert found.held is not None
+    suspend_x_m = min(limits[0] - REACH * radius, limits[1] - OVERSHOOT * radius)
+    found = batch_outcome(job, group, suspend_x_m)
+    assert found.saved_contacts is not None
     grounds = [own.cross_section for own in group.conditions]
-    past = Past(found.ends[:, TIME], found.held)
-    return Descent(group.states, grounds, until, radius, found.ends[:, AT], past, found.stop)
+    suspended = Suspended(found.ends[:, TIME], found.saved_contacts)
+    return Descent(
+        group.states, grounds, suspend_x_m, radius, found.ends[:, INSTANT_STATE], suspended, found.stop
+    )

@@ -12,8 +12,8 @@ import numpy as np
 Array = np.ndarray
 
 DRAWS = 400
-MEANS = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
-LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS = 1.0, 1.0e5, 16  # range and number of the values of nu
+MEAN_VALUES = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
+LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
 def frequency_draws(passed: Array, releases: int, rng: np.random.Generator) -> Array:
@@ -24,7 +24,7 @@ def frequency_draws(passed: Array, releases: int, rng: np.random.Generator) -> A
     k = np.asarray(passed, float)
     if len(k) == 1:
         return rng.beta(k + 0.5, releases - k + 0.5, (DRAWS, 1))
-    angle = (np.arange(MEANS) + 0.5) / MEANS * 0.5 * np.pi
+    angle = (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES * 0.5 * np.pi
     grid = _finer(k, releases, angle)
     a, b, weight = _posterior(k, releases, np.sin(grid) ** 2)
     chosen = rng.choice(len(weight), DRAWS, p=weight)
@@ -35,11 +35,11 @@ def _finer(k: Array, releases: int, angle: Array) -> Array:
     """Angles, evenly spread where the posterior of mu has its weight."""
     for _ in range(2):
         _, _, weight = _posterior(k, releases, np.sin(angle) ** 2)
-        own = weight.reshape(-1, STRENGTHS).sum(axis=1)
-        held = np.flatnonzero(own > 1e-6 * own.max())
+        own = weight.reshape(-1, STRENGTH_VALUES).sum(axis=1)
+        support = np.flatnonzero(own > 1e-6 * own.max())
         step = angle[1] - angle[0]
-        low, high = max(angle[held[0]] - step, 0.0), min(angle[held[-1]] + step, 0.5 * np.pi)
-        angle = low + (high - low) * (np.arange(MEANS) + 0.5) / MEANS
+        low, high = max(angle[support[0]] - step, 0.0), min(angle[support[-1]] + step, 0.5 * np.pi)
+        angle = low + (high - low) * (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES
     return angle
 
 
@@ -47,7 +47,7 @@ def _posterior(k: Array, releases: int, mu: Array) -> tuple[Array, Array, Array]
     """a, b and weight (sum 1) on the grid of mu and nu, flat."""
     from scipy.special import betaln
 
-    nu = np.geomspace(LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTHS)
+    nu = np.geomspace(LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES)
     a, b = (np.outer(share, nu).reshape(-1) for share in (mu, 1.0 - mu))
     counts, number = np.unique(k, return_counts=True)
     each = betaln(a[:, None] + counts, b[:, None] + releases - counts) - betaln(a, b)[:, None]

@@ -42,24 +42,24 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     rows = []
     for b, block in enumerate(results.blocks):
         for k, line in enumerate(results.lines):
-            passed, cut = results.passed[own, b, k], results.cut[own, b, k]
-            head, unresolved = (block, line), float(cut.mean())
+            passed, unresolved = results.passed[own, b, k], results.unresolved[own, b, k]
+            head, share = (block, line), float(unresolved.mean())
             size = (len(own), passed.shape[1])
-            rows.append((*head, FREQUENCY, *size, *_frequency(passed, cut, rng), unresolved))
+            rows.append((*head, FREQUENCY, *size, *_frequency(passed, unresolved, rng), share))
             for quantity, values in results.crossings.items():
                 found = _percentile(values[own, b, k], rng)
-                rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found, unresolved))
+                rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found, share))
     return pd.DataFrame(rows, columns=list(UNCERTAIN_COLUMNS))
 
 
-def _frequency(passed: Array, cut: Array, rng: np.random.Generator) -> tuple[float, ...]:
+def _frequency(passed: Array, unresolved: Array, rng: np.random.Generator) -> tuple[float, ...]:
     """(median, low, high, share not known, share of sampling) of a passing frequency; arrays (sites, releases).
 
     Where no release passes at more than 2.5 % of the sites the lower bound is 0, and where all pass the upper is 1:
     a posterior never reaches either, a site can.
     """
     n = passed.shape[1]
-    k, k_most = passed.sum(axis=1), (passed | cut).sum(axis=1)
+    k, k_most = passed.sum(axis=1), (passed | unresolved).sum(axis=1)
     shares = variance_shares(passed)
 
     def bound(counts: Array, level: float) -> float:

@@ -21,17 +21,17 @@ from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
 from rock2d.diagnosis.evidence import Evidence, left_by_form, outside, single_answers, weigh
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, extended, fit, some_releases
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn
 from rock2d.diagnosis.likelihood import LARGEST_CHI_SQUARE
 from rock2d.diagnosis.model import BASE_WIDTH, LARGEST_LOG_K_L, Model
-from rock2d.diagnosis.predicted_gap import harmless
+from rock2d.diagnosis.predicted_gap import without_harmful_changes
 from rock2d.diagnosis.residual_regression import RegressedResiduals, regress
 from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.workload import BASE, EVIDENCE, DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
-from rock2d.laws.contact import INDENTATION
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from rock2d.processes import Processes
 from rock2d.progress import Bar, Bars
 from rock2d.scene.world import World
@@ -148,7 +148,7 @@ def fit_base(
     if registered is None:
         return best
     stated = Model(replace(setup, contact=best.model.setup.contact), base)
-    return replace(fit(stated, data, best.p, enough=Enough(np.inf)), free=False)
+    return replace(fit(stated, data, best.p, convergence=Convergence(np.inf)), free=False)
 
 
 def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array | None = None) -> Fit:
@@ -158,7 +158,7 @@ def _fitted_anew(model: Model, data: Data, bar: Bar | None = None, beside: Array
     some = data.only(some_releases(data))
     for reading in (0.0, 1.0):
         rows = model.setup.contact.copy()
-        rows[..., INDENTATION] = reading
+        rows[..., ROLLING_IN_INDENTATION] = reading
         model = replace(model, setup=replace(model.setup, contact=rows))
         corners = [
             np.array([min(stiffness, LARGEST_LOG_K_L), restitution, stiffness, friction, 0.0, *beside])
@@ -281,7 +281,7 @@ def _attribution(search: Search) -> Attribution:
     p_outside = _outside(search, ((learnt, best), (beside_all, whole)))
     learnt = best_predicting(data, learnt, beside_all)
     if isinstance(data, FilmData):
-        learnt = harmless(data, learnt, search.base.fit)
+        learnt = without_harmful_changes(data, learnt, search.base.fit)
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]

@@ -16,7 +16,7 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -352,14 +352,14 @@ class Reduction:
 
     def _without(self, kept: Array, model: Model) -> Fit:
         """The fit before, without the effect's parameters: its noise and derivatives are near those of the new one."""
-        before, own = self.before, self.before.slope
+        before, own = self.before, self.before.jacobian
         scatter = np.ones(len(before.scatter), bool)
         for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
             scatter[k] = effect.name != self.name
-        slope = Slopes(
+        slope = Jacobian(
             own.impacts[..., kept], own.flights[..., kept], own.scatter[..., scatter], own.covariance
         )
-        return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], slope=slope)
+        return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], jacobian=slope)
 
 
 def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:

@@ -164,7 +164,8 @@ class _Side(NamedTuple):
     Attributes
     ----------
     release : (n,)
-    z, weight, slope : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their slopes
+    z, weight, jacobian : (n, d) whitened residuals, (n, d) their weights in the robust likelihood, (n, d, P) their
+        derivatives
     names, channels : names of what the checks look at, and (n, 3, d) what each is of z, in standard deviations
     quantities : name -> (n,)
     lever : (n,) by which a pattern acts
@@ -173,7 +174,7 @@ class _Side(NamedTuple):
     release: Array
     z: Array
     weight: Array
-    slope: Array
+    jacobian: Array
     names: tuple[str, str, str]
     channels: Array
     quantities: Mapping[str, Array]
@@ -194,10 +195,10 @@ class _Left:
         heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
         # standard deviations of the rates, the last columns
         self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, -3:]
-        self._soil = whiten @ fit.slope.scatter
+        self._soil = whiten @ fit.jacobian.scatter
         self._impacts = _Side(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
-            np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.slope.impacts[..., free],
+            np.tile((known * heavy)[:, None], r.shape[1]), whiten @ fit.jacobian.impacts[..., free],
             ("along the ground", "across the ground", "spin"), root[:, -3:] / self._sd[:, :, None],
             data.impact_quantities(world) if len(r) else {}, np.ones(len(r)),
         )  # fmt: skip
@@ -209,21 +210,21 @@ class _Left:
             lever = data.lever()
         self._flights = _Side(
             data.flight_release, z, (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + z**2),
-            fit.slope.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
+            fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
             np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
         )  # fmt: skip
 
     @cached_property
     def _absorbing(self) -> Array:
         """(releases, P) by which the signs of the releases move the parameters."""
-        count = self._impacts.slope.shape[-1]
-        pull, curve = np.zeros((len(self._data.order), count)), np.zeros((count, count))
+        count = self._impacts.jacobian.shape[-1]
+        pull, curvature = np.zeros((len(self._data.order), count)), np.zeros((count, count))
         for own in (self._impacts, self._flights):
-            pulled = own.weight[..., None] * own.slope
+            pulled = own.weight[..., None] * own.jacobian
             pull += self._summed(own.release, np.einsum("ndp,nd->np", pulled, own.z))
-            curve += np.einsum("ndp,ndq->pq", pulled, own.slope, optimize=True)
-        size = np.sqrt(np.maximum(np.diag(curve), 1e-300))
-        return pull / size @ np.linalg.pinv(curve / size / size[:, None], 1e-9, hermitian=True) / size
+            curvature += np.einsum("ndp,ndq->pq", pulled, own.jacobian, optimize=True)
+        size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+        return pull / size @ np.linalg.pinv(curvature / size / size[:, None], 1e-9, hermitian=True) / size
 
     def _summed(self, release: Array, values: Array) -> Array:
         """(releases, k) sums of values (n, k)."""
@@ -267,7 +268,7 @@ class _Left:
         """A check of weighted sums of whitened residuals times `columns` (n, d, k)."""
         pulled = side.weight[..., None] * columns
         sums = self._summed(side.release, np.einsum("ndk,nd->nk", pulled, side.z))
-        moved = np.einsum("ndk,ndp->pk", pulled, side.slope, optimize=True)
+        moved = np.einsum("ndk,ndp->pk", pulled, side.jacobian, optimize=True)
         return self._drawn(name, compared, parts, sums, self._absorbing @ moved)
 
     def means(self) -> list[_Patterns]:
@@ -303,7 +304,7 @@ class _Left:
             return []
         root = np.sqrt(own.weight)
         # (n, d, releases) residuals as a function of the signs
-        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.slope, self._absorbing)
+        free = -np.einsum("ndp,rp->ndr", root[..., None] * own.jacobian, self._absorbing)
         free[np.arange(len(free)), :, own.release] += root * own.z
         first, second = (free[rows].reshape(-1, free.shape[-1]) for rows in pairs[-1])
         agreed = ((self._signs @ (first.T @ second)) * self._signs).sum(axis=1)
@@ -320,7 +321,7 @@ class _Left:
         z = np.einsum("ncd,nd->nc", own.channels, own.z)
         # normal scores of the sizes: symmetric, as random signs need it
         size = ndtri((rankdata(np.abs(z), axis=None).reshape(z.shape) - 0.5) / max(z.size, 1))
-        # slopes of the log likelihood by the scatter of the soil
+        # derivatives of the log likelihood by the scatter of the soil
         pulled = np.einsum("nd,ndk->nk", own.z, self._soil) ** 2
         soil = own.weight[:, :1] * pulled - known * (self._soil**2).sum(axis=1)
         for name, f, parts in self._chosen(SPREADS, IMPACT_DEPENDENCES, own):

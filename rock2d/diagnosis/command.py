@@ -13,7 +13,7 @@ from typing import Any
 from rock2d.diagnosis.detection import expected_limits
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
-from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.known_causes import effects_of_size
 from rock2d.diagnosis.limits import EXPECTED, read_limits
@@ -177,7 +177,7 @@ def run_prediction(
     experiment: Path, diagnosis: Path, out: Path, *, base_only: bool, report: Callable[[str], None]
 ) -> None:
     """Predict an experiment folder with a diagnosis; writes a CSV."""
-    read, content = load_experiment(experiment), read_model(diagnosis)
+    read, content = load_experiment(experiment), read_for_prediction(diagnosis)
     check_file(out)
     table = predict(read, content, base_only=base_only)
     write_whole(out, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import (
     flight_log_likelihood,
@@ -102,21 +102,21 @@ def fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
     impact_fold, flight_fold = fold[data.impact_release], fold[data.flight_release]
     covariance = fit.covariance()
     low, high = fit.model.bounds()
-    centre, tight = prior(fit.model)
+    centre, prior_precision = prior(fit.model)
     for k in range(FOLDS):
         if not fit.free:
             yield fit.p, fit.residuals
             continue
         keep = impact_fold != k, flight_fold != k
-        curve, grad = normal_equations(fit.residuals, fit.slope, covariance, keep)
-        grad += tight * (fit.p - centre)
+        curvature, grad = normal_equations(fit.residuals, fit.jacobian, covariance, keep)
+        grad += prior_precision * (fit.p - centre)
         grad[discrete(fit.model)] = 0.0  # a scan chose them
-        step = newton_step(curve + np.diag(tight), grad, fit.p, low, high)
-        before = _cost(fit.residuals, covariance, keep, fit.p - centre, tight)
+        step = newton_step(curvature + np.diag(prior_precision), grad, fit.p, low, high)
+        before = _cost(fit.residuals, covariance, keep, fit.p - centre, prior_precision)
         for _ in range(MOST_SHORTENED):
             p = np.clip(fit.p - step, low, high)
             own = fit.model.residuals(p, data)
-            if _cost(own, covariance, keep, p - centre, tight) < before + ACCEPTED_COST:
+            if _cost(own, covariance, keep, p - centre, prior_precision) < before + ACCEPTED_COST:
                 break
             step = SHORTENED * step
         else:
@@ -125,11 +125,11 @@ def fold_fits(fit: Fit, data: Data) -> Iterator[tuple[Array, Residuals]]:
 
 
 def _cost(
-    residuals: Residuals, covariance: Array, keep: tuple[Array, Array], off: Array, tight: Array
+    residuals: Residuals, covariance: Array, keep: tuple[Array, Array], off: Array, prior_precision: Array
 ) -> float:
     """Minus the log posterior of the impacts and flights in `keep`; `off` is the distance from the prior's centre."""
     impacts, flights = log_likelihood(residuals.impacts, covariance), flight_log_likelihood(residuals.flights)
-    return float(0.5 * (tight * off**2).sum() - impacts[keep[0]].sum() - flights[keep[1]].sum())
+    return float(0.5 * (prior_precision * off**2).sum() - impacts[keep[0]].sum() - flights[keep[1]].sum())
 
 
 def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
@@ -143,8 +143,8 @@ def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
     """Write a fit and its held-out residuals; whole or not at all."""
     with atomic_file(path) as partial, open(partial, "wb") as file:
         np.savez(
-            file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.slope.impacts,
-            slope_flights=fit.slope.flights, slope_scatter=fit.slope.scatter, covariance=fit.slope.covariance,
+            file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
+            slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, covariance=fit.jacobian.covariance,
             impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
             out_flights=out.residuals.flights, score=out.score,
         )  # fmt: skip
@@ -157,7 +157,7 @@ def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
             a = dict(found)
     except (OSError, ValueError, zipfile.BadZipFile):
         return None
-    slope = Slopes(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
+    jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
     residuals = Residuals(a["impacts"], a["flights"])
-    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], slope, residuals)
+    fit = Fit(model, a["p"], a["p_covariance"], a["scatter"], jacobian, residuals)
     return fit, HeldOut(Residuals(a["out_impacts"], a["out_flights"]), a["score"])

@@ -16,7 +16,7 @@ DIFFERENCE_STEP = 0.02  # step of finite differences, as a share of a parameter'
 
 
 @dataclass
-class Slopes:
+class Jacobian:
     """Derivatives of the residuals.
 
     Attributes
@@ -33,15 +33,15 @@ class Slopes:
     covariance: Array
 
 
-def slopes(
+def jacobian_by_differences(
     model: Model,
     p: Array,
     data: Data,
     at: Residuals,
     soil: Array,
     covariance: Array | None = None,
-    known: Slopes | None = None,
-) -> Slopes:
+    known: Jacobian | None = None,
+) -> Jacobian:
     """Derivatives at p by differences.
 
     Parameters
@@ -66,7 +66,7 @@ def slopes(
         by_flights[..., k] = (ahead.flights - at.flights) / step
     by_law, named = by_impacts[..., : len(BASE_WIDTH)], model.named_size
     if first < size:
-        further = model.further_slopes(p, data, at, by_law)
+        further = model.further_derivatives(p, data, at, by_law)
         by_impacts[..., named:], by_flights[..., named:] = further.impacts, further.flights
     columns = [by_law]
     for i, effect in enumerate(model.effects):
@@ -80,7 +80,7 @@ def slopes(
         covariance = data.outcome_noise()
     elif covariance is None:
         covariance = _noise_covariance(model, p, data, at, soil)
-    return Slopes(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
+    return Jacobian(np.nan_to_num(by_impacts), by_flights, scatter, covariance)
 
 
 def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter: Array) -> Array:
@@ -115,7 +115,7 @@ def _noise_covariance(model: Model, p: Array, data: Data, at: Residuals, scatter
     )
 
 
-def spread(slope: Slopes, scatter: Array) -> Array:
+def residual_covariance(jacobian: Jacobian, scatter: Array) -> Array:
     """(n, d, d) covariances at standard deviations `scatter` (k,) of the soil."""
-    wide = slope.scatter * scatter
-    return slope.covariance + wide @ wide.transpose(0, 2, 1)
+    wide = jacobian.scatter * scatter
+    return jacobian.covariance + wide @ wide.transpose(0, 2, 1)

@@ -20,14 +20,14 @@ from threadpoolctl import threadpool_limits
 
 from rock2d.diagnosis.cross_validation import by_release
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import slopes, spread
+from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.evidence import EFFECT_FORM_SHARE, LEAST_SIZE
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.known_causes import (
-    off_neutral,
-    sized,
-    span,
+    distance_from_neutral,
+    largest_size,
+    size_parameter,
     two_sided,
     values_of_size,
     with_cause,
@@ -98,11 +98,11 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
     curves = {}
     for name, effect in effects.items():
-        own = sized(effect, result.setup)
+        own = size_parameter(effect, result.setup)
         if own is None:
             continue
-        tried = _Tried(fit, data, effect, result.setup, least)
-        low, high = SMALLEST_TRIED * span(own), span(own)
+        tried = _AddedEffect(fit, data, effect, result.setup, least)
+        low, high = SMALLEST_TRIED * largest_size(own), largest_size(own)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
             chance = np.maximum.accumulate([tried.seen(s) for s in sizes])
@@ -113,7 +113,9 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         log50, log90 = np.interp([0.5, 0.9], chance, np.log(sizes))
         steepness = max(ODDS_90 / max(log90 - log50, 0.1), LEAST_STEEPNESS)
         seen50, found_anyway = float(np.exp(log50)), name in found.named
-        curves[name] = Curve(seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, span(own))
+        curves[name] = Curve(
+            seen50, float(steepness), own.unit, *tried.as_it_is(), found_anyway, largest_size(own)
+        )
     return curves
 
 
@@ -125,21 +127,23 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     curves flatter: D. J. C. MacKay (1992), Neural Comput. 4(5), 720-736, eq. 10.
     """
     names = list(curves)
-    slope = np.array([curves[name].steepness for name, _, _ in cases])
+    steepness = np.array([curves[name].steepness for name, _, _ in cases])
     log_size = np.array([np.log(size / curves[name].seen50) for name, size, _ in cases])
     seen = np.array([was for _, _, was in cases], float)
     design = np.zeros((len(cases), 1 + len(names)))
     for row, (name, _, _) in enumerate(cases):
         design[row, [0, 1 + names.index(name)]] = 1.0
-    tight = np.array([SHARED_SD] + [OWN_SD] * len(names)) ** -2.0
+    precision = np.array([SHARED_SD] + [OWN_SD] * len(names)) ** -2.0
 
     def cost(shift: Array) -> float:
-        odds = slope * (log_size - design @ shift)
-        return float(np.sum(np.logaddexp(0.0, odds) - seen * odds) + 0.5 * tight @ shift**2)
+        odds = steepness * (log_size - design @ shift)
+        return float(np.sum(np.logaddexp(0.0, odds) - seen * odds) + 0.5 * precision @ shift**2)
 
-    shift = minimize(cost, np.zeros(len(tight))).x
-    chance = expit(slope * (log_size - design @ shift))
-    covariance = np.linalg.inv((design.T * (slope**2 * chance * (1.0 - chance))) @ design + np.diag(tight))
+    shift = minimize(cost, np.zeros(len(precision))).x
+    chance = expit(steepness * (log_size - design @ shift))
+    covariance = np.linalg.inv(
+        (design.T * (steepness**2 * chance * (1.0 - chance))) @ design + np.diag(precision)
+    )
     found = {}
     for k, (name, own) in enumerate(curves.items(), 1):
         variance = covariance[0, 0] + 2.0 * covariance[0, k] + covariance[k, k]
@@ -156,21 +160,23 @@ def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict
     return {name: curve.limit() for name, curve in corrected(curves, []).items()}
 
 
-class _Tried:
+class _AddedEffect:
     """An effect that is put into the record of a fit, by the linear model."""
 
     def __init__(self, fit: Fit, data: Data, effect: Effect, world: World, least: float) -> None:
         self._least = least  # gain that a name needs
         self._fit, self._data, self._effect, self._world = fit, data, effect, world
         self._model, self._p, _ = with_cause(fit.model, fit.p, effect, {})
-        noise = fit.slope.covariance
-        self._slope = slopes(self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.slope)
+        noise = fit.jacobian.covariance
+        self._jacobian = jacobian_by_differences(
+            self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.jacobian
+        )
         owner = [e.name for e in self._model.effects for _ in e.parameters]
         self._own = np.array([False] * len(BASE_WIDTH) + [name == effect.name for name in owner])
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
-        further = self._slope.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
+        further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
         self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
-        own = sized(effect, world)
+        own = size_parameter(effect, world)
         assert own is not None
         self._size, self._unit = own, 0.5 * (own.high - own.low)
         rng = np.random.default_rng(np.random.SeedSequence(0))
@@ -180,7 +186,7 @@ class _Tried:
 
     def seen(self, size: float) -> float:
         """Probability that the effect is named at this size, above and below the neutral value alike."""
-        if size < LEAST_SIZE * span(self._size):
+        if size < LEAST_SIZE * largest_size(self._size):
             return 0.0
         gains = [self._gain_of_scatter(size)] if self._effect.scatter else self._gains(size)
         return float(np.mean([self._chance(gain) for gain in gains]))
@@ -213,52 +219,54 @@ class _Tried:
 
     def _gain_of_scatter(self, size: float) -> Array:
         """The same of an effect that widens the scatter, with drawn amounts of it."""
-        amount = self._slope.scatter[..., self._wide][..., 0] * self._drawn * size / self._unit
+        amount = self._jacobian.scatter[..., self._wide][..., 0] * self._drawn * size / self._unit
         own = self._fit.residuals
         changed, start = Residuals(own.impacts + amount, own.flights), np.full(len(self._wide), START_SCATTER)
         gain = np.zeros(len(self._data.order))
         for residuals, sign in ((changed, 1.0), (own, -1.0)):
             for keep, side in ((np.ones_like(self._wide), sign), (~self._wide, -sign)):
-                slope = replace(self._slope, scatter=self._slope.scatter[..., keep])
-                scatter = fit_scatter(residuals.impacts, slope, start[keep])
-                gain += side * by_release(self._data, residuals, spread(slope, scatter))
+                jacobian = replace(self._jacobian, scatter=self._jacobian.scatter[..., keep])
+                scatter = fit_scatter(residuals.impacts, jacobian, start[keep])
+                gain += side * by_release(self._data, residuals, residual_covariance(jacobian, scatter))
         return gain
 
     def _without(self, residuals: Residuals) -> Fit:
         """The fit without the parameters of the effect, with these residuals."""
-        keep, slope = ~self._own, self._slope
-        slope = replace(slope, impacts=slope.impacts[..., keep], flights=slope.flights[..., keep])
+        keep, jacobian = ~self._own, self._jacobian
+        jacobian = replace(jacobian, impacts=jacobian.impacts[..., keep], flights=jacobian.flights[..., keep])
         others = [e for e in self._model.effects if e.name != self._effect.name]
         model = replace(self._model, effects=others)
-        return replace(self._fit, model=model, p=self._p[keep], slope=slope, residuals=residuals)
+        return replace(self._fit, model=model, p=self._p[keep], jacobian=jacobian, residuals=residuals)
 
     def as_it_is(self) -> tuple[float, float]:
         """The largest size that the record as it is allows, one-sided 95 %, and the value that is most probable: one
         Newton step from the fit, with the covariance of `clustered_covariance`; of a scatter, from its likelihood."""
-        fit, data, slope = self._fit, self._data, self._slope
+        fit, data, jacobian = self._fit, self._data, self._jacobian
         if self._effect.scatter:
-            scatter = fit_scatter(fit.residuals.impacts, slope, np.full(len(self._wide), START_SCATTER))
-            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * span(self._size)
-            tried = [spread(slope, np.where(self._wide, s / self._unit, scatter)) for s in sizes]
+            scatter = fit_scatter(fit.residuals.impacts, jacobian, np.full(len(self._wide), START_SCATTER))
+            sizes = np.geomspace(SMALLEST_TRIED, 1.0, SCANNED_SIZES) * largest_size(self._size)
+            tried = [
+                residual_covariance(jacobian, np.where(self._wide, s / self._unit, scatter)) for s in sizes
+            ]
             total = np.array([log_likelihood(fit.residuals.impacts, own).sum() for own in tried])
             return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(
                 sizes[total.argmax()]
             )
         keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-        covariance, (centre, tight) = fit.covariance(), prior(self._model)
-        curve, grad = normal_equations(fit.residuals, slope, covariance, keep)
-        curve, grad = curve + np.diag(tight), grad + tight * (self._p - centre)
+        covariance, (centre, precision) = fit.covariance(), prior(self._model)
+        curvature, grad = normal_equations(fit.residuals, jacobian, covariance, keep)
+        curvature, grad = curvature + np.diag(precision), grad + precision * (self._p - centre)
         grad[discrete(self._model)] = 0.0
         of_p = clustered_covariance(
             fit.residuals,
-            slope,
+            jacobian,
             covariance,
-            curve,
+            curvature,
             (data.impact_release, data.flight_release),
             len(data.order),
         )
         at = int(self._own.argmax())
-        z = self._p[at] - np.linalg.solve(curve, grad)[at]
+        z = self._p[at] - np.linalg.solve(curvature, grad)[at]
         half = ONE_SIDED_Z * np.sqrt(of_p[at, at])
         low, value, high = (from_scale(self._size, z + s * half) for s in (-1, 0, 1))
-        return min(off_neutral(self._size, low, high), span(self._size)), value
+        return min(distance_from_neutral(self._size, low, high), largest_size(self._size)), value

@@ -27,8 +27,8 @@ from rock2d.effects.effect import Effect
 from rock2d.files.experiment import Experiment
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.kinematics import sanity as checks
+from rock2d.kinematics.film_findings import FilmFindings, film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.film_statement import FilmStatement, film_statement
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import Sanity, check_film, check_impacts, check_table
@@ -60,7 +60,7 @@ class Diagnosis:
     experiment: Experiment
     sanity: Sanity
     setup: World
-    film: FilmStatement | None = None
+    film: FilmFindings | None = None
     data: FilmData | TableData | None = None
     found: Attribution | None = None
     gaps: dict[str, Gap] | None = None
@@ -105,7 +105,7 @@ def diagnose(
         bars.starts()
         sanity, data = prepared(experiment, setup)
         bar.step("flights and impacts")
-        result = Diagnosis(experiment, sanity, setup, statement_of(experiment, setup, sanity, data))
+        result = Diagnosis(experiment, sanity, setup, findings_of_film(experiment, setup, sanity, data))
         bar.step("scale and rest")
     if data is None:
         return result
@@ -127,7 +127,7 @@ def diagnose(
             if better is not None:
                 data, sanity.registered = better
                 sanity.remarks.append(registered_remark(sanity.registered))
-                result.film = statement_of(experiment, setup, sanity, data)
+                result.film = findings_of_film(experiment, setup, sanity, data)
                 base = fit_base(setup, base_start(experiment), data, sanity.registered)
         hidden = unseen(base, data, tried, result.film)
         shown = {name: effect for name, effect in tried.items() if name not in hidden}
@@ -178,7 +178,7 @@ def prepared(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData | T
         stay, edged = 0, list[str]()
         if isinstance(data, FilmData):
             stay = len(find_rests(data).flight)
-            edged = [name for name in data.film.blind if not setup.blocks[name].smooth]
+            edged = [name for name in data.film.blocks_without_angle if not setup.blocks[name].smooth]
         judged = check_impacts(impacts, impacts + stay, flying, edged, sanity)
         if isinstance(data, FilmData) and not judged:
             data = data.flights_alone()
@@ -192,9 +192,9 @@ def _segmented(experiment: Experiment, setup: World) -> tuple[Sanity, FilmData |
     return sanity, None if sanity.faults else FilmData.of(film, sanity.registered or setup)
 
 
-def statement_of(
+def findings_of_film(
     experiment: Experiment, setup: World, sanity: Sanity, data: FilmData | TableData | None
-) -> FilmStatement | None:
+) -> FilmFindings | None:
     """What a film says of itself, also if it is too poor to diagnose; None of impacts and of unreadable films."""
     if experiment.trajectories is None or any(
         fault.code not in FAULTS_THAT_LEAVE_FLIGHTS for fault in sanity.faults
@@ -204,7 +204,7 @@ def statement_of(
     if world.gravity_m_s2 <= 0:
         return None
     segments = data if isinstance(data, FilmData) else FilmSegments.of(load_film(experiment), world)
-    return film_statement(segments, world, experiment.fps)
+    return film_findings(segments, world, experiment.fps)
 
 
 def locate(

@@ -21,7 +21,7 @@ from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.visibility import SPIN_TWINS
 from rock2d.effects import air_drag, catalogue
 from rock2d.effects.effect import Effect
-from rock2d.laws.contact import INDENTATION
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
 
 Array = np.ndarray
 
@@ -175,7 +175,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
     return {
         "base": base_values(found.base),
         "law": {
-            "rolling_in_indentation": bool(found.base.model.setup.contact[..., INDENTATION].any()),
+            "rolling_in_indentation": bool(found.base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()),
             "fitted": bool(len(data.impact_release)),
         },
         "verdict": found.verdict,
@@ -308,7 +308,7 @@ def reading_sentence(base: Fit) -> str:
             "No impact could be judged. The law of the ground is the paper's, scaled to the size and mass of the "
             "blocks; nothing of it was fitted."
         )
-    if base.model.setup.contact[..., INDENTATION].any():
+    if base.model.setup.contact[..., ROLLING_IN_INDENTATION].any():
         return (
             "The paper's rolling resistance can be read in two ways. In the reading that fits these data better, the "
             "rolling spring acts until the block is clear of the original surface."

@@ -11,16 +11,16 @@ from rock2d.diagnosis.learnt_prediction import read_changes
 from rock2d.diagnosis.levers import LEVER_QUANTITIES, LEVER_SIZES
 from rock2d.errors import InputError
 from rock2d.files.checked_yaml import Document, key_shown
-from rock2d.files.diagnosis import read_model as read_fitted
+from rock2d.files.diagnosis import read_model
 from rock2d.files.fitted_keys import ChangeKeys
 
 
-def read_model(path: str | Path) -> dict[str, Any]:
+def read_for_prediction(path: str | Path) -> dict[str, Any]:
     """Content of diagnosis.json, checked for what a prediction needs.
 
     Raises InputError if it cannot be used; warns if it has keys with old names.
     """
-    document, read = read_fitted(path)
+    document, read = read_model(path)
     if read.model is not None and read.model.learnt is not None:
         for i, change in enumerate(read.model.learnt.changes):
             _check_change(document, i, change)

@@ -69,7 +69,7 @@ def discrepancies(fit: Fit, data: Data, only: Collection[str] = LEVERS) -> list[
             if basis.name == CONSTANT and lever in (LAW, OUTCOME):
                 # the law is fitted, and impacts on the other side of an edge shift all outcomes to one side
                 continue
-            columns = levers.columns(levers.answer(lever, basis))
+            columns = levers.columns(levers.response(lever, basis))
             count = columns.impacts.shape[-1]
             best = linear.expected(columns, [np.full(count, width) for width in WIDTHS[lever]])
             # the best of many bases of the same name gains by chance

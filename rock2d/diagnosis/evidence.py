@@ -22,7 +22,7 @@ from rock2d.diagnosis.budget import Draws, Sizes
 from rock2d.diagnosis.cause_sets import TWINS, CauseSet, Reduction, Search
 from rock2d.diagnosis.cross_validation import Validated, by_release, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.derivatives import spread
+from rock2d.diagnosis.derivatives import residual_covariance
 from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, state_units
@@ -30,7 +30,7 @@ from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
 from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.soil_scatter import fit_scatter
-from rock2d.effects.changes import CENTRE
+from rock2d.effects.changes import AIM_PARAMETERS
 from rock2d.effects.effect import Effect
 from rock2d.progress import Bar
 from rock2d.records.columns import RATES
@@ -212,9 +212,9 @@ def _any_scatter(data: Data, less: Validated) -> Gain:
     own, units = less.fit, state_units(less.fit.model.setup)[RATES]
     columns = np.zeros((*own.residuals.impacts.shape, len(units)))
     columns[:, -len(units) :] = np.diag(units)
-    slope = replace(own.slope, scatter=np.concatenate([own.slope.scatter, columns], axis=-1))
+    slope = replace(own.jacobian, scatter=np.concatenate([own.jacobian.scatter, columns], axis=-1))
     start = np.concatenate([own.scatter, np.full(len(units), START_SCATTER)])
-    wide = spread(slope, fit_scatter(own.residuals.impacts, slope, start))
+    wide = residual_covariance(slope, fit_scatter(own.residuals.impacts, slope, start))
     scores = [
         by_release(data, less.held_out.residuals, covariance) for covariance in (wide, own.covariance())
     ]
@@ -232,7 +232,7 @@ def size(fit: Fit, name: str) -> float:
         first += len(parameters)
     sizes = []
     for k, parameter in enumerate(parameters, first):
-        if parameter not in CENTRE:
+        if parameter not in AIM_PARAMETERS:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))
     return float(max(sizes))

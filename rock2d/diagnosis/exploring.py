@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes
-from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Enough, Fit, extended, fit, some_releases
+from rock2d.diagnosis.derivatives import Jacobian
+from rock2d.diagnosis.fitting import EXPLORING_ITERATIONS, Convergence, Fit, extended, fit, some_releases
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood, normal_equations, prior
 from rock2d.diagnosis.model import BASE_WIDTH, Model, scatters, to_scale
 
@@ -35,7 +35,7 @@ def fit_to_some(base: Fit, data: Data) -> float:
     if some.all():
         return base.total()
     part = base.only(some[data.impact_release], some[data.flight_release])
-    return _short(Tried(base.model, data.only(some).coarse()), part.p, part).total()
+    return _short(CachedResiduals(base.model, data.only(some).coarse()), part.p, part).total()
 
 
 class Explored(NamedTuple):
@@ -72,13 +72,15 @@ def explored(model: Model, data: Data, base: Fit, on_some: float) -> Explored:
 def fit_effects(model: Model, data: Data, base: Fit, found: Explored, rival: float = -np.inf) -> Fit:
     """Fit a model with more effects than `base` has (which come first) to all releases, from where it was explored.
 
-    `rival`: log likelihood that another effect will reach, see `Enough`.
+    `rival`: log likelihood that another effect will reach, see `Convergence`.
     """
-    coarse = Enough(COARSE_CONVERGED_GAIN, rival)
-    fitted = fit(model, data, found.p, old=base, enough=Enough(rival=rival) if found.useful else coarse)
+    coarse = Convergence(COARSE_CONVERGED_GAIN, rival)
+    fitted = fit(
+        model, data, found.p, old=base, convergence=Convergence(rival=rival) if found.useful else coarse
+    )
     if fitted.total() < base.total():
         # what fits some releases need not fit the others; a fit that starts at the base cannot end below it
-        other = fit(model, data, extended(base, model), old=base, enough=coarse)
+        other = fit(model, data, extended(base, model), old=base, convergence=coarse)
         fitted = max((fitted, other), key=Fit.total)
     return fitted
 
@@ -90,34 +92,34 @@ def explore(model: Model, data: Data, base: Fit) -> Fit:
 
     The fits keep the derivatives of `base`: they show where a fit should start, not where it ends.
     """
-    start, tried = extended(base, model), Tried(model, data)
+    start, cached = extended(base, model), CachedResiduals(model, data)
     starts = [start]
-    for wide, slope in ((1.0, base.slope), (WIDE_SCAN, None)):
-        p = scan(tried, start, wide * base.covariance(), slope)
+    for wide, jacobian in ((1.0, base.jacobian), (WIDE_SCAN, None)):
+        p = scan(cached, start, wide * base.covariance(), jacobian)
         if not any(np.allclose(p, other) for other in starts):
             starts.append(p)
-    found = [_short(tried, p, base) for p in starts]
+    found = [_short(cached, p, base) for p in starts]
     if any(q.must_choose for own in model.parameters for q in own):
-        p = scan(tried, model.start(), WIDE_SCAN * base.covariance(), None)
+        p = scan(cached, model.start(), WIDE_SCAN * base.covariance(), None)
         found.append(fit(model, data, p, rounds=EXPLORING_ITERATIONS))
     best = max(found, key=Fit.total)
     for _ in range(MOST_RESCANS if best.total() > base.total() + REFIT_GAIN else 0):
-        again = scan(tried, best.p, best.covariance(), best.slope)
+        again = scan(cached, best.p, best.covariance(), best.jacobian)
         if np.allclose(again, best.p):
             break
-        other = _short(tried, again, best)
+        other = _short(cached, again, best)
         if other.total() < best.total() + RESCAN_GAIN:
             break
         best = other
     return best
 
 
-def _short(tried: Tried, start: Array, base: Fit) -> Fit:
-    return fit(tried.model, tried.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_slopes=True)
+def _short(cached: CachedResiduals, start: Array, base: Fit) -> Fit:
+    return fit(cached.model, cached.data, start, old=base, rounds=EXPLORING_ITERATIONS, keep_jacobian=True)
 
 
-class Tried:
-    """Residuals of a model, each simulated once."""
+class CachedResiduals:
+    """Residuals of a model: simulated once at each p, and kept."""
 
     def __init__(self, model: Model, data: Data) -> None:
         self.model, self.data = model, data
@@ -131,13 +133,13 @@ class Tried:
         return self._known[key]
 
 
-def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Array:
+def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobian | None) -> Array:
     """Best parameters of a grid search over the effects' parameters, one after another.
 
-    With the `slope` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
+    With the `jacobian` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
     which value would then be best, and a simulation checks it.
     """
-    model, data = tried.model, tried.data
+    model, data = cached.model, cached.data
     low, high = model.bounds()
     parameters = [q for own in model.parameters for q in own]
     first = model.size - len(parameters)
@@ -146,7 +148,7 @@ def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Arr
         impacts = log_likelihood(residuals.impacts, covariance).sum()
         return float(impacts + flight_log_likelihood(residuals.flights).sum())
 
-    best = value(tried.residuals(p))
+    best = value(cached.residuals(p))
     for k, parameter in enumerate(parameters, first):
         if k in scatters(model):
             continue
@@ -155,31 +157,33 @@ def scan(tried: Tried, p: Array, covariance: Array, slope: Slopes | None) -> Arr
         trials = [np.where(np.arange(model.size) == k, z, p) for z in grid]
         followed: list[tuple[float, Array]] = []
         for trial in trials:
-            residuals = tried.residuals(trial)
+            residuals = cached.residuals(trial)
             own = value(residuals)
             if own > best:
                 best, p = own, trial
-            if slope is not None:
-                step, after = _followed(model, trial, residuals, slope, covariance, data)
+            if jacobian is not None:
+                step, after = _followed(model, trial, residuals, jacobian, covariance, data)
                 followed.append((value(after), np.clip(trial - step, low, high)))
         expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
-        if expected > best and (own := value(tried.residuals(other))) > best:
+        if expected > best and (own := value(cached.residuals(other))) > best:
             best, p = own, other
     return p
 
 
 def _followed(
-    model: Model, p: Array, residuals: Residuals, slope: Slopes, covariance: Array, data: Data
+    model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array, data: Data
 ) -> tuple[Array, Residuals]:
     """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""
     n = len(BASE_WIDTH)
-    centre, tight = prior(model)
-    own = Slopes(slope.impacts[..., :n], slope.flights[..., :n], slope.scatter, covariance)
+    centre, prior_precision = prior(model)
+    own = Jacobian(jacobian.impacts[..., :n], jacobian.flights[..., :n], jacobian.scatter, covariance)
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    curve, grad = normal_equations(residuals, own, covariance, everything)
-    grad += tight[:n] * (p[:n] - centre[:n])
+    curvature, grad = normal_equations(residuals, own, covariance, everything)
+    grad += prior_precision[:n] * (p[:n] - centre[:n])
     step = np.zeros(model.size)
-    step[:n] = np.linalg.solve(curve + np.diag(tight[:n]), grad).clip(-LARGEST_BASE_STEP, LARGEST_BASE_STEP)
+    step[:n] = np.linalg.solve(curvature + np.diag(prior_precision[:n]), grad).clip(
+        -LARGEST_BASE_STEP, LARGEST_BASE_STEP
+    )
     return step, Residuals(
         residuals.impacts - own.impacts @ step[:n], residuals.flights - own.flights @ step[:n]
     )

@@ -19,7 +19,7 @@ from rock2d.diagnosis.quantities import (
 from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import BATCH_STEP_FRACTION
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -90,8 +90,8 @@ class FilmData(FilmSegments):
         for c, direction in ((ALONG, along), (ACROSS, across)):
             difference[:, [c, VX + c]] /= world.view.true_per_recorded(at, direction)[:, None]
         difference[:, RATES] *= world.view.time_scale
-        blind = self.unknown_spin[self.impacts.after] > 0.0
-        difference[np.ix_(blind, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
+        no_angle = self.unknown_spin[self.impacts.after] > 0.0
+        difference[np.ix_(no_angle, (THETA, OMEGA))] = 0.0  # what was not measured shows no pattern
         seen = (self.film.measured * self.film.noise / self.film.long_noise)[:, None]
         return Residuals(difference, states.residuals * seen)
 
@@ -99,7 +99,7 @@ class FilmData(FilmSegments):
         """(n, 6) states at the starts of the simulations."""
         impacts = self.impacts
         start = impacts.start_s * world.view.time_scale
-        return drift(world, impacts.block, self.states(world).middle[impacts.before], start)
+        return move_freely(world, impacts.block, self.states(world).middle[impacts.before], start)
 
     def state_noise(self, world: World) -> Array:
         """(n, 6, 6) covariance of the states before the impacts, in that world."""
@@ -139,7 +139,7 @@ class FilmData(FilmSegments):
         """The same of the flights after, as far as it is known then."""
         impacts = self.impacts
         begin = impacts.begin_s * world.view.time_scale
-        after = drift(world, impacts.block, self.states(world).middle[impacts.after], begin)
+        after = move_freely(world, impacts.block, self.states(world).middle[impacts.after], begin)
         known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
         return moving_quantities(after[:, RATES]) | known
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes, slopes, spread
+from rock2d.diagnosis.derivatives import Jacobian, jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.likelihood import (
     clustered_covariance,
     flight_log_likelihood,
@@ -44,7 +44,7 @@ class Fit:
     ----------
     p, p_covariance : (P,) parameters on the scale of `Model`, (P, P) their covariance
     scatter : (k,) standard deviations of the soil
-    slope : derivatives of the residuals at p
+    jacobian : derivatives of the residuals at p
     residuals : at p
     free : whether the parameters were fitted to this model; False where they were taken from another one
     """
@@ -53,12 +53,12 @@ class Fit:
     p: Array
     p_covariance: Array
     scatter: Array
-    slope: Slopes
+    jacobian: Jacobian
     residuals: Residuals
     free: bool = True
 
     def covariance(self) -> Array:
-        return spread(self.slope, self.scatter)
+        return residual_covariance(self.jacobian, self.scatter)
 
     def scores(self) -> tuple[Array, Array]:
         """Log likelihoods of impacts (n,) and flights (m,)."""
@@ -72,10 +72,10 @@ class Fit:
 
     def only(self, impacts: Array, flights: Array) -> Fit:
         """The fit as it is on some impacts and flights, given as masks."""
-        s = self.slope
-        slope = Slopes(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
+        s = self.jacobian
+        jacobian = Jacobian(s.impacts[impacts], s.flights[flights], s.scatter[impacts], s.covariance[impacts])
         residuals = Residuals(self.residuals.impacts[impacts], self.residuals.flights[flights])
-        return replace(self, slope=slope, residuals=residuals)
+        return replace(self, jacobian=jacobian, residuals=residuals)
 
 
 def some_releases(data: Data) -> Array:
@@ -83,7 +83,7 @@ def some_releases(data: Data) -> Array:
     return data.order % max(1, len(data.impact_release) // EXPLORED_IMPACTS) == 0
 
 
-class Enough(NamedTuple):
+class Convergence(NamedTuple):
     """When a fit has converged: at a `gain` in log likelihood of an iteration, or at a larger one where the fit is far
     behind a `rival` (a log likelihood): what is far behind needs no further digit."""
 
@@ -101,8 +101,8 @@ def fit(
     start: Array | None = None,
     old: Fit | None = None,
     rounds: int = MOST_ITERATIONS,
-    enough: Enough = Enough(),  # noqa: B008 (cannot be changed)
-    keep_slopes: bool = False,
+    convergence: Convergence = Convergence(),  # noqa: B008 (cannot be changed)
+    keep_jacobian: bool = False,
     renew_noise: bool = False,
 ) -> Fit:
     """Fit a model by damped Newton steps; alternates between the parameters and the soil's scatter.
@@ -113,10 +113,10 @@ def fit(
     Parameters
     ----------
     start : parameters to start from; default: the base law without effects
-    old : a fit whose noise covariance and scatter are the start, and whose slopes are used near its parameters
+    old : a fit whose noise covariance and scatter are the start, and whose derivatives are used near its parameters
     rounds : most iterations
-    enough : when the fit has converged
-    keep_slopes : use the slopes of `old` everywhere
+    convergence : when the fit has converged
+    keep_jacobian : use the derivatives of `old` everywhere
     renew_noise : compute the noise covariance at the start, instead of taking that of `old`
     """
     low, high = model.bounds()
@@ -125,47 +125,47 @@ def fit(
     begin, at = p, _Point(p, model.residuals(p, data))
     scatter, noise_known = _start_scatter(model, data, old), old is not None
     everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    slope: Slopes | None = old.slope if old is not None else None
+    jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
-    damping, curve = START_DAMPING, np.eye(model.size)
+    damping, curvature = START_DAMPING, np.eye(model.size)
     updates: int | None = None  # updates of the derivatives since they were computed; None: compute them
     for round in range(rounds):
         if updates is None:
             # the noise is computed again when the fit has moved far from its start
             moved = round > 0 and not noise_known and np.abs(at.p - begin).max() > NOISE_UPDATE_CHANGE
             renew = (old is None and (round == 0 or moved)) or (renew_noise and round == 0)
-            noise = None if slope is None or renew else slope.covariance
+            noise = None if jacobian is None or renew else jacobian.covariance
             noise_known = noise_known or moved
-            near = keep_slopes or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
-            known = old.slope if old is not None and near else None
-            slope = slopes(model, at.p, data, at.residuals, scatter, noise, known)
+            near = keep_jacobian or np.abs(at.p - known_at).max() < DERIVATIVES_REUSE_CHANGE
+            known = old.jacobian if old is not None and near else None
+            jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, noise, known)
             updates = 0
-        assert slope is not None
-        scatter = fit_scatter(at.residuals.impacts, slope, np.maximum(scatter, SMALLEST_START_SCATTER))
-        covariance = spread(slope, scatter)
-        curve, grad = normal_equations(at.residuals, slope, covariance, everything)
-        grad = grad + posterior.tight * (at.p - posterior.centre)
+        assert jacobian is not None
+        scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
+        covariance = residual_covariance(jacobian, scatter)
+        curvature, grad = normal_equations(at.residuals, jacobian, covariance, everything)
+        grad = grad + posterior.prior_precision * (at.p - posterior.centre)
         grad[discrete(model)] = 0.0  # a scan chooses them
         before, now = at, posterior.cost(at, covariance)
-        least = enough.at(-now)
-        at, damping, gain = _advance(posterior, at, now, covariance, curve, grad, damping, least)
+        least = convergence.at(-now)
+        at, damping, gain = _advance(posterior, at, now, covariance, curvature, grad, damping, least)
         if gain >= least and updates < MOST_UPDATES:
-            slope, updates = _updated(slope, before, at), updates + 1
+            jacobian, updates = _updated(jacobian, before, at), updates + 1
         elif gain >= least or updates > 0:
             updates, damping = None, START_DAMPING
         else:
             break
-    assert slope is not None
-    if updates is None and not keep_slopes:
-        slope = slopes(model, at.p, data, at.residuals, scatter, slope.covariance)
+    assert jacobian is not None
+    if updates is None and not keep_jacobian:
+        jacobian = jacobian_by_differences(model, at.p, data, at.residuals, scatter, jacobian.covariance)
     p_covariance = clustered_covariance(
-        at.residuals, slope, spread(slope, scatter), curve + np.diag(posterior.tight),
+        at.residuals, jacobian, residual_covariance(jacobian, scatter), curvature + np.diag(posterior.prior_precision),
         (data.impact_release, data.flight_release), len(data.order),
     )  # fmt: skip
-    errors = scatter_errors(at.residuals.impacts, slope, scatter)
+    errors = scatter_errors(at.residuals.impacts, jacobian, scatter)
     for i, k in enumerate(scatters(model), len(BASE_WIDTH)):
         at.p[k], p_covariance[k, k] = scatter[i], (errors[i] * scatter[i]) ** 2
-    return Fit(model, at.p, p_covariance, scatter, slope, at.residuals)
+    return Fit(model, at.p, p_covariance, scatter, jacobian, at.residuals)
 
 
 class _Point(NamedTuple):
@@ -176,19 +176,19 @@ class _Point(NamedTuple):
 
 
 class _Posterior(NamedTuple):
-    """Model, data, and the prior of the parameters: its centre and 1 / variance."""
+    """Model, data, and the prior of the parameters: its centre and precision."""
 
     model: Model
     data: Data
     centre: Array
-    tight: Array
+    prior_precision: Array
 
     def cost(self, at: _Point, covariance: Array) -> float:
         """Minus the log posterior, to a constant."""
         return float(
             -log_likelihood(at.residuals.impacts, covariance).sum()
             - flight_log_likelihood(at.residuals.flights).sum()
-            + 0.5 * (self.tight * (at.p - self.centre) ** 2).sum()
+            + 0.5 * (self.prior_precision * (at.p - self.centre) ** 2).sum()
         )
 
 
@@ -197,20 +197,20 @@ def _advance(
     at: _Point,
     now: float,
     covariance: Array,
-    curve: Array,
+    curvature: Array,
     grad: Array,
     damping: float,
-    enough: float,
+    least_gain: float,
 ) -> tuple[_Point, float, float]:
     """One damped Newton step from a point whose cost is `now`: (point, damping, gain). The damping grows until the step
     gains; the gain is not positive where none does."""
-    model, data, _, tight = posterior
+    model, data, _, prior_precision = posterior
     low, high = model.bounds()
     gain = 0.0
     for _ in range(MOST_DAMPINGS):
-        regular = curve + np.diag(tight + damping * np.diag(curve))
+        regular = curvature + np.diag(prior_precision + damping * np.diag(curvature))
         ahead = np.clip(at.p - newton_step(regular, grad, at.p, low, high), low, high)
-        if grad @ (at.p - ahead) < 0.2 * enough:  # the gain of a parabola is half of it
+        if grad @ (at.p - ahead) < 0.2 * least_gain:  # the gain of a parabola is half of it
             break
         trial = _Point(ahead, model.residuals(ahead, data))
         gain = now - posterior.cost(trial, covariance)
@@ -220,7 +220,7 @@ def _advance(
     return at, damping, gain
 
 
-def _updated(slope: Slopes, before: _Point, after: _Point) -> Slopes:
+def _updated(jacobian: Jacobian, before: _Point, after: _Point) -> Jacobian:
     """Derivatives after a step, so that they give the change that the step made: Broyden (1965, Math. Comput. 19(92),
     577-593)."""
     step = after.p - before.p
@@ -228,11 +228,11 @@ def _updated(slope: Slopes, before: _Point, after: _Point) -> Slopes:
     impacts, flights = (
         own + np.nan_to_num(now - then - own @ step)[..., None] * along
         for now, then, own in (
-            (after.residuals.impacts, before.residuals.impacts, slope.impacts),
-            (after.residuals.flights, before.residuals.flights, slope.flights),
+            (after.residuals.impacts, before.residuals.impacts, jacobian.impacts),
+            (after.residuals.flights, before.residuals.flights, jacobian.flights),
         )
     )
-    return replace(slope, impacts=impacts, flights=flights)
+    return replace(jacobian, impacts=impacts, flights=flights)
 
 
 def _start_scatter(model: Model, data: Data, old: Fit | None) -> Array:

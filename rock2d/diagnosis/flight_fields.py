@@ -1,4 +1,4 @@
-"""How flights answer a small acceleration that depends on where and how the block flies.
+"""How flights respond to a small acceleration that depends on where and how the block flies.
 
 An acceleration a(t) along the measured path moves the block by its double integral. The polynomials of degree 0 and 1
 of a flight take a part of that as another state; the rest is left in the residuals. Both are linear in the
@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.diagnosis import quantities as q
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -43,7 +43,7 @@ def flight_paths(data: FilmSegments, world: World) -> FlightPaths:
     lengths = np.diff(basis.start)
     own = np.repeat(np.arange(len(lengths)), lengths)
     t_s = (data.film.t_s[basis.frames] - basis.middle[own]) * world.view.time_scale
-    path = drift(world, flights.block[own], data.states(world).middle[own], t_s)
+    path = move_freely(world, flights.block[own], data.states(world).middle[own], t_s)
     release = flights.release[own]
     began = data.film.t_s[np.searchsorted(data.film.release, release)]
     number = np.zeros(len(lengths))
@@ -80,8 +80,8 @@ def path_quantities(world: World, states: Array) -> dict[str, Array]:
 
 
 @dataclass
-class Response:
-    """Answer of each flight to unit accelerations with the k functions of a basis.
+class FlightResponse:
+    """Response of each flight to unit accelerations with the k functions of a basis.
 
     Attributes
     ----------
@@ -109,15 +109,15 @@ class Response:
         ]
 
 
-def response(data: FilmSegments, world: World, paths: FlightPaths, basis: q.Basis) -> Response:
-    """The answers of a film's flights to accelerations that follow a basis."""
+def flight_response(data: FilmSegments, world: World, paths: FlightPaths, basis: q.Basis) -> FlightResponse:
+    """The responses of a film's flights to accelerations that follow a basis."""
     begin = paths.start[:-1]
     moving = integral(paths.t_s, basis.features(paths.quantities), begin)
     moved = integral(paths.t_s, moving, begin)
     values = data.basis.values
     coefficient = np.stack([values[a:b].T @ moved[a:b] for a, b in itertools.pairwise(paths.start)])
     slope = data.basis.slope / world.view.time_scale
-    return Response(
+    return FlightResponse(
         coefficient[:, 2:],
         coefficient[:, 0] * data.basis.level[:, None],
         coefficient[:, 1] * slope[:, None],

@@ -11,7 +11,7 @@ import numpy as np
 from rock2d.engines.batch import BATCH_STEP_FRACTION, run_world
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.impacts import Impacts, ground_axes
-from rock2d.kinematics.states import States, drift
+from rock2d.kinematics.states import States, move_freely
 from rock2d.records.columns import POSE, POSITION, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -51,20 +51,20 @@ def outcomes(
     """(n, 6) simulated - measured where the flight after begins: along the ground, across it (m), angle (rad), then
     their rates. `shift` (6,) or (n, 6) is added to the states before the impacts; `step_fraction`: see `run_batch`."""
     scale = world.view.time_scale
-    starts = drift(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
+    starts = move_freely(world, impacts.block, states.middle[impacts.before], impacts.start_s * scale)
     if shift is not None:
         starts = starts + shift
     moments = np.linspace(0.0, 1.0, COMPARED_INSTANTS) * impacts.window_s[:, None]
     pivot = None
     if world.slope_rad.any():
         # a ground with this excess slope is the same as the stated ground with everything else turned the other way
-        after = drift(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
+        after = move_freely(world, impacts.block, states.middle[impacts.after], impacts.begin_s * scale)
         pivot = after[:, POSITION]
         starts = turned(starts, pivot, -world.slope_rad)
     simulated = simulate(world, impacts, starts, (impacts.wait_s[:, None] + moments) * scale, step_fraction)
     if pivot is not None:
         simulated = turned(simulated, pivot[:, None], world.slope_rad[:, None])
-    measured = drift(
+    measured = move_freely(
         world,
         np.repeat(impacts.block, COMPARED_INSTANTS),
         np.repeat(states.middle[impacts.after], COMPARED_INSTANTS, axis=0),

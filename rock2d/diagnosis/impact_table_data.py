@@ -25,8 +25,8 @@ from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE
 from rock2d.kinematics.flights import heights
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
 from rock2d.kinematics.impacts import ground_axes
-from rock2d.kinematics.states import RESIDUAL_DEGREES, drift
-from rock2d.records.columns import AFTER, AT, BEFORE, POSE, RATES, VX, VY, X, Y
+from rock2d.kinematics.states import RESIDUAL_DEGREES, move_freely
+from rock2d.records.columns import AFTER, BEFORE, INSTANT_STATE, POSE, RATES, VX, VY, X, Y
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -68,7 +68,7 @@ class TableData(ImpactTable):
         starts[:, X] += gap * self.tangent[:, Y]  # along the normal until it just touches
         starts[:, Y] -= gap * self.tangent[:, X]
         pace = np.maximum(np.hypot(starts[:, VX], starts[:, VY]), SLOWEST_START_M_S)
-        earlier = drift(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
+        earlier = move_freely(world, self.impact_block, starts, -START_GAP_RADII * size / pace)
         # the way back of a slow block, or of one that turns into the ground, may not be clear
         clear = heights(world, self.impact_block, earlier[:, POSE]) > 0.0
         starts = np.where(clear[:, None], earlier, starts)
@@ -80,7 +80,7 @@ class TableData(ImpactTable):
         touch = result.impacts[:, 0]
         leaves = np.isfinite(touch[:, AFTER])
         stays = np.isfinite(touch[:, BEFORE]) & ~leaves
-        end = np.where(stays, result.ends[:, AT], touch[:, AFTER])
+        end = np.where(stays, result.ends[:, INSTANT_STATE], touch[:, AFTER])
         recorded = _recorded_velocities(world, end)
         d = recorded - self.after
         residuals = np.column_stack([*ground_axes(self.tangent, d[:, VELOCITY_AFTER]), d[:, SPIN_AFTER]])

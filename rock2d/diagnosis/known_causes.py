@@ -17,7 +17,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 
-def sized(effect: Effect, world: World) -> Parameter | None:
+def size_parameter(effect: Effect, world: World) -> Parameter | None:
     """The parameter that is the size of an effect: the first one, with its range at the scale of `world`; None of an
     effect that can only be chosen."""
     own = effect.parameters[0]
@@ -38,7 +38,7 @@ def effects_of_size(names: str) -> list[str]:
 def values_of_size(effect: Effect, size: float, world: World, below: bool = False) -> dict[str, float]:
     """Parameter -> value of an effect that is `size` above its neutral value; below it if its range ends there, or if
     that is wanted and possible. All others are neutral; the first is chosen where none is."""
-    own = sized(effect, world)
+    own = size_parameter(effect, world)
     assert own is not None
     down = own.high <= own.neutral or (below and two_sided(own))
     values = {own.name: own.neutral + (-size if down else size)}
@@ -71,12 +71,12 @@ def with_cause(
     return model, p, moved
 
 
-def span(parameter: Parameter) -> float:
+def largest_size(parameter: Parameter) -> float:
     """The largest plausible size, see `values_of_size`."""
     return abs((parameter.high if parameter.high > parameter.neutral else parameter.low) - parameter.neutral)
 
 
-def off_neutral(parameter: Parameter, low: float, high: float) -> float:
+def distance_from_neutral(parameter: Parameter, low: float, high: float) -> float:
     """How far the farther end of an interval is from the neutral value; of a factor below 1, as if it were above."""
     ends = [low, high]
     if is_factor(parameter):

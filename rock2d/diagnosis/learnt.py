@@ -13,11 +13,11 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut, Validated, cross_validate, held_out_gain
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.discrepancy import Discrepancy, discrepancies
-from rock2d.diagnosis.fitting import Enough, Fit, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, fit
 from rock2d.diagnosis.learnt_prediction import KnownChange
-from rock2d.diagnosis.levers import LEVERS, Answer, Answering, Levers, by_coefficients
+from rock2d.diagnosis.levers import LEVERS, LeverDerivatives, LeverResponse, Levers, by_coefficients
 from rock2d.diagnosis.model import Model, with_changed_law
 from rock2d.diagnosis.significance import Gain, OverReleases
 from rock2d.kinematics.film_segments import STATE_SIZE
@@ -37,7 +37,7 @@ LARGEST_COEFFICIENT = 10.0  # in units of its prior's standard deviation
 class LearntModel(Model):
     """A model with learnt changes. Their coefficients follow its parameters, in units of `widths` (c,)."""
 
-    answers: Sequence[Answer] = ()
+    responses: Sequence[LeverResponse] = ()
     widths: Array = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -65,30 +65,30 @@ class LearntModel(Model):
         world = self.world(p, data.impact_order, amounts)
         moved = np.zeros((len(data.impact_release), STATE_SIZE)) if shift is None else shift
         coefficients = self.coefficients(p)
-        for answer, own in zip(self.answers, coefficients, strict=True):
-            if answer.law is not None:
-                world = with_changed_law(world, answer.law @ own)
-            if answer.slope is not None:
-                world = replace(world, slope_rad=world.slope_rad + answer.slope @ own)
-            if answer.shift is not None:
-                moved = moved + answer.shift @ own
+        for response, own in zip(self.responses, coefficients, strict=True):
+            if response.law is not None:
+                world = with_changed_law(world, response.law @ own)
+            if response.slope is not None:
+                world = replace(world, slope_rad=world.slope_rad + response.slope @ own)
+            if response.shift is not None:
+                moved = moved + response.shift @ own
         found = data.residuals(world, moved)
-        for answer, own in zip(self.answers, coefficients, strict=True):
-            if answer.impacts is not None:
-                found.impacts = found.impacts + answer.impacts @ own
-            if answer.flights is not None:
-                found.flights = found.flights + answer.flights @ own
+        for response, own in zip(self.responses, coefficients, strict=True):
+            if response.impacts is not None:
+                found.impacts = found.impacts + response.impacts @ own
+            if response.flights is not None:
+                found.flights = found.flights + response.flights @ own
         return found
 
     def coefficients(self, p: Array) -> list[Array]:
-        """Coefficients of each answer."""
-        ends = np.cumsum([answer.size for answer in self.answers])[:-1]
-        return np.split(p[self.named_size :] * self.widths, ends) if self.answers else []
+        """Coefficients of each response."""
+        ends = np.cumsum([response.size for response in self.responses])[:-1]
+        return np.split(p[self.named_size :] * self.widths, ends) if self.responses else []
 
-    def further_slopes(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
-        """See `Model.further_slopes`. By the chain rule: a change of many coefficients moves few numbers."""
-        answering = Answering(self, p, data, at, by_law)
-        found = [by_coefficients(answer, answering) for answer in self.answers]
+    def further_derivatives(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+        """See `Model.further_derivatives`. By the chain rule: a change of many coefficients moves few numbers."""
+        derivatives = LeverDerivatives(self, p, data, at, by_law)
+        found = [by_coefficients(response, derivatives) for response in self.responses]
         return Residuals(
             np.concatenate([own.impacts for own in found], axis=-1) * self.widths,
             np.concatenate([own.flights for own in found], axis=-1) * self.widths,
@@ -142,10 +142,12 @@ def learn(start: Validated, data: Data, only: Collection[str] = LEVERS) -> Learn
         found = discrepancies(state.fit, data, only)
         levers, tried = Levers(state.fit, data), list[tuple[Discrepancy, Learnt, Gain]]()
         for dependence in [d for d in found if d.total > LEAST_EXPECTED_GAIN][:TRIED_AT_ONCE]:
-            answer = levers.answer(dependence.lever, dependence.basis)
-            enough = Enough(CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf))
-            columns = levers.columns(answer)
-            fitted = _fitted(state.fit, data, answer, columns, dependence.width, enough)
+            response = levers.response(dependence.lever, dependence.basis)
+            convergence = Convergence(
+                CONVERGED_GAIN, max((one.fit.total() for _, one, _ in tried), default=-np.inf)
+            )
+            columns = levers.columns(response)
+            fitted = _fitted(state.fit, data, response, columns, dependence.width, convergence)
             out = cross_validate(fitted, data)
             own = Learnt(fitted, out, [])
             tried.append((dependence, own, held_out_gain(data, own, state)))
@@ -177,31 +179,35 @@ def residuals_on(data: Data, learnt: Learnt) -> Residuals:
     p = found.p[: len(found.p) - len(own.widths)]
     named = Model(own.setup, own.base, own.effects, own.beside, flown=own.flown)
     levers = Levers(replace(found, model=named, p=p), data)
-    answers = [levers.answer(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
+    responses = [levers.response(c.lever, c.basis, np.ones(len(c.coefficients))) for c in changes]
     coefficients = np.concatenate([c.coefficients.ravel() for c in changes])
-    wider = replace(own, answers=answers, widths=np.ones(len(coefficients)))
+    wider = replace(own, responses=responses, widths=np.ones(len(coefficients)))
     return wider.residuals(np.concatenate([p, coefficients]), data)
 
 
-def _fitted(old: Fit, data: Data, answer: Answer, columns: Residuals, width: float, enough: Enough) -> Fit:
+def _fitted(
+    old: Fit, data: Data, response: LeverResponse, columns: Residuals, width: float, convergence: Convergence
+) -> Fit:
     """The fit with one more change."""
-    widths = np.full(answer.size, width)
+    widths = np.full(response.size, width)
     model = old.model
-    known, before = (model.answers, model.widths) if isinstance(model, LearntModel) else ((), np.empty(0))
+    known, before = (model.responses, model.widths) if isinstance(model, LearntModel) else ((), np.empty(0))
     wider = LearntModel(
         model.setup,
         model.base,
         model.effects,
         model.beside,
-        [*known, answer],
+        [*known, response],
         np.concatenate([before, widths]),
         flown=model.flown,
     )
-    slope = Slopes(
-        np.concatenate([old.slope.impacts, columns.impacts * widths], axis=-1),
-        np.concatenate([old.slope.flights, columns.flights * widths], axis=-1),
-        old.slope.scatter,
-        old.slope.covariance,
+    jacobian = Jacobian(
+        np.concatenate([old.jacobian.impacts, columns.impacts * widths], axis=-1),
+        np.concatenate([old.jacobian.flights, columns.flights * widths], axis=-1),
+        old.jacobian.scatter,
+        old.jacobian.covariance,
     )
     start = np.concatenate([old.p, np.zeros(len(widths))])
-    return fit(wider, data, start, old=replace(old, model=wider, p=start, slope=slope), enough=enough)
+    return fit(
+        wider, data, start, old=replace(old, model=wider, p=start, jacobian=jacobian), convergence=convergence
+    )

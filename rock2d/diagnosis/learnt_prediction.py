@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rock2d.diagnosis import quantities as q
-from rock2d.diagnosis.flight_fields import flight_paths, path_quantities, response
+from rock2d.diagnosis.flight_fields import flight_paths, flight_response, path_quantities
 from rock2d.diagnosis.impact_prediction import turned
 from rock2d.diagnosis.levers import FLIGHT, FRAME, FRAME_COLUMNS, LAW, OUTCOME, SLOPE, STATE
 from rock2d.diagnosis.model import with_changed_law
@@ -25,12 +25,12 @@ from rock2d.diagnosis.segments import END_MARGIN_S, Segments, recorded_poses
 from rock2d.engines.batch import BatchResult, run_batch, run_world, world_ensemble
 from rock2d.kinematics.film_segments import POSE_SIZE, STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import FEWEST_FLIGHT_FRAMES, heights
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import (
-    AT,
     BEFORE,
     I_TIME,
     I_TIME_AFTER,
+    INSTANT_STATE,
     LINEAR_VELOCITY,
     POSE,
     POSITION,
@@ -80,7 +80,7 @@ def predicted_poses(
     """
     scale, block = world.view.time_scale, segments.block
     before = data.states(world).middle[segments.flight]
-    starts = drift(world, block, before, data.start_s[segments.flight] * scale) + shift
+    starts = move_freely(world, block, before, data.start_s[segments.flight] * scale) + shift
     times = segments.instants_s * scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     if changes:
@@ -136,7 +136,7 @@ class LearntMotion:
         self._least_flight_s = FEWEST_FLIGHT_FRAMES * segments.frame_s * world.view.time_scale
         touch = self._run(world, start, impact_limit=1, impact_room=1)
         known = np.isfinite(touch.impacts[:, 0, 0])
-        at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, AT])
+        at = np.where(known[:, None], touch.impacts[:, 0, BEFORE], touch.ends[:, INSTANT_STATE])
         facet = nearest_facets(np.ascontiguousarray(at[:, POSITION]), world.cross_section.points_m)
         self._tangent = world.cross_section.tangents[facet]
         zone = world.cross_section.zone_ids[facet]
@@ -178,8 +178,8 @@ class LearntMotion:
     def _flown(self, change: KnownChange, data: FilmSegments) -> Array:
         """(n, 6) what an acceleration changes in the states at the starts."""
         flight = self._segments.flight
-        answer = response(data, self._world, flight_paths(data, self._world), change.basis)
-        place, rate = answer.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
+        response = flight_response(data, self._world, flight_paths(data, self._world), change.basis)
+        place, rate = response.state_change(flight, data.start_s[flight] * self._world.view.time_scale)
         return np.column_stack([place @ change.coefficients.T, rate @ change.coefficients.T])
 
     def samples(self, t_s: Array) -> Array:
@@ -225,7 +225,9 @@ class LearntMotion:
         ).samples
         clear = np.column_stack([self._clear(own, poses[:, k]) for k in range(after_s.shape[1])])
         clear_s = after_s[np.arange(len(own)), clear.argmax(axis=1)]
-        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[:, AT]
+        states = self._run(self._world, begins[own], own, time_limit_s=left_s + clear_s).ends[
+            :, INSTANT_STATE
+        ]
         flights = _Aloft(own, left_s, left_s + clear_s, states)
         return flights.only(np.asarray(clear.any(axis=1)))
 
@@ -266,7 +268,7 @@ class LearntMotion:
         flies = (left_s > 0.0) & any(change.lever == FLIGHT for change in self._changes)
         while flies.any():
             now = len(path) * step
-            states = drift(self._world, block, states, np.full(len(own), step))
+            states = move_freely(self._world, block, states, np.full(len(own), step))
             states[:, POSE] += 0.5 * step**2 * pushes[-1]
             states[:, RATES] += step * pushes[-1]
             flies &= self._clear(own, states) & (now < left_s)
@@ -290,7 +292,7 @@ class LearntMotion:
         beyond = (aloft_s - step * path.step_s).ravel()
         states = path.states[step, m[:, None]].reshape(-1, STATE_SIZE)
         block = np.repeat(self._segments.block[own], since_s.shape[1])
-        flown = drift(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
+        flown = move_freely(self._world, block, states, beyond)[:, POSE].reshape(rest.shape)
         flown += 0.5 * path.accelerations[step, m[:, None]] * beyond.reshape(step.shape)[..., None] ** 2
         return np.where((since_s > resumed_s[:, None])[..., None], rest, flown)
 

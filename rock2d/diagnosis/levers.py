@@ -1,8 +1,8 @@
-"""Levers: the few numbers of a model that a change without a name can move, and how all residuals answer to them.
+"""Levers: the few numbers of a model that a change without a name can move, and how all residuals respond to them.
 
 The levers of an impact are the parameters of the law, the slope of the ground, the state before it, its outcome, and
 what camera or ground add to the motion before and after it alike (the frame). That of a flight is its acceleration.
-Each may follow a basis (`quantities.Basis`). The answers to all coefficients follow from a few
+Each may follow a basis (`quantities.Basis`). The responses to all coefficients follow from a few
 simulations by the chain rule.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, response
+from rock2d.diagnosis.flight_fields import FlightPaths, flight_paths, flight_response
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.quantities import (
     FLIGHT_DEPENDENCES,
@@ -55,7 +55,7 @@ STATE_STEP = 0.003  # for differences, in units of the block's size and √(grav
 
 
 @dataclass
-class Answer:
+class LeverResponse:
     """What a basis with one lever changes in the data. A coefficient is (number of the lever, function of the basis),
     the functions of one number side by side.
 
@@ -77,8 +77,8 @@ class Answer:
     flights: Array | None = None
 
 
-class Answering:
-    """How the residuals of a model at parameters p answer to a change of the levers of every impact.
+class LeverDerivatives:
+    """How the residuals of a model at parameters p respond to a change of the levers of every impact.
 
     `at`: residuals there; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.
     """
@@ -106,19 +106,19 @@ class Answering:
         return np.nan_to_num(ahead.impacts - self.at.impacts)
 
 
-def by_coefficients(answer: Answer, answering: Answering) -> Residuals:
+def by_coefficients(response: LeverResponse, derivatives: LeverDerivatives) -> Residuals:
     """The derivatives of all residuals by the coefficients of a change, by the chain rule."""
-    at = answering.at
-    impacts, flights = (np.zeros((*own.shape, answer.size)) for own in (at.impacts, at.flights))
-    if answer.law is not None:
-        impacts += answering.by_law @ answer.law
-    if answer.slope is not None:
-        impacts += answering.by_slope[..., None] * answer.slope[:, None]
-    if answer.shift is not None:
-        impacts += answering.by_state @ answer.shift
-    if answer.impacts is not None:
-        impacts += answer.impacts
-    return Residuals(impacts, flights if answer.flights is None else answer.flights)
+    at = derivatives.at
+    impacts, flights = (np.zeros((*own.shape, response.size)) for own in (at.impacts, at.flights))
+    if response.law is not None:
+        impacts += derivatives.by_law @ response.law
+    if response.slope is not None:
+        impacts += derivatives.by_slope[..., None] * response.slope[:, None]
+    if response.shift is not None:
+        impacts += derivatives.by_state @ response.shift
+    if response.impacts is not None:
+        impacts += response.impacts
+    return Residuals(impacts, flights if response.flights is None else response.flights)
 
 
 def state_units(world: World) -> Array:
@@ -180,7 +180,7 @@ class Levers:
             FLIGHT: np.array([gravity, gravity, gravity / size]),
         }
 
-    def answer(self, lever: str, basis: Basis, units: Array | None = None) -> Answer:
+    def response(self, lever: str, basis: Basis, units: Array | None = None) -> LeverResponse:
         """What a basis with one lever changes, in natural units or in others."""
         units = self.units[lever] if units is None else units
         if lever == FLIGHT:
@@ -188,36 +188,36 @@ class Levers:
         each = _spread_out(basis.features(self.impact_quantities), units)
         size = each.shape[-1]
         if lever == LAW:
-            return Answer(size, law=each)
+            return LeverResponse(size, law=each)
         if lever == SLOPE:
-            return Answer(size, slope=each[:, 0])
+            return LeverResponse(size, slope=each[:, 0])
         if lever == FRAME:
             return self._of_frame(each, _spread_out(basis.features(self._outcome_quantities), units))
-        return Answer(size, shift=each) if lever == STATE else Answer(size, impacts=each)
+        return LeverResponse(size, shift=each) if lever == STATE else LeverResponse(size, impacts=each)
 
-    def _of_frame(self, before: Array, after: Array) -> Answer:
+    def _of_frame(self, before: Array, after: Array) -> LeverResponse:
         """What is added to the motion `before` and `after` the impacts (n, 4, c)."""
         n, _, c = before.shape
         shift, measured = np.zeros((2, n, STATE_SIZE, c))
         shift[:, FRAME_COLUMNS], measured[:, FRAME_COLUMNS] = before, after
         along = _along_ground(self._data.tangent, measured)
-        return Answer(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
+        return LeverResponse(c, shift=shift, impacts=-along[:, -self._fit.residuals.impacts.shape[1] :])
 
-    def columns(self, answer: Answer) -> Residuals:
+    def columns(self, response: LeverResponse) -> Residuals:
         """The derivatives of all residuals by the coefficients."""
-        return by_coefficients(answer, self._answering)
+        return by_coefficients(response, self._derivatives)
 
     @cached_property
-    def _answering(self) -> Answering:
+    def _derivatives(self) -> LeverDerivatives:
         own = self._fit
-        return Answering(
-            own.model, own.p, self._data, own.residuals, own.slope.impacts[..., : len(BASE_WIDTH)]
+        return LeverDerivatives(
+            own.model, own.p, self._data, own.residuals, own.jacobian.impacts[..., : len(BASE_WIDTH)]
         )
 
-    def _of_flights(self, basis: Basis, units: Array) -> Answer:
+    def _of_flights(self, basis: Basis, units: Array) -> LeverResponse:
         data = self._data
         assert isinstance(data, FilmData) and self._paths is not None
-        found, impacts = response(data, self.world, self._paths, basis), data.impacts
+        found, impacts = flight_response(data, self.world, self._paths, basis), data.impacts
         (m, degrees, k), scale = found.residuals.shape, self.world.view.time_scale
         before = found.state_change(impacts.before, impacts.start_s * scale)
         after = found.state_change(impacts.after, impacts.begin_s * scale)
@@ -231,7 +231,7 @@ class Levers:
             for state, (place, rate) in ((shift, before), (measured, after)):
                 state[:, c, own], state[:, POSE_SIZE + c, own] = units[c] * place, units[c] * rate
         outcome = -_along_ground(data.tangent, measured)
-        return Answer(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
+        return LeverResponse(POSE_SIZE * k, shift=shift, impacts=outcome, flights=flights)
 
 
 def _spread_out(features: Array, units: Array) -> Array:

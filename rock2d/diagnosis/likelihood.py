@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 
 Array = np.ndarray
@@ -47,18 +47,18 @@ def flight_log_likelihood(r: Array) -> Array:
     return -0.5 * (FLIGHT_STUDENT_DF + 1) * np.log1p(r**2 / FLIGHT_STUDENT_DF).sum(axis=(1, 2))
 
 
-def newton_step(curve: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
+def newton_step(curvature: Array, grad: Array, p: Array, low: Array | float, high: Array | float) -> Array:
     """(P,) step to subtract from `p`. A parameter at its bound that would pass it stays; the others step without it."""
     free = ~(((p <= low) & (grad > 0.0)) | ((p >= high) & (grad < 0.0)))
     step = np.zeros_like(p)
-    step[free] = np.linalg.solve(curve[np.ix_(free, free)], grad[free])
+    step[free] = np.linalg.solve(curvature[np.ix_(free, free)], grad[free])
     return step
 
 
 def normal_equations(
-    residuals: Residuals, slope: Slopes, covariance: Array, keep: tuple[Array, Array]
+    residuals: Residuals, jacobian: Jacobian, covariance: Array, keep: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Curvature (P, P) and slope (P,) of minus the log likelihood over the impacts and flights in `keep`."""
+    """Curvature (P, P) and gradient (P,) of minus the log likelihood over the impacts and flights in `keep`."""
     impacts, flights = keep
     r = np.nan_to_num(residuals.impacts)
     good = impacts & np.isfinite(residuals.impacts).all(axis=1)
@@ -66,57 +66,57 @@ def normal_equations(
     u = np.einsum("nij,nj->ni", inverse, r[good])
     chi2 = np.einsum("ni,ni->n", r[good], u)
     weight = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi2)
-    j = slope.impacts[good]
-    curve = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
+    j = jacobian.impacts[good]
+    curvature = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
     grad = np.einsum("n,nip,ni->p", weight, j, u)
-    rf, jf = residuals.flights[flights], slope.flights[flights]
+    rf, jf = residuals.flights[flights], jacobian.flights[flights]
     wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
-    curve += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
+    curvature += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
     grad += np.einsum("mcd,mcd,mcdp->p", wf, rf, jf)
-    return curve, grad
+    return curvature, grad
 
 
 def clustered_covariance(
     residuals: Residuals,
-    slope: Slopes,
+    jacobian: Jacobian,
     covariance: Array,
-    curve: Array,
+    curvature: Array,
     release: tuple[Array, Array],
     count: int,
 ) -> Array:
     """(P, P) covariance of fitted parameters that holds where the residuals of a release depend on each other, or are
     larger than the model says: the sandwich of White (1982), with releases as clusters (Liang and Zeger 1986,
-    Biometrika 73(1), 13-22). No variance is smaller than the inverse of `curve` (P, P) says.
+    Biometrika 73(1), 13-22). No variance is smaller than the inverse of `curvature` (P, P) says.
 
-    `curve`: that of `normal_equations` and the prior; `release`: index for each impact and each flight; `count`: number
-    of releases.
+    `curvature`: that of `normal_equations` and the prior; `release`: index for each impact and each flight; `count`:
+    number of releases.
     """
-    scores = np.zeros((count, len(curve)))
+    scores = np.zeros((count, len(curvature)))
     r, good = np.nan_to_num(residuals.impacts), np.isfinite(residuals.impacts).all(axis=1)
     u = np.linalg.solve(covariance, r[..., None])[..., 0]
     df = IMPACT_STUDENT_DF + r.shape[1]
     weight = good * df / (IMPACT_STUDENT_DF + np.einsum("ni,ni->n", r, u))
-    pull = np.einsum("nip,ni->np", slope.impacts, u)
+    pull = np.einsum("nip,ni->np", jacobian.impacts, u)
     np.add.at(scores, release[0], weight[:, None] * pull)
-    rf, jf = residuals.flights, slope.flights
+    rf, jf = residuals.flights, jacobian.flights
     wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
     np.add.at(scores, release[1], np.einsum("mcd,mcd,mcdp->mp", wf, rf, jf))
-    # the curvature of the Student distribution itself: `curve` takes its weights as constant
+    # the curvature of the Student distribution itself: `curvature` takes its weights as constant
     bent = np.einsum("n,np,nq->pq", 2.0 / df * weight**2, pull, pull)
     flat = 2.0 / (FLIGHT_STUDENT_DF + 1) * (wf * rf) ** 2
     bent += np.einsum("mcd,mcdp,mcdq->pq", flat, jf, jf, optimize=True)
-    unit = np.sqrt(np.diag(curve))
-    plain = np.linalg.inv(curve / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (
+    unit = np.sqrt(np.diag(curvature))
+    plain = np.linalg.inv(curvature / (unit * unit[:, None]) + ROUNDING * np.eye(len(unit))) / (
         unit * unit[:, None]
     )
     # as a mean share over all directions: in a single one a few outliers can take all curvature away
-    bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curve), LARGEST_BEND))
+    bread = plain / (1.0 - min(float(np.trace(plain @ bent)) / len(curvature), LARGEST_BEND))
     spread = bread @ (scores.T @ scores) @ bread * count / max(count - 1, 1)
     wider = np.sqrt(np.maximum(np.diag(spread) / np.diag(plain), 1.0))
     return np.asarray(plain * wider * wider[:, None])
 
 
 def prior(model: Model) -> tuple[Array, Array]:
-    """Weak Gaussian prior: (centre, 1 / variance) of the parameters."""
+    """Weak Gaussian prior: (centre, precision) of the parameters, the precision being 1 / variance."""
     width = np.concatenate([BASE_WIDTH, np.full(model.size - len(BASE_WIDTH), 1.0)])
     return model.start(), width**-2.0

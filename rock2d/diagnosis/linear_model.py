@@ -59,7 +59,7 @@ class LinearModel:
         self._z = np.einsum("nij,nj->ni", self._whiten, r)
         self._flights = fit.residuals.flights
         self._flight_weight = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + self._flights**2)
-        self._own = self._whiten @ fit.slope.impacts
+        self._own = self._whiten @ fit.jacobian.impacts
         fold = folds(data)
         self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]
 
@@ -67,23 +67,23 @@ class LinearModel:
         """With columns (n, d, k) of impacts and (m, 3, degrees, k) of flights; with the best of the `widths`, each
         (k,) standard deviations of the prior of the coefficients."""
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
-        flights = self._fit.slope.flights
+        flights = self._fit.jacobian.flights
         if columns.flights.any():  # most levers change no flight
             flights = np.concatenate([flights, columns.flights], axis=-1)
         parts = [self._moments(impacts, flights, k) for k in range(FOLDS)]
-        curve, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+        curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
         found = []
         for i, width in enumerate(widths):
             gain = self._held_out(impacts, flights, parts, width) - self._before
-            found.append(Step(gain, self._newton(curve, grad, width)[1], i))
+            found.append(Step(gain, self._newton(curvature, grad, width)[1], i))
         return max(found, key=lambda step: float(step.gain.sum()))
 
     def by_chance(self, columns: Residuals) -> Array:
         """(CHANCE_DRAWS,) what the columns would gain by chance: the residuals of each release have a random sign. That
         keeps their sizes, and what is alike within a release, and breaks what is alike in many releases."""
-        own = self._total_by_chance(self._own, self._fit.slope.flights)
+        own = self._total_by_chance(self._own, self._fit.jacobian.flights)
         impacts = np.concatenate([self._own, self._whiten @ columns.impacts], axis=-1)
-        flights = np.concatenate([self._fit.slope.flights, columns.flights], axis=-1)
+        flights = np.concatenate([self._fit.jacobian.flights, columns.flights], axis=-1)
         return self._total_by_chance(impacts, flights) - own
 
     def _total_by_chance(self, impacts: Array, flights: Array) -> Array:
@@ -98,51 +98,51 @@ class LinearModel:
         pulls[:, discrete(self._fit.model)] = 0.0
         signs = np.random.default_rng(CHANCE_SEED).choice([-1.0, 1.0], (CHANCE_DRAWS, n))
         parts = [self._moments(impacts, flights, k)[0] for k in range(FOLDS)]
-        tight = prior(self._fit.model)[1]
-        precision = np.diag(np.concatenate([tight, np.ones(size - len(tight))]))
+        prior_precision = prior(self._fit.model)[1]
+        precision = np.diag(np.concatenate([prior_precision, np.ones(size - len(prior_precision))]))
         fold, total = folds(data), np.zeros(CHANCE_DRAWS)
-        for k, curve in enumerate(parts):
+        for k, curvature in enumerate(parts):
             own, others = (signs[:, part] @ pulls[part] for part in (fold == k, fold != k))
-            step = np.linalg.solve(np.sum(parts, axis=0) - curve + precision, others.T).T
-            total += (step * own).sum(axis=1) - 0.5 * np.einsum("rp,pq,rq->r", step, curve, step)
+            step = np.linalg.solve(np.sum(parts, axis=0) - curvature + precision, others.T).T
+            total += (step * own).sum(axis=1) - 0.5 * np.einsum("rp,pq,rq->r", step, curvature, step)
         return total
 
     @cached_property
     def _before(self) -> Array:
         """(releases,) log likelihood on held-out releases without further columns."""
-        own, flights = self._own, self._fit.slope.flights
+        own, flights = self._own, self._fit.jacobian.flights
         return self._held_out(own, flights, [self._moments(own, flights, k) for k in range(FOLDS)])
 
-    def _newton(self, curve: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
+    def _newton(self, curvature: Array, grad: Array, width: Array | None = None) -> tuple[Array, Array]:
         """Newton step to subtract, of all parameters and of the further ones; without a `width` there are none."""
         model, own = self._fit.model, self._fit.p
-        centre, tight = prior(model)
+        centre, prior_precision = prior(model)
         further = np.empty(0) if width is None else np.asarray(width, float) ** -2.0
         size = len(own) + len(further)
-        precision = np.concatenate([tight, further])
-        pull = np.concatenate([grad[: len(own)] + tight * (own - centre), grad[len(own) : size]])
+        precision = np.concatenate([prior_precision, further])
+        pull = np.concatenate([grad[: len(own)] + prior_precision * (own - centre), grad[len(own) : size]])
         pull[discrete(model)] = 0.0  # a scan chooses them
-        step = np.linalg.solve(curve[:size, :size] + np.diag(precision), pull)
+        step = np.linalg.solve(curvature[:size, :size] + np.diag(precision), pull)
         return step, step[len(own) :]
 
     def _moments(self, impacts: Array, flights: Array, k: int) -> tuple[Array, Array]:
-        """Curvature and slope of minus the log likelihood of one fold. `flights` may lack the further columns."""
+        """Curvature and gradient of minus the log likelihood of one fold. `flights` may lack the further columns."""
         own = self._fold == k
         x, w = impacts[own].reshape(-1, impacts.shape[-1]), np.repeat(self._weight[own], impacts.shape[1])
         heavy = w[:, None] * x
-        curve, grad = heavy.T @ x, heavy.T @ self._z[own].ravel()
-        if flights is self._fit.slope.flights:
+        curvature, grad = heavy.T @ x, heavy.T @ self._z[own].ravel()
+        if flights is self._fit.jacobian.flights:
             of_flights = self._own_flight_moments[k]
         else:
             of_flights = self._flight_moments(flights, k)
         size = len(of_flights[1])
-        curve[:size, :size] += of_flights[0]
+        curvature[:size, :size] += of_flights[0]
         grad[:size] += of_flights[1]
-        return curve, grad
+        return curvature, grad
 
     @cached_property
     def _own_flight_moments(self) -> list[tuple[Array, Array]]:
-        return [self._flight_moments(self._fit.slope.flights, k) for k in range(FOLDS)]
+        return [self._flight_moments(self._fit.jacobian.flights, k) for k in range(FOLDS)]
 
     def _flight_moments(self, flights: Array, k: int) -> tuple[Array, Array]:
         own = self._flight_fold == k
@@ -155,10 +155,10 @@ class LinearModel:
     ) -> Array:
         """(releases,) log likelihood to a constant, each fold after the step that the moments `parts` of the others
         say."""
-        curve, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
+        curvature, grad = (np.sum([part[i] for part in parts], axis=0) for i in (0, 1))
         z, after = np.empty_like(self._z), np.empty_like(self._flights)
         for k, (c, g) in enumerate(parts):
-            step, _ = self._newton(curve - c, grad - g, width)
+            step, _ = self._newton(curvature - c, grad - g, width)
             own, fly = self._fold == k, self._flight_fold == k
             z[own] = self._z[own] - impacts[own] @ step
             after[fly] = self._flights[fly] - flights[fly] @ step[: flights.shape[-1]]

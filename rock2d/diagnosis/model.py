@@ -131,7 +131,7 @@ class Model:
         """Residuals at p; `shift` (6,) or (n, 6) is added to the states before the impacts; `amounts` as above."""
         return data.residuals(self.world(p, data.impact_order, amounts), shift)
 
-    def further_slopes(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
+    def further_derivatives(self, p: Array, data: Data, at: Residuals, by_law: Array) -> Residuals:
         """Derivatives of the residuals by the parameters after the named ones, of which this model has none.
 
         `at`: residuals at p; `by_law` (n, d, 5): derivatives of impacts by the parameters of the base law.

@@ -22,7 +22,7 @@ from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import Film, load_film
 from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.laws.contact import INDENTATION, K_L, K_R, K_T, K_UL, MU, ContactParameters
+from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU, ROLLING_IN_INDENTATION, ContactParameters
 from rock2d.records.columns import X, Y
 from rock2d.scene.world import View, World
 
@@ -44,7 +44,7 @@ def diagnosed_world(content: dict[str, Any], setup: World, order: Array, base_on
     known = catalogue()
     law, effects = (content["base"], {}) if base_only else _found(content)
     rows = setup.contact.copy()
-    columns = [K_L, K_UL, K_T, MU, K_R, INDENTATION]
+    columns = [K_L, K_UL, K_T, MU, K_R, ROLLING_IN_INDENTATION]
     reading = content.get("law", {}).get("rolling_in_indentation", False)
     rows[..., columns] = ContactParameters(**law, rolling_in_indentation=reading).row()[columns]
     world = replace(setup, contact=rows, order=order)

@@ -17,9 +17,9 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses
-from rock2d.diagnosis.replay import varied
+from rock2d.diagnosis.replay import with_drawn_soils
 from rock2d.diagnosis.segments import Segments
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import THETA
 
 Array = np.ndarray
@@ -109,7 +109,7 @@ def _end(segments: Segments, apart: Array) -> tuple[float, float]:
     return 1e3 * float(np.median(distance)), float(np.rad2deg(np.median(turn))) if len(turn) else np.nan
 
 
-def harmless(data: FilmData, learnt: Learnt, base: Fit) -> Learnt:
+def without_harmful_changes(data: FilmData, learnt: Learnt, base: Fit) -> Learnt:
     """What was learnt, without its last changes as long as these make the typical segment of held-out releases worse,
     or the worst segments worse than both the base law and the model without the change."""
     segments = Segments.of(data)
@@ -171,7 +171,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     expected = predicted_poses(data, segments, world, changes)
     seen = np.where(np.isfinite(measured(data, segments)), expected, np.nan)
     dt = data.start_s[segments.flight]
-    starts = drift(
+    starts = move_freely(
         world, segments.block, data.states(world).middle[segments.flight], dt * world.view.time_scale
     )
     covariance = data.true_covariance(world, segments.flight, dt, starts)
@@ -180,7 +180,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     found = []
     for _ in range(REPLICATES):
         shift = np.einsum("nij,nj->ni", root, rng.normal(size=starts.shape))
-        drawn = varied(fit, world, len(segments), rng)
+        drawn = with_drawn_soils(fit, world, len(segments), rng)
         poses = predicted_poses(data, segments, drawn, changes, shift)
         poses += rng.normal(size=poses.shape) * data.film.noise
         found.append(misses(data, poses, seen))

@@ -15,7 +15,7 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses
 from rock2d.engines.batch import run_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -70,21 +70,25 @@ def simulated_releases(
     """
     order = data.order[film.release]
     if not repetitions:
-        return follow(data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs)
+        return recorded_simulation(
+            data, fit.model.world(fit.p, order), film.flight, film.t_s, film.t_s[:, 0], signs
+        )
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     n, k = film.t_s.shape
-    world = varied(fit, fit.model.world(fit.p, np.tile(order, repetitions)), repetitions * n, rng)
+    world = with_drawn_soils(fit, fit.model.world(fit.p, np.tile(order, repetitions)), repetitions * n, rng)
     t = np.tile(film.t_s, (repetitions, 1))
-    poses = follow(data, world, np.tile(film.flight, repetitions), t, t[:, 0], signs)
+    poses = recorded_simulation(data, world, np.tile(film.flight, repetitions), t, t[:, 0], signs)
     return (poses + rng.normal(size=poses.shape) * data.film.noise).reshape(repetitions, n, k, 3)
 
 
-def varied(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
+def with_drawn_soils(fit: Fit, world: World, n: int, rng: np.random.Generator) -> World:
     """The world with another soil for each of n releases."""
     return with_changed_law(world, rng.normal(size=(n, len(BASE_WIDTH))) * fit.scatter[: len(BASE_WIDTH)])
 
 
-def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Array, signs: Signs) -> Array:
+def recorded_simulation(
+    data: FilmData, world: World, flights: Array, t_s: Array, start_s: Array, signs: Signs
+) -> Array:
     """Recorded poses (n, k, 3) at recorded instants `t_s` (n, k; NaN where there is none, at the end of a row).
 
     The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). Where
@@ -92,7 +96,7 @@ def follow(data: FilmData, world: World, flights: Array, t_s: Array, start_s: Ar
     """
     scale, middle = world.view.time_scale, data.basis.middle[flights]
     block = data.segmentation.flights.block[flights]
-    starts = drift(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
+    starts = move_freely(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
     times = (t_s - start_s[:, None]) * scale
     limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)
     samples = run_world(world, starts, block, time_limit_s=limits, times_s=instants).samples

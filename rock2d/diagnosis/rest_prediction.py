@@ -17,7 +17,7 @@ from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.rest_heights import REST_FRAMES
-from rock2d.kinematics.states import centroid_poses, drift
+from rock2d.kinematics.states import centroid_poses, move_freely
 from rock2d.records.columns import THETA
 from rock2d.scene.world import World
 
@@ -64,7 +64,7 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
         variance += np.nan_to_num((ahead - at) * sigma / SCATTER_STEP) ** 2
     start = data.start_s[rests.flight]
     block = data.segmentation.flights.block[rests.flight]
-    states = drift(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
+    states = move_freely(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
     noise = data.true_covariance(world, rests.flight, start, states)
     for k in range(STATE_SIZE):
         sigma_state = np.sqrt(noise[:, k, k])
@@ -82,7 +82,7 @@ def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float 
     """(n, 3) simulated - recorded pose at the end of the film."""
     scale, block = world.view.time_scale, data.segmentation.flights.block[rests.flight]
     starts = (
-        drift(world, block, data.states(world).middle[rests.flight], data.start_s[rests.flight] * scale)
+        move_freely(world, block, data.states(world).middle[rests.flight], data.start_s[rests.flight] * scale)
         + shift
     )
     wait_s = rests.wait_s * scale

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.likelihood import IMPACT_STUDENT_DF, newton_step
 
 Array = np.ndarray
@@ -18,17 +18,17 @@ MOST_STEPS = 30
 LARGEST_STEP, SMALLEST_STEP = 3.0, 1e-4  # in the logarithms of the standard deviations
 
 
-def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
+def fit_scatter(r: Array, jacobian: Jacobian, start: Array) -> Array:
     """(k,) standard deviations of the soil with the largest posterior probability, from residuals r (n, d).
 
     Damped steps of Fisher scoring in their logarithms.
     """
-    cost = _Cost.of(r, slope)
+    cost = _Cost.of(r, jacobian)
     low, high = np.log(BOUNDS)
     at = cost.at(np.clip(np.log(start), low, high))
     for _ in range(MOST_STEPS):
         ahead = at
-        step = newton_step(at.curve, at.grad, at.logs, low, high)
+        step = newton_step(at.curvature, at.grad, at.logs, low, high)
         step /= max(1.0, np.abs(step).max() / LARGEST_STEP)
         for _ in range(MOST_STEPS):
             ahead = cost.at(np.clip(at.logs - step, low, high))
@@ -43,19 +43,19 @@ def fit_scatter(r: Array, slope: Slopes, start: Array) -> Array:
     return np.exp(at.logs)
 
 
-def scatter_errors(r: Array, slope: Slopes, scatter: Array) -> Array:
+def scatter_errors(r: Array, jacobian: Jacobian, scatter: Array) -> Array:
     """(k,) relative standard errors of fitted standard deviations."""
-    at = _Cost.of(r, slope).at(np.log(scatter))
-    return np.sqrt(np.diag(np.linalg.inv(at.curve)))
+    at = _Cost.of(r, jacobian).at(np.log(scatter))
+    return np.sqrt(np.diag(np.linalg.inv(at.curvature)))
 
 
 class _Point(NamedTuple):
-    """Logarithms of standard deviations (k,), minus the log posterior there, its slope and its expected curvature."""
+    """Logarithms of standard deviations (k,), minus the log posterior, its gradient and expected curvature."""
 
     logs: Array
     value: float
     grad: Array
-    curve: Array
+    curvature: Array
 
 
 class _Cost(NamedTuple):
@@ -66,10 +66,10 @@ class _Cost(NamedTuple):
     covariance: Array
 
     @classmethod
-    def of(cls, r: Array, slope: Slopes) -> _Cost:
+    def of(cls, r: Array, jacobian: Jacobian) -> _Cost:
         """Cost of the impacts that could be simulated."""
         good = np.isfinite(r).all(axis=1)
-        return cls(r[good], slope.scatter[good], slope.covariance[good])
+        return cls(r[good], jacobian.scatter[good], jacobian.covariance[good])
 
     def at(self, logs: Array) -> _Point:
         """At logarithms of the standard deviations."""
@@ -83,5 +83,5 @@ class _Cost(NamedTuple):
         weight = df / (IMPACT_STUDENT_DF + chi2)
         own = square / PRIOR_SCATTER**2
         grad = ((np.diagonal(trace, axis1=1, axis2=2) - weight[:, None] * pull**2) * square).sum(axis=0) + own
-        curve = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
-        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curve + 2.0 * np.diag(own))
+        curvature = 2.0 * df / (df + 2.0) * square[:, None] * square * (trace**2).sum(axis=0)
+        return _Point(logs, float(value.sum() + 0.5 * own.sum()), grad, curvature + 2.0 * np.diag(own))

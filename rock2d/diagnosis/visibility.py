@@ -16,7 +16,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, some_releases
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects.effect import Effect
-from rock2d.kinematics.film_statement import SCALE_OR_RATE, FilmStatement
+from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
 
 Array = np.ndarray
 
@@ -26,7 +26,7 @@ TRACE = 0.05  # change of a residual, in standard deviations, up to which it doe
 
 
 def unseen(
-    base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmStatement | None = None
+    base: Fit, data: Data, effects: Mapping[str, Effect], film: FilmFindings | None = None
 ) -> dict[str, str]:
     """Effect that these data cannot show -> why. `film`: what the film says of itself."""
     some = some_releases(data)
@@ -44,7 +44,7 @@ def unseen(
     return {name: why for name, why in found.items() if name in effects}
 
 
-def _hidden_by_spin(data: Data, film: FilmStatement | None) -> dict[str, str]:
+def _hidden_by_spin(data: Data, film: FilmFindings | None) -> dict[str, str]:
     """Effects that look like others as long as no spin was measured."""
     if not isinstance(data, FilmData) or data.film.angle_known.any():
         return {}

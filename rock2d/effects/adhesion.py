@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import STANDARD_GRAVITY_M_S2, Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 ONSET_M_S = 0.02  # leaving speed up to which the pull grows: a sudden one would make a lying block chatter
@@ -33,7 +33,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "adhesion_N", values[0] * mean_mass_kg(world) * STANDARD_GRAVITY_M_S2)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The pull in N."""
     pull = fitted.number("pull_per_weight", fitted.mass_kg * STANDARD_GRAVITY_M_S2)
     return (

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 from rock2d.wording import interval, number, spoken
@@ -33,7 +33,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "drag_kg_m", values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """c / m: the share of the speed that is lost on a metre."""
     value = fitted.values["drag_per_mass_1_m"]
     blocks, each = fitted.setup.blocks, fitted.each.get("drag_per_mass_1_m", {})

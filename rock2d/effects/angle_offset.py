@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
@@ -18,7 +18,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_view(world, theta_offset_rad=world.view.theta_offset_rad + values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """θ recorded = θ true + offset."""
     value, half = fitted.values["offset_rad"], fitted.half["offset_rad"]
     degrees, width = np.rad2deg([value, half])

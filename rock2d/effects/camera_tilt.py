@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rock2d.effects.changes import CENTRE, with_view
+from rock2d.effects.changes import AIM_PARAMETERS, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import AGAIN, Fitted
+from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
@@ -19,7 +19,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_view(world, values[1:], tilt_rad=world.view.tilt_rad + values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """θ recorded = θ + tilt; the tracker turns the picture back by `tilt_deg`."""
     value, half = fitted.values["tilt_rad"], fitted.half["tilt_rad"]
     turn, width = np.rad2deg([value, half])
@@ -32,8 +32,8 @@ def remedy(fitted: Fitted) -> str:
     return (
         f"The picture is turned by {number(abs(turn), width)}° {way} against the vertical. Set `tilt_deg: "
         f"{plain(turn, width)}` in the set-up file (add it, if `tilt_deg` is not 0 there). {fitted.origin()} "
-        f"{AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the next "
-        "film."
+        f"{TRACK_AGAIN}{fitted.by_hand(turned, f'{turned}; turn the velocities, too')} Level the camera before the "
+        "next film."
     )
 
 
@@ -45,7 +45,7 @@ EFFECT = Effect(
     origin="camera",
     parameters=(
         Parameter("tilt_rad", "rad", 0.0, -0.15, 0.15, "by how much the record is turned, counter-clockwise"),
-        *CENTRE,
+        *AIM_PARAMETERS,
     ),
     apply=apply,
     remedy=remedy,

@@ -16,7 +16,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 # where the camera's axis meets the plane: nobody measures it, so every effect that turns about it has it as parameters
-CENTRE = (
+AIM_PARAMETERS = (
     Parameter(
         "centre_right", "1", 0.0, -1.0, 1.0, "camera's axis right of the set-up's middle, over its width"
     ),
@@ -29,7 +29,7 @@ def mean_mass_kg(world: World) -> float:
     return float(np.mean([block.mass_kg for block in world.blocks.values()]))
 
 
-def image(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
+def aim_and_width(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
     """Where a camera aims, and the width of what it is about, in m: middle and width of the box that bounds embankment
     and ditch, or the whole cross-section where there is no embankment."""
     aim = embankment_facets(cross_section) | ditch_facets(cross_section)
@@ -41,11 +41,11 @@ def image(cross_section: CrossSection) -> tuple[tuple[float, float], float]:
 
 
 def with_view(world: World, centre: Sequence[float] | None = None, **changes: Any) -> World:
-    """The world seen by another camera. Its axis lies `centre` × the width of `image` beside where it was before; a
-    camera that nothing has aimed yet is aimed at the middle of `image`. Without `centre` the axis stays."""
+    """The world seen by another camera. Its axis lies `centre` × the width of `aim_and_width` beside where it was
+    before; a camera that nothing has aimed yet is aimed at the point there. Without `centre` the axis stays."""
     aim = world.view.centre_m
     if centre is not None:
-        (x, y), width = image(world.cross_section)
+        (x, y), width = aim_and_width(world.cross_section)
         before = (x, y) if aim is None else aim
         aim = (before[0] + width * centre[0], before[1] + width * centre[1])
     return replace(world, view=replace(world.view, centre_m=aim, **changes))

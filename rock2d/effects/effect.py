@@ -80,8 +80,8 @@ class Effect:
     origin : where it comes from, of `ORIGINS`
     parameters : name, unit, neutral value and plausible range of each
     apply : (world, values in the order of `parameters`) -> the world with the effect
-    remedy : (`rock2d.effects.fitted.Fitted`) -> what to do about it: what to correct, with sign and number,
-        to measure, or to add to the model. Keys of files stand in backticks
+    remedy : (`rock2d.effects.fitted_effect.FittedEffect`) -> what to do about it: what to correct, with sign and
+        number, to measure, or to add to the model. Keys of files stand in backticks
     scatter : the (only) parameter is the standard deviation of a quantity that varies from impact to impact
         with mean zero; `apply` takes one value of that quantity
     columns : names of the columns that its law reads of a contact row, or of a block's `air`

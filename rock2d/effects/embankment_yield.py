@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.cross_section import embankment_facets, facet_zones
 from rock2d.scene.world import World
 from rock2d.wording import number
@@ -26,7 +26,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "recoil_1_kg", values[0] / mean_mass_kg(world), zones)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The mass ratio gives the mass that moves."""
     moving = fitted.mass_kg / max(fitted.values["mass_ratio"], 1e-9)
     return (

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 
@@ -22,7 +22,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "damping_kg_s", values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """Share of velocity and spin that is lost in a second."""
     return (
         f"Velocity and spin decay by {fitted.number('rate_1_s', 100)} % a second in flight. If the film was "

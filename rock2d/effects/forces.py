@@ -25,11 +25,12 @@ from rock2d.compiled import kernel
 from rock2d.effects import catalogue
 from rock2d.effects.columns import AIR_NAMES, CONTACT_NAMES, LAW_COLUMNS, N_COLUMNS
 
-ACTS = N_COLUMNS  # column of a row, as `columns.engine_rows` makes it, that says whether any effect acts in contact
-FIRST = LAW_COLUMNS  # column of a row from which on effects have theirs
+# column of a row, as `columns.engine_rows` makes it, that says whether any effect acts in contact
+ANY_EFFECT_ACTS = N_COLUMNS
+FIRST_EFFECT_COLUMN = LAW_COLUMNS  # column of a row from which on effects have theirs
 
 
-def _together(law: str, arguments: str, start: str, step: str) -> Any:
+def _combined_law(law: str, arguments: str, start: str, step: str) -> Any:
     """One compiled function of (row, first column, arguments) that goes through the `law` of every effect that has
     one, from the values `start` on: names, kept in the order of "name = value". `step` makes them from `new`.
 
@@ -59,12 +60,14 @@ def _together(law: str, arguments: str, start: str, step: str) -> Any:
     return kernel(scope[law])
 
 
-normal = _together("normal", "depth, rate, peak, bottom, force_n", "total = 0.0", "total += new")
-friction = _together("friction", "slip", "factor = 1.0", "factor *= new")
-tangential = _together("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
-recoil = _together("recoil", "", "total = 0.0", "total += new")
-departure = _together("departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new")
-_flight = _together(
+normal = _combined_law("normal", "depth, rate, peak, bottom, force_n", "total = 0.0", "total += new")
+friction = _combined_law("friction", "slip", "factor = 1.0", "factor *= new")
+tangential = _combined_law("tangential", "depth, slip, force_n", "total = 0.0", "total += new")
+recoil = _combined_law("recoil", "", "total = 0.0", "total += new")
+departure = _combined_law(
+    "departure", "vx, vy, omega", "vx = vx; vy = vy; omega = omega", "vx, vy, omega = new"
+)
+_flight = _combined_law(
     "flight", "vx, vy, omega, mass, inertia", "ax = 0.0; ay = 0.0; alpha = 0.0",
     "ax, ay, alpha = ax + new[0], ay + new[1], alpha + new[2]",
 )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import AGAIN, Fitted
+from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_view(world, time_scale=world.view.time_scale * values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """true duration = time_scale × recorded duration; the true rate is the stated one over time_scale."""
     value, half = fitted.values["time_scale"], fitted.half["time_scale"]
     stated = fitted.fps
@@ -27,7 +27,7 @@ def remedy(fitted: Fitted) -> str:
     table = f"divide all velocities and spins by {plain(value, half)}"
     return (
         f"The film was taken with {number(true, width)} frames/s, not with {stated:g}. Set `fps: "
-        f"{plain(true, width)}` in the set-up file. {AGAIN}{fitted.by_hand(film, table)} Film a clock to check."
+        f"{plain(true, width)}` in the set-up file. {TRACK_AGAIN}{fitted.by_hand(film, table)} Film a clock to check."
     )
 
 

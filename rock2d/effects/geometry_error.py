@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.cross_section import CrossSection, ditch_facets
 from rock2d.scene.world import World
 from rock2d.wording import number
@@ -57,7 +57,7 @@ def as_built(
     return CrossSection(points, cross_section.zones, cross_section.measure_lines)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The cross-section as built, from the fitted turn and rise."""
     built = fitted.world().cross_section
     turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 
@@ -17,7 +17,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_blocks(world, lambda block: replace(block, inertia_kg_m2=factor * block.inertia_kg_m2))
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """I true = factor × I stated."""
     inertias = {name: block.inertia_kg_m2 for name, block in fitted.setup.blocks.items()}
     stated = ", ".join(f"{name} `inertia: {fitted.values['factor'] * v:.4g}`" for name, v in inertias.items())

@@ -1,12 +1,12 @@
-"""Radial distortion of the image, about the point that the camera aims at: see `rock2d.effects.changes.image`."""
+"""Radial distortion of the image, about the point that the camera aims at: see `changes.aim_and_width`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rock2d.effects.changes import CENTRE, image, with_view
+from rock2d.effects.changes import AIM_PARAMETERS, aim_and_width, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import AGAIN, Fitted
+from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import plain
 
@@ -15,11 +15,13 @@ def apply(world: World, values: Sequence[float]) -> World:
     """d recorded = d (1 + k |d|²) with d = (x, y) - c, k = edge / W²: c is the point that the camera aims at, W the
     width of embankment and ditch."""
     return with_view(
-        world, values[1:], lens_per_m2=world.view.lens_per_m2 + values[0] / image(world.cross_section)[1] ** 2
+        world,
+        values[1:],
+        lens_per_m2=world.view.lens_per_m2 + values[0] / aim_and_width(world.cross_section)[1] ** 2,
     )
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """d recorded = d (1 + edge |d|² / W²); the set-up file's k refers to half the picture's diagonal instead of W."""
     value, half = fitted.values["edge"], fitted.half["edge"]
     view = fitted.world().view
@@ -30,8 +32,8 @@ def remedy(fitted: Fitted) -> str:
     return (
         f"The lens moves points {way}. Set `distortion: {{k: K}}` in the set-up file with K = "
         f"{plain(per_m2, width or None)} × D², where D is half the picture's diagonal in m; `centre_px` is the pixel "
-        f"that shows ({plain(x)}, {plain(y)}) m. {AGAIN} Better: film a checkerboard at the edge of the picture and "
-        "measure k."
+        f"that shows ({plain(x)}, {plain(y)}) m. {TRACK_AGAIN} Better: film a checkerboard at the edge of the picture "
+        "and measure k."
     )
 
 
@@ -50,7 +52,7 @@ EFFECT = Effect(
             0.05,
             "k W²: displacement over distance at the width W of embankment and ditch from the image's middle",
         ),
-        *CENTRE,
+        *AIM_PARAMETERS,
     ),
     apply=apply,
     remedy=remedy,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_air
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -24,7 +24,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_air(world, "lift_kg", values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The path turns at this share of the spin."""
     value, half = fitted.values["lift_per_mass"], fitted.half["lift_per_mass"]
     way = "counter-clockwise" if value > 0 else "clockwise"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
 
@@ -32,7 +32,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_blocks(world, displaced)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """Centre of mass less centroid, in the block's own axes."""
     along, across = (fitted.number(key, 1e3 * fitted.size_m) for key in ("along", "across"))
     return (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rock2d.effects.changes import with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 MIRROR_NONE, MIRROR_X, MIRROR_Y, MIRROR_THETA = range(4)
@@ -26,7 +26,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_view(world, mirror=tuple(mirror))
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """x, y or θ recorded with the other sign."""
     if round(fitted.values["axis"]) not in COLUMNS:
         return "No axis is mirrored: correct nothing."

@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_column
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -25,7 +25,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "out_of_plane_rad", values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """cos(angle) of the horizontal velocity stays in the plane."""
     lost = 1 - np.cos(fitted.values["angle_rad"])
     return (

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from rock2d.effects.changes import with_blocks
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 
 
@@ -19,7 +19,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_blocks(world, lambda block: block if block.smooth else replace(block, rounding_m=radius))
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The radius is a share of the largest that fits into every block with corners."""
     sizes = [b.largest_rounding_m for b in fitted.setup.blocks.values() if not b.smooth]
     radius = fitted.number("radius", 1e3 * min(sizes, default=0.0))

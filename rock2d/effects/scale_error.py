@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rock2d.effects.changes import CENTRE, with_view
+from rock2d.effects.changes import AIM_PARAMETERS, with_view
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import AGAIN, Fitted
+from rock2d.effects.fitted_effect import TRACK_AGAIN, FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number, plain
 
@@ -16,7 +16,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_view(world, values[1:], scale=world.view.scale * values[0])
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """length recorded = scale × true length."""
     value, half = fitted.values["scale"], fitted.half["scale"]
     factor, width = 1.0 / value, half / value**2
@@ -29,7 +29,7 @@ def remedy(fitted: Fitted) -> str:
         f"The calibration length is stated {number(100 * abs(value - 1), 100 * half)} % too {way}: what is "
         f"stated as 1 m is {number(factor, width)} m. Multiply `metres_per_pixel`, `distance_m` or `square_m` "
         f"in the set-up file, whichever is given there, by {plain(factor, width)}. {fitted.origin()} "
-        f"{AGAIN}{fitted.by_hand(scaled, f'{scaled}, and the velocities by the same factor')} Measure the "
+        f"{TRACK_AGAIN}{fitted.by_hand(scaled, f'{scaled}, and the velocities by the same factor')} Measure the "
         "calibration length again, in the plane of motion: one nearer to the camera gives too short lengths."
     )
 
@@ -40,7 +40,10 @@ EFFECT = Effect(
     source="similarity of the image, `rock2d.scene.world.View`",
     phase="all",
     origin="camera",
-    parameters=(Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"), *CENTRE),
+    parameters=(
+        Parameter("scale", "1", 1.0, 0.85, 1.15, "recorded length over true length"),
+        *AIM_PARAMETERS,
+    ),
     apply=apply,
     remedy=remedy,
 )

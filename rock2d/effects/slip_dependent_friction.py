@@ -9,7 +9,7 @@ import numpy as np
 from rock2d.compiled import kernel
 from rock2d.effects.changes import with_column
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -29,7 +29,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(with_column(world, "friction_change", change), "friction_speed_m_s", speed)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The friction angle at rest and at high speed."""
     change, speed = fitted.values["change"], fitted.values["speed_m_s"]
     rest = float(fitted.law["friction_angle_deg"])

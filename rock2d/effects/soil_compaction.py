@@ -12,7 +12,7 @@ import numpy as np
 
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.laws.contact import K_L, K_UL
 from rock2d.scene.world import World
 
@@ -29,7 +29,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return world
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """Growth of the stiffness with the releases of the same block."""
     return (
         f"The stiffness grows by {fitted.number('rate', 100)} % of its first value with the first release of the same "

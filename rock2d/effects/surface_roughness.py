@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -19,7 +19,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return replace(world, slope_rad=np.atleast_1d(np.asarray(values[0], float)))
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """A scatter: no mean to correct."""
     slope = np.rad2deg(fitted.values["sd_rad"])
     return (

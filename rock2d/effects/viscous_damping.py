@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rock2d.compiled import kernel
 from rock2d.effects.changes import mean_mass_kg, with_column
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -31,7 +31,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     return with_column(world, "viscous_Ns_m2", values[1] * mass / size)
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """Dashpots, the same for every block, so that light blocks feel them more."""
     constant = fitted.values["rate_1_s"] * fitted.mass_kg
     deep = fitted.values["deep_rate_1_s"] * fitted.mass_kg / fitted.size_m

@@ -8,9 +8,9 @@ import numpy as np
 
 from rock2d.effects.changes import with_scaled_columns
 from rock2d.effects.effect import Effect, Parameter
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.laws.contact import K_L, K_UL, MU
-from rock2d.scene.cross_section import embankment_facets, face_facets, facet_zones
+from rock2d.scene.cross_section import embankment_facets, facet_zones, facing_facets
 from rock2d.scene.world import World
 from rock2d.wording import plain
 
@@ -21,7 +21,7 @@ def apply(world: World, values: Sequence[float]) -> World:
     """On the embankment or its face: k_l × stiffness, k_ul × stiffness / restitution², tan φ × friction; so
     e = √(k_l / k_ul) is multiplied by restitution. `values[3]` is a choice: 0 the embankment, 1 its face."""
     stiffness, restitution, friction, where = values
-    facets = face_facets if round(float(where)) == FACE else embankment_facets
+    facets = facing_facets if round(float(where)) == FACE else embankment_facets
     zones = facet_zones(world.cross_section, facets(world.cross_section))
     world = with_scaled_columns(world, (K_L,), stiffness, zones)
     world = with_scaled_columns(world, (K_UL,), stiffness / restitution**2, zones)
@@ -30,13 +30,13 @@ def apply(world: World, values: Sequence[float]) -> World:
     return world
 
 
-def remedy(fitted: Fitted) -> str:
+def remedy(fitted: FittedEffect) -> str:
     """The law of the embankment's zones, or of its face alone, as a scenario states it."""
     stiffness, restitution, friction = (fitted.values[k] for k in ("stiffness", "restitution", "friction"))
     section, law = fitted.setup.cross_section, fitted.law
     where, facets = "embankment", embankment_facets
     if round(fitted.values["place"]) == FACE:
-        where, facets = "face of the embankment", face_facets
+        where, facets = "face of the embankment", facing_facets
     differ = facet_zones(section, facets(section))
     zones = ", ".join(f"`{name}`" for name, own in zip(section.zone_names, differ, strict=True) if own)
     k_l = law["k_l_N_m"] * stiffness

@@ -17,15 +17,15 @@ from rock2d.compiled import copy, in_threads, njit
 from rock2d.effects.columns import N_COLUMNS, engine_rows
 from rock2d.engines import contact_state, contact_step
 from rock2d.engines.energy_balance import Masses, energy_balance, energy_balances
-from rock2d.engines.geometry import CONVEX, KNOWN, block_arrays, ground_arrays
+from rock2d.engines.geometry import CACHED_ARRAYS, CONVEX, block_arrays, ground_arrays
 from rock2d.engines.recording import LineRecord, Recorder, SampleRecord
 from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
-    AT,
     I_ZONE,
     IMPACT_NAMES,
+    INSTANT_STATE,
     KNOT_FLIGHT,
     N_AUDIT,
     N_IMPACT,
@@ -99,7 +99,7 @@ class BatchResult:
     samples : (n, times, 3) x, y, theta at the asked times
     energy_J : (n, 10) the closing balance, columns of ENERGY_NAMES: what is left, what each mechanism took, the initial
         energy, and the residual: what the audit does not account for
-    held : (n, contacts, N_HELD) memory of the contacts at the end, of releases that are held or were; else no contacts
+    saved_contacts : (n, contacts, N_SAVED) contacts at the end, of releases that are or were suspended; else none
     """
 
     stop: Array
@@ -109,7 +109,7 @@ class BatchResult:
     crossings: Array
     samples: Array
     energy_J: Array
-    held: Array
+    saved_contacts: Array
 
 
 def pack(ensemble: Ensemble) -> Packed:
@@ -150,7 +150,7 @@ def pack(ensemble: Ensemble) -> Packed:
     )
 
 
-@lru_cache(KNOWN)
+@lru_cache(CACHED_ARRAYS)
 def _tree(cross_section: CrossSection) -> Array:
     return facet_tree(ground_arrays(cross_section).facets[:, :2].copy())
 
@@ -189,8 +189,8 @@ def run_batch(
     stop_when_captured: bool = False,
     times_s: Array | None = None,
     step_fraction: float = BATCH_STEP_FRACTION,
-    until_m: float = np.inf,
-    held: Array | None = None,
+    suspend_x_m: float = np.inf,
+    saved_contacts: Array | None = None,
 ) -> BatchResult:
     """Run n releases from `states` (n, 6: x, y, theta, vx, vy, omega in SI), on all threads.
 
@@ -203,8 +203,8 @@ def run_batch(
     stop_when_captured : count a release as at rest as soon as the little energy left cannot carry it 0.4 of its radius
         (`rest.captured`), instead of when it lies still: it trembles in between
     times_s : (n, k) or (k,) instants at which to sample the motion
-    until_m : x at which a release is held: at the first contact step beyond it, or before a flight that leads beyond it
-    held : (n, contacts, N_HELD) from releases that were held at `states`, to go on; effects must not act
+    suspend_x_m : x beyond which a release is suspended: after a contact step, or before a flight that leads there
+    saved_contacts : (n, contacts, N_SAVED) of releases that go on from `states`; effects must not act
 
     Raises ValueError if states are not finite or an index does not exist.
     """
@@ -227,23 +227,23 @@ def run_batch(
     times = np.empty((1, 0)) if times_s is None else np.array(np.atleast_2d(times_s), float, order="C")
     packed = pack(ensemble)
     steps = _contact_steps(ensemble.blocks, packed.tables, ids[0], ids[2], step_fraction)
-    if held is None:
-        room = max(map(contact_state.contact_count, ensemble.blocks)) if np.isfinite(until_m) else 0
-        held = np.full((n, room, contact_state.N_HELD), np.nan)
-    held = np.array(held, float, order="C")
-    written = _Written(
+    if saved_contacts is None:
+        room = max(map(contact_state.contact_count, ensemble.blocks)) if np.isfinite(suspend_x_m) else 0
+        saved_contacts = np.full((n, room, contact_state.N_SAVED), np.nan)
+    saved_contacts = np.array(saved_contacts, float, order="C")
+    outputs = _Outputs(
         np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64),
         np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
-        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)), held, np.empty((0, N_KNOT)),
+        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)), saved_contacts, np.empty((0, N_KNOT)),
     )  # fmt: skip
-    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(until_m))
-    starts = _Starts(states, ids[0], ids[1], ids[2], steps, limits, times)
-    in_threads(_run_releases, n, (packed, starts, float(gravity_m_s2), rules, written))
+    rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(suspend_x_m))
+    inputs = _Inputs(states, ids[0], ids[1], ids[2], steps, limits, times)
+    in_threads(_run_releases, n, (packed, inputs, float(gravity_m_s2), rules, outputs))
     lowest = np.array([ground.points_m[:, 1].min() for ground in ensemble.cross_sections])
     mass, inertia = packed.block_reals[ids[0], PACKED_MASS], packed.block_reals[ids[0], PACKED_INERTIA]
     masses = Masses(mass, inertia, float(gravity_m_s2), lowest[ids[1]])
-    balances = energy_balances(masses, states, written.ends[:, AT], written.audit)
-    return BatchResult(*written[:6], balances, held)
+    balances = energy_balances(masses, states, outputs.ends[:, INSTANT_STATE], outputs.audit)
+    return BatchResult(*outputs[:6], balances, saved_contacts)
 
 
 def run_world(world: World, states: Array, blocks: Array, **options: Any) -> BatchResult:
@@ -270,7 +270,7 @@ def run_batch_track(
     packed = pack(Ensemble([block], [cross_section], [table]))
     steps = contact_step.contact_steps_s(block, packed.tables[0], step_fraction)
     none = np.zeros(1, np.int64)
-    starts = _Starts(
+    inputs = _Inputs(
         np.array(state, float)[None], none, none, none, np.array([steps]), np.array([float(time_limit_s)]),
         np.empty((1, 0)),
     )  # fmt: skip
@@ -278,25 +278,26 @@ def run_batch_track(
     room = FIRST_KNOTS
     while True:
         most = max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT)
-        written = _Written(
+        outputs = _Outputs(
             np.zeros(1, np.int64), np.empty((1, N_INSTANT)), np.zeros(1, np.int64),
             np.full((1, most, N_IMPACT), np.nan), np.full((1, packed.lines.shape[1], N_INSTANT), np.nan),
-            np.empty((1, 0, N_POSE)), np.zeros((1, N_AUDIT)), np.empty((1, 0, contact_state.N_HELD)),
+            np.empty((1, 0, N_POSE)), np.zeros((1, N_AUDIT)), np.empty((1, 0, contact_state.N_SAVED)),
             np.empty((room, N_KNOT)),
         )  # fmt: skip
-        used = _run_releases(0, 1, packed, starts, float(gravity_m_s2), rules, written)
-        count = int(written.impact_count[0])
+        used = _run_releases(0, 1, packed, inputs, float(gravity_m_s2), rules, outputs)
+        count = int(outputs.impact_count[0])
         if used <= room and count <= most:
             break
         room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
     rows: list[dict[str, Any]] = []
-    for row in written.impacts[0, :count]:
+    for row in outputs.impacts[0, :count]:
         rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
         rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
-    knots = written.knots[:used]
+    knots = outputs.knots[:used]
+    start, end = knots[0, INSTANT_STATE], knots[-1, INSTANT_STATE]
     return Track(
-        release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[written.stop[0]],
-        gravity_m_s2, energy_balance(block, cross_section, gravity_m_s2, knots[0, AT], knots[-1, AT], written.audit[0]),
+        release, block.name, knots[:, :N_INSTANT].copy(), knots[:, KNOT_FLIGHT] > 0, rows, STOPS[outputs.stop[0]],
+        gravity_m_s2, energy_balance(block, cross_section, gravity_m_s2, start, end, outputs.audit[0]),
     )  # fmt: skip
 
 
@@ -312,7 +313,7 @@ def _contact_steps(
     return steps
 
 
-class _Starts(NamedTuple):
+class _Inputs(NamedTuple):
     """What is given of n releases."""
 
     states: Array  # (n, 6)
@@ -324,7 +325,7 @@ class _Starts(NamedTuple):
     times: Array  # (1 or n, times) instants of samples in s
 
 
-class _Written(NamedTuple):
+class _Outputs(NamedTuple):
     """What n releases write, see `BatchResult`."""
 
     stop: Array
@@ -334,28 +335,32 @@ class _Written(NamedTuple):
     crossings: Array
     samples: Array
     audit: Array  # (n, N_AUDIT)
-    held: Array  # (n, contacts, N_HELD)
+    saved_contacts: Array  # (n, contacts, N_SAVED)
     knots: Array  # (room, N_KNOT) of one release; without room none are written
 
 
 @njit(nogil=True)
-def _run_releases(low, high, packed, starts, gravity, rules, written):
+def _run_releases(low, high, packed, inputs, gravity, rules, outputs):
     """The releases from `low` to `high` - 1; returns the number of knots of the last, those without room included."""
     used = np.int64(0)
-    rows = np.int64(starts.times.shape[0])
+    rows = np.int64(inputs.times.shape[0])
     for i in range(low, high):
-        q = starts.states[i].copy()
+        q = inputs.states[i].copy()
         recorder = Recorder(
-            LineRecord(packed.lines[starts.cross_section_ids[i]], written.crossings[i]),
-            SampleRecord(starts.times[min(i, rows - 1)], written.samples[i]), written.impacts[i], written.audit[i],
-            written.knots,
+            LineRecord(packed.lines[inputs.cross_section_ids[i]], outputs.crossings[i]),
+            SampleRecord(inputs.times[min(i, rows - 1)], outputs.samples[i]), outputs.impacts[i], outputs.audit[i],
+            outputs.knots,
         )  # fmt: skip
-        own = StopRules(starts.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.until)
-        ids = (starts.block_ids[i], starts.cross_section_ids[i], starts.table_ids[i])
-        steps = (starts.step_sizes[i, 0], starts.step_sizes[i, 1])
-        code, t, count, used = release_kernel(packed, q, ids, gravity, steps, own, recorder, written.held[i])
-        written.stop[i] = code
-        written.ends[i, TIME] = t
-        copy(q, written.ends[i, AT])  # a slice assignment takes 3 s to compile
-        written.impact_count[i] = count
+        own = StopRules(
+            inputs.time_limits[i], rules.impact_limit, rules.spent, rules.captured, rules.suspend_x
+        )
+        ids = (inputs.block_ids[i], inputs.cross_section_ids[i], inputs.table_ids[i])
+        steps = (inputs.step_sizes[i, 0], inputs.step_sizes[i, 1])
+        code, t, count, used = release_kernel(
+            packed, q, ids, gravity, steps, own, recorder, outputs.saved_contacts[i]
+        )
+        outputs.stop[i] = code
+        outputs.ends[i, TIME] = t
+        copy(q, outputs.ends[i, INSTANT_STATE])  # a slice assignment takes 3 s to compile
+        outputs.impact_count[i] = count
     return used

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.effects.forces import ACTS
+from rock2d.effects.forces import ANY_EFFECT_ACTS
 from rock2d.engines.contact_state import (
     ACTING,
     ACTIVE,
@@ -48,7 +48,7 @@ def stored_energy(memory, law):
             p = law[ints[j, ZONE]]
             force_n = normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])
             force_t = tangential_force(reals[j, DISPLACEMENT], force_n, p[K_T], p[MU])
-            if p[ACTS] != 0.0:
+            if p[ANY_EFFECT_ACTS] != 0.0:
                 force_t = (
                     p[K_T] * reals[j, DISPLACEMENT]
                 )  # kept within what friction was when it was last stretched
@@ -64,7 +64,7 @@ def pressure(memory, law):
     for j in range(ints.shape[0]):
         if ints[j, ACTIVE]:
             p = law[ints[j, ZONE]]
-            if p[ACTS] != 0.0:
+            if p[ANY_EFFECT_ACTS] != 0.0:
                 force += reals[j, ACTING]
             else:
                 force += normal_force(reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK], p[K_L], p[K_UL])

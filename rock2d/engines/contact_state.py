@@ -46,10 +46,10 @@ from rock2d.scene.blocks import Block
 ACTIVE, KIND, INDEX, PART, ZONE, KEY = range(6)
 DEPTH, RATE, PEAK, DISPLACEMENT, ROTATION, OFFSET, ACTING = range(7)
 N_INTS, N_REALS = KEY + 1, ACTING + 1
-# a contact of a release that is held, to go on later: its integers, its reals, and the release's largest kinetic energy
-# at the beginning of a contact
-HELD_ENERGY = N_INTS + N_REALS
-N_HELD = HELD_ENERGY + 1
+# a contact of a release that is suspended, to go on later: its integers, its reals, and the release's largest kinetic
+# energy at the beginning of a contact
+SAVED_ENERGY = N_INTS + N_REALS
+N_SAVED = SAVED_ENERGY + 1
 VERTEX_CONTACTS = 8  # convex ground corners under one polygon at a time
 SMOOTH_CONTACTS = 6  # patches and corners under one circle or ellipse at a time
 NOWHERE = -1.0e300  # depth of a contact that has no feature
@@ -89,25 +89,25 @@ def clear(contacts):
 
 
 @kernel
-def hold(memory, energy, held):
-    """Write the memory of all contacts, and the largest kinetic energy (J), into `held` (contacts, N_HELD)."""
+def save_contacts(memory, energy, saved):
+    """Write the memory of all contacts, and the largest kinetic energy (J), into `saved` (contacts, N_SAVED)."""
     for j in range(memory.ints.shape[0]):
         for k in range(N_INTS):
-            held[j, k] = memory.ints[j, k]
-        copy(memory.reals[j], held[j, N_INTS:HELD_ENERGY])
-        held[j, HELD_ENERGY] = energy
+            saved[j, k] = memory.ints[j, k]
+        copy(memory.reals[j], saved[j, N_INTS:SAVED_ENERGY])
+        saved[j, SAVED_ENERGY] = energy
 
 
 @kernel
-def go_on(held, memory):
-    """Read the memory of all contacts from `held`; returns (active contacts, largest kinetic energy in J)."""
+def restore_contacts(saved, memory):
+    """Read the memory of all contacts from `saved`; returns (active contacts, largest kinetic energy in J)."""
     active = 0
     for j in range(memory.ints.shape[0]):
         for k in range(N_INTS):
-            memory.ints[j, k] = int(held[j, k])
-        copy(held[j, N_INTS:HELD_ENERGY], memory.reals[j])
+            memory.ints[j, k] = int(saved[j, k])
+        copy(saved[j, N_INTS:SAVED_ENERGY], memory.reals[j])
         active += memory.ints[j, ACTIVE]
-    return active, held[0, HELD_ENERGY]
+    return active, saved[0, SAVED_ENERGY]
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
 from rock2d.effects.columns import damping_Ns_m
-from rock2d.effects.forces import FIRST
+from rock2d.effects.forces import FIRST_EFFECT_COLUMN
 from rock2d.engines.contact_state import (
     ACTING,
     ACTIVE,
@@ -73,7 +73,7 @@ from rock2d.laws.contact import (
     cross_zone,
     elastic_energy,
     normal_force,
-    residual,
+    residual_indentation,
     rolling_energy,
     tangential_force,
 )
@@ -209,7 +209,7 @@ def _enter_zone(j, depth, forces, p, new, memory):
     kept = reals[j, ROTATION]
     stored = elastic_energy(force_n, force_t, p) + rolling_energy(kept, p)
     # lifted off within its indentation, the contact meets the new soil at the indentation's bottom
-    bottom = reals[j, OFFSET] + residual(reals[j, PEAK], p[K_L], p[K_UL])
+    bottom = reals[j, OFFSET] + residual_indentation(reals[j, PEAK], p[K_L], p[K_UL])
     loaded, reals[j, DISPLACEMENT], reals[j, ROTATION] = cross_zone(force_n, force_t, kept, depth, p, new)
     reals[j, PEAK] = loaded
     reals[j, OFFSET] = depth - loaded if force_n > 0.0 else bottom
@@ -246,7 +246,7 @@ def _follow(j, memory, found):
 @kernel
 def _differ(p, new):
     same = True
-    for i in range(FIRST):
+    for i in range(FIRST_EFFECT_COLUMN):
         same = same and p[i] == new[i]
     return not same
 
@@ -272,7 +272,7 @@ def _zone(j, memory, ground):
 
 
 @kernel
-def begin(q, near, world, memory, found):
+def seat_contacts(q, near, world, memory, found):
     """Look at the ground for the first time: note depths, and seat what already touches.
 
     near : (first, one past the last) index of the facets that are looked at. Returns the number of active contacts.
@@ -294,7 +294,7 @@ def begin(q, near, world, memory, found):
 
 
 @kernel
-def look_again(q, near, world, memory, found):
+def refresh_depths(q, near, world, memory, found):
     """Note afresh the depths of contacts that do not touch, after steps that did not look."""
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
     find_features(q, world.block.radius, near, world, memory, found)

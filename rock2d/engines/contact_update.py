@@ -32,16 +32,16 @@ from rock2d.engines.loaded_contacts import (
     TANGENTIAL_1,
 )
 from rock2d.laws.contact import (
-    CAP,
-    INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
     MU,
-    force_at,
+    ROLLING_CAP,
+    ROLLING_IN_INDENTATION,
+    normal_force_from_bottom,
     plastic_work,
-    residual,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -56,11 +56,11 @@ def note_outcome(a, loaded, effects):
     """
     rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
     k_l, k_ul, k_t = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T]
-    mu, k_r, cap = rows[a, L_LAW + MU], rows[a, L_LAW + K_R], rows[a, L_LAW + CAP]
+    mu, k_r, cap = rows[a, L_LAW + MU], rows[a, L_LAW + K_R], rows[a, L_LAW + ROLLING_CAP]
     peak, bottom, offset = rows[a, L_PEAK], rows[a, L_BOTTOM], rows[a, L_OFFSET]
     before, after = trial[a, DEPTH_0] - offset, trial[a, DEPTH_1] - offset
-    normal_0 = force_at(before, peak, bottom, k_l, k_ul)
-    normal_1 = force_at(after, peak, bottom, k_l, k_ul)
+    normal_0 = normal_force_from_bottom(before, peak, bottom, k_l, k_ul)
+    normal_1 = normal_force_from_bottom(after, peak, bottom, k_l, k_ul)
     plastic = 0.0
     if after > peak:
         plastic = plastic_work(after, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
@@ -68,7 +68,7 @@ def note_outcome(a, loaded, effects):
     acting = force_n = normal_1
     if effects and rows[a, L_ACTS] != 0.0:
         trial[a, TANGENTIAL_0] = k_t * rows[a, L_DISPLACEMENT]  # within the friction of the step before
-        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual(peak, k_l, k_ul))
+        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual_indentation(peak, k_l, k_ul))
         force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, motion, normal_1)
         mu, acting = mu * factor, abs(force_n) + abs(drag)
     else:
@@ -77,7 +77,9 @@ def note_outcome(a, loaded, effects):
     rotation = rates[a, TAKEN_ROTATION]
     moment = k_r * rotation
     if cap > 0.0 and k_r > 0.0:
-        moment = rolling_moment(rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + INDENTATION])
+        moment = rolling_moment(
+            rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + ROLLING_IN_INDENTATION]
+        )
         rotation = moment / k_r
     trial[a, PEAK_1], trial[a, PLASTIC_WORK] = peak, plastic
     trial[a, NORMAL_0], trial[a, NORMAL_1], trial[a, ACTING_1] = normal_0, normal_1, acting

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rock2d.compiled import kernel
-from rock2d.effects.forces import ACTS, FIRST, normal
+from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, normal
 from rock2d.engines.contact_state import (
     ACTIVE,
     DEPTH,
@@ -34,7 +34,7 @@ from rock2d.engines.geometry import (
     pose_of,
 )
 from rock2d.engines.loaded_contacts import LEAST_EVENT
-from rock2d.laws.contact import K_L, K_UL, normal_force, residual
+from rock2d.laws.contact import K_L, K_UL, normal_force, residual_indentation
 from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 
 MOST_LANDINGS = 8  # landings of a step on its events: near a vertex the way to an event is far from a cubic
@@ -107,7 +107,7 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 
 @kernel
-def hold_event(row, first, before, after, peak, bottom, h):
+def force_limit_event(row, first, before, after, peak, bottom, h):
     """Time in (0, h] at which the force of a pressing contact with effects reaches or leaves its lower limit 0; h if it
     does not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
     normal force in N) at the two ends of the step."""
@@ -259,14 +259,16 @@ def first_event(h, whole, q0, q1, world, memory, found):
             clear = hermite_root(d0, r0, d1, r1, h) + 1e-3 * whole if d1 <= 0.0 < d0 else h
             d0, d1 = d0 - reals[j, OFFSET], d1 - reals[j, OFFSET]
             peak = reals[j, PEAK]
-            bottom = residual(peak, p[K_L], p[K_UL])
+            bottom = residual_indentation(peak, p[K_L], p[K_UL])
             t = law_event(d0, r0, d1, r1, peak, bottom, h)
             t = min(t, clear)
-            if p[ACTS] != 0.0:
+            if p[ANY_EFFECT_ACTS] != 0.0:
                 force0 = normal_force(d0, peak, p[K_L], p[K_UL])
                 force1 = normal_force(d1, peak, p[K_L], p[K_UL])
-                held = hold_event(p, FIRST, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-                t = held if LEAST_EVENT * whole < held < t else t
+                at_limit = force_limit_event(
+                    p, FIRST_EFFECT_COLUMN, (d0, r0, force0), (d1, r1, force1), peak, bottom, h
+                )
+                t = at_limit if LEAST_EVENT * whole < at_limit < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]

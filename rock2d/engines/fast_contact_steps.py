@@ -15,7 +15,7 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import hold_event, lands, later, law_event
+from rock2d.engines.event_detection import force_limit_event, lands, later, law_event
 from rock2d.engines.facet_runs import follow_run
 from rock2d.engines.geometry import (
     Body,
@@ -57,13 +57,13 @@ from rock2d.engines.recording import note_pressure
 from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
 from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
 from rock2d.laws.contact import (
-    INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
+    ROLLING_IN_INDENTATION,
     normal_force,
-    residual,
+    residual_indentation,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
@@ -81,16 +81,16 @@ class StepSizes(NamedTuple):
     share: float  # what is left of `loading` and `other` after steps that erred too much
 
 
-class Horizon(NamedTuple):
+class SeriesLimits(NamedTuple):
     """How far a series of fast steps may go."""
 
     steps: Any  # int64
     time_limit: float  # s
-    pause: (
+    next_sample: (
         float  # instant in s that only the first step may reach, so that a caller sees the states around it
     )
-    hop: float  # the longest hop of a ball in s, see `hops`
-    until: float  # x in m that only the last step may pass, and no hop
+    longest_hop: float  # of a ball, in s, see `hops`
+    suspend_x: float  # m; only the last step may pass it, and no hop
 
 
 @kernel(forceinline=True)
@@ -110,7 +110,7 @@ def goes_deeper(depth, rate, step):
 def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
     """Advance q from time t by contact steps within the guard.
 
-    limits : (Horizon, StepSizes)
+    limits : (SeriesLimits, StepSizes)
     anchor : (4,) x, y, theta of the pose whose guard is the fourth
     contacts : (memory, scratch)
     log : (row of the open impact, whether the ground has stopped pressing, audit); see `recording.note_pressure`
@@ -141,7 +141,7 @@ def _plain(q, t, limits, anchor, world, contacts, log, active):
 def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects):
     """`fast_contact_steps` with `active` contacts loaded; advance: the Runge-Kutta step; effects: whether it is the one
     with effects. Ten parameters: it is written once and compiled for both."""
-    horizon, sizes = limits
+    limit, sizes = limits
     current, left, audit = log
     memory, scratch = contacts
     ints, reals, block = memory.ints, memory.reals, world.block
@@ -152,7 +152,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
     zero: Any = np.int64(0)
     done, why, share = zero, zero, sizes.share
-    while done < horizon.steps and q[X] < horizon.until:
+    while done < limit.steps and q[X] < limit.suspend_x:
         loading, unpressed = _branches(active, rows, trial, sizes, effects)
         unpressed = unpressed and left
         h, hops = share * (sizes.loading if loading else sizes.other), False
@@ -160,8 +160,8 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             h, hops = _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects)
         if hops and done > 0:
             break
-        h = min(h, horizon.time_limit - t)
-        if h <= 0.0 or (done > 0 and t + h >= horizon.pause):
+        h = min(h, limit.time_limit - t)
+        if h <= 0.0 or (done > 0 and t + h >= limit.next_sample):
             break
         why, taken, (c1, s1), works, (error, scale), halved = _step(
             q, (c, s), h, world, (active, unpressed), loaded, anchor, q1, advance, effects
@@ -266,9 +266,11 @@ def _step(q, direction, h, world, contacts, loaded, anchor, q1, advance, effects
 @kernel(forceinline=True)
 def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
     """(step in s while no contact presses, whether it is a hop)."""
-    block, (horizon, sizes) = world.block, limits
+    block, (limit, sizes) = world.block, limits
     if not effects and is_ball(block):
-        longest = min(horizon.hop, (horizon.until - q[X]) / q[VX]) if q[VX] > 0.0 else horizon.hop
+        longest = (
+            min(limit.longest_hop, (limit.suspend_x - q[X]) / q[VX]) if q[VX] > 0.0 else limit.longest_hop
+        )
         hop = hop_s(q, active, loaded, ints, world, anchor, longest)
         if hop > sizes.floating:
             return hop, True
@@ -285,7 +287,7 @@ def _branches(active, rows, trial, sizes, effects):
         loading = loading and d0 >= peak and goes_deeper(d0, trial[a, RATE_0], sizes.loading)
         unpressed = unpressed and floats(d0 - rows[a, L_BOTTOM], trial[a, RATE_0], sizes.floating)
         unpressed = unpressed and not (effects and rows[a, L_ACTS] != 0.0)
-        unpressed = unpressed and rows[a, L_LAW + INDENTATION] == 0.0
+        unpressed = unpressed and rows[a, L_LAW + ROLLING_IN_INDENTATION] == 0.0
     return loading, unpressed
 
 
@@ -302,8 +304,10 @@ def _first_event(h, whole, active, rows, trial, effects):
         if effects and rows[a, L_ACTS] != 0.0:
             k_l, k_ul = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
             force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
-            held = hold_event(rows[a], L_EFFECTS, (d0, r0, force0), (d1, r1, force1), peak, bottom, h)
-            t = held if LEAST_EVENT * whole < held < t else t
+            at_limit = force_limit_event(
+                rows[a], L_EFFECTS, (d0, r0, force0), (d1, r1, force1), peak, bottom, h
+            )
+            t = at_limit if LEAST_EVENT * whole < at_limit < t else t
         if LEAST_EVENT * whole < t < first:
             first = t
     return first
@@ -326,7 +330,9 @@ def _commit(active, loaded, works, audit):
         stored_r += 0.5 * k_r * (turned * turned - rows[a, L_ROTATION] * rows[a, L_ROTATION])
         if trial[a, PEAK_1] != rows[a, L_PEAK]:
             rows[a, L_PEAK] = trial[a, PEAK_1]
-            rows[a, L_BOTTOM] = residual(rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+            rows[a, L_BOTTOM] = residual_indentation(
+                rows[a, L_PEAK], rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
+            )
         rows[a, L_DISPLACEMENT], rows[a, L_ROTATION] = trial[a, DISPLACEMENT_1], turned
         trial[a, DEPTH_0], trial[a, RATE_0] = trial[a, DEPTH_1], trial[a, RATE_1]
         total += trial[a, ACTING_1]

@@ -33,7 +33,7 @@ F_POINT, F_NORMAL, F_SHAPE, N_FEATURE = 0, 2, 4, 8
 
 
 MOST_FACETS_UNSORTED = 8  # with more facets, a search looks only at those near the point
-KNOWN = 64  # blocks and cross-sections whose arrays are kept
+CACHED_ARRAYS = 64  # blocks and cross-sections whose arrays are kept
 RUN_TURN_RAD = 0.01  # over joints that turn by less, a contact is followed without landing on them
 # columns of a row of GroundArrays.facets
 (
@@ -81,7 +81,7 @@ class BlockArrays(NamedTuple):
     centre_y: float
 
 
-@lru_cache(KNOWN)
+@lru_cache(CACHED_ARRAYS)
 def ground_arrays(ground: CrossSection) -> GroundArrays:
     """Arrays of a cross-section whose two end facets are prolonged by ten times its width, far beyond any block.
 
@@ -128,7 +128,7 @@ def ground_arrays(ground: CrossSection) -> GroundArrays:
     )
 
 
-@lru_cache(KNOWN)
+@lru_cache(CACHED_ARRAYS)
 def block_arrays(block: Block) -> BlockArrays:
     """Arrays of a block."""
     ex, ey = block.centre_of_mass_m

@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.compiled import kernel, njit
 from rock2d.effects.columns import N_COLUMNS
-from rock2d.effects.forces import ACTS, FIRST, ground_forces, recoil
+from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, ground_forces, recoil
 from rock2d.engines.contact_state import (
     ACTIVE,
     DISPLACEMENT,
@@ -23,16 +23,16 @@ from rock2d.engines.contact_state import (
 from rock2d.engines.free_flight import in_air
 from rock2d.engines.geometry import N_FEATURE, load_feature, place_feature
 from rock2d.laws.contact import (
-    CAP,
     CONTACT_LAW_COLUMNS,
-    INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
     MU,
-    force_at,
-    residual,
+    ROLLING_CAP,
+    ROLLING_IN_INDENTATION,
+    normal_force_from_bottom,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -46,7 +46,7 @@ L_OFFSET = L_LAW + len(CONTACT_LAW_COLUMNS)
 L_PEAK, L_DISPLACEMENT, L_ROTATION, L_KIND, L_BOTTOM, L_PRESSED, L_ACTS, L_EFFECTS = range(
     L_OFFSET + 1, L_OFFSET + 9
 )
-N_LOADED = L_EFFECTS + N_COLUMNS - FIRST
+N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
 # columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
@@ -95,14 +95,14 @@ def load_active(world, memory, loaded):
             rows[active, 0], rows[active, 1], rows[active, 2], rows[active, 3] = px, py, nx, ny
             rows[active, 4], rows[active, 5], rows[active, 6], rows[active, 7] = w1, w2, w3, w4
             zone = ints[j, ZONE]
-            for i in range(FIRST):
+            for i in range(FIRST_EFFECT_COLUMN):
                 rows[active, L_LAW + i] = law[zone, i]
-            rows[active, L_ACTS] = law[zone, ACTS]
-            if law[zone, ACTS] != 0.0:
-                for i in range(N_COLUMNS - FIRST):
-                    rows[active, L_EFFECTS + i] = law[zone, FIRST + i]
+            rows[active, L_ACTS] = law[zone, ANY_EFFECT_ACTS]
+            if law[zone, ANY_EFFECT_ACTS] != 0.0:
+                for i in range(N_COLUMNS - FIRST_EFFECT_COLUMN):
+                    rows[active, L_EFFECTS + i] = law[zone, FIRST_EFFECT_COLUMN + i]
             rows[active, L_OFFSET], rows[active, L_PEAK] = reals[j, OFFSET], reals[j, PEAK]
-            rows[active, L_BOTTOM] = residual(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
+            rows[active, L_BOTTOM] = residual_indentation(reals[j, PEAK], law[zone, K_L], law[zone, K_UL])
             rows[active, L_DISPLACEMENT], rows[active, L_ROTATION] = (
                 reals[j, DISPLACEMENT],
                 reals[j, ROTATION],
@@ -152,12 +152,12 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
     """
     depth, nx, ny, rx, ry = placed(rows, a, pose)
     vx, vy, omega = velocity
-    k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + CAP]
+    k_l, k_ul, cap = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + ROLLING_CAP]
     depth -= rows[a, L_OFFSET]
     peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
     ux, uy = vx - omega * ry, vy + omega * rx
     slip = ux * ny - uy * nx
-    force_n, mu = force_at(depth, peak, bottom, k_l, k_ul), rows[a, L_LAW + MU]
+    force_n, mu = normal_force_from_bottom(depth, peak, bottom, k_l, k_ul), rows[a, L_LAW + MU]
     pressed = rows[a, L_PRESSED] != 0.0
     if pressed:
         force_n = max(force_n, LEAST_FORCE_N)
@@ -168,7 +168,7 @@ def contact_rates(rows, a, pose, velocity, displacement, rotation, effects):
         mu *= factor
         taken = (force_n - law_n) * rate + drag * slip
     grip = force_n if pressed else 0.0
-    indentation = rows[a, L_LAW + INDENTATION]
+    indentation = rows[a, L_LAW + ROLLING_IN_INDENTATION]
     spin = omega if grip > 0.0 or indentation > 0.0 else 0.0
     force_t = tangential_force(displacement, grip, rows[a, L_LAW + K_T], mu)
     arm = np.sqrt(rx * rx + ry * ry) if cap > 0.0 else 0.0

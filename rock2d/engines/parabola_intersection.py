@@ -226,7 +226,7 @@ def facet_impact(facets, j, flight, gravity, touching, reach):
 
 
 @njit
-def lifted(surface, stack, x, y):
+def lifted_to_surface(surface, stack, x, y):
     """`y`, or the height of the surface above (x, y) if that point lies in the ground.
 
     It does if, of the facets straight above, one more has the ground below it than above it.

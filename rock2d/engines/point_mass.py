@@ -21,17 +21,17 @@ from rock2d.engines.parabola_intersection import (
     FACET_LENGTH,
     START_X,
     START_Y,
-    lifted,
+    lifted_to_surface,
     make_surface,
     next_impact,
 )
 from rock2d.laws.rebound import (
     ALPHA,
-    BALL,
+    BALL_INERTIA_FACTOR,
     M_HALF,
     R_T,
+    SLOPE_REDUCTION_IS_RANDOM,
     TAN_PHI,
-    UNIFORM,
     ReboundParameters,
     rebound,
     rebound_table,
@@ -83,7 +83,7 @@ class Releases(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What `descend` reads of the block, the law and the limits, in SI."""
+    """What `point_mass_release` reads of the block, the law and the limits, in SI."""
 
     mass: float
     radius: float  # radius of the spin, see `spin_radius_m`
@@ -94,8 +94,8 @@ class Inputs(NamedTuple):
     stop_speed: float
 
 
-class Written(NamedTuple):
-    """What `descend` writes of n releases."""
+class ReleaseOutputs(NamedTuple):
+    """What `point_mass_release` writes of n releases."""
 
     impacts: Array  # (n, room, N_REBOUND): at most `room` of each release
     crossings: Array  # (n, lines, 7) instant of the first crossing of each line; must come as NaN
@@ -153,13 +153,13 @@ def run_point_mass(
     releases = Releases(state[None], np.array([seed], np.uint64))
     room = FIRST_IMPACTS
     while True:
-        written = new_written(1, room, 0)
-        descend(0, releases, inputs, make_surface(cross_section), NO_LINES, written)
-        count = int(written.impact_count[0])
+        outputs = new_outputs(1, room, 0)
+        point_mass_release(0, releases, inputs, make_surface(cross_section), NO_LINES, outputs)
+        count = int(outputs.impact_count[0])
         if count <= room:
             break
         room = count  # the same release once more, with room for all
-    impacts, ends, stop = written.impacts[0, :count], written.ends[0], STOPS[written.stop[0]]
+    impacts, ends, stop = outputs.impacts[0, :count], outputs.ends[0], STOPS[outputs.stop[0]]
     return _track(block, cross_section, release, impacts, ends, stop, float(gravity_m_s2))
 
 
@@ -171,7 +171,7 @@ def kernel_inputs(
     time_limit_s: float,
     stop_speed_m_s: float | None,
 ) -> Inputs:
-    """What `descend` reads of the block, the law and the limits.
+    """What `point_mass_release` reads of the block, the law and the limits.
 
     Raises ValueError as `run_point_mass` says.
     """
@@ -217,7 +217,7 @@ def _track(
 
 
 def line_rows(lines: Collection[Array], reach_m: float) -> Array:
-    """(n, N_LINE) what `descend` reads of measure lines (2, 2), columns LINE_X to LINE_HIGH.
+    """(n, N_LINE) what `point_mass_release` reads of measure lines (2, 2), columns LINE_X to LINE_HIGH.
 
     The range is widened by `reach_m`, so that rounding cannot hide a crossing.
     """
@@ -230,30 +230,31 @@ def line_rows(lines: Collection[Array], reach_m: float) -> Array:
     return np.array(rows).reshape(-1, N_LINE)
 
 
-def new_written(n: int, room: int, lines: int) -> Written:
+def new_outputs(n: int, room: int, lines: int) -> ReleaseOutputs:
     """Arrays for n releases: `room` impacts of each, crossings of the given number of lines."""
-    return Written(
+    return ReleaseOutputs(
         np.full((n, room, N_REBOUND), np.nan), np.full((n, lines, N_INSTANT), np.nan), np.empty((n, 2, N_INSTANT)),
         np.zeros(n, np.int64), np.zeros(n, np.int64),
     )  # fmt: skip
 
 
 @njit
-def descend(i, releases, inputs, surface, lines, written):
+def point_mass_release(i, releases, inputs, surface, lines, outputs):
     """Release `i`, written at [i]; allocates nothing but one small stack.
 
-    `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`; `written`: Written.
+    `releases`: Releases; `inputs`: Inputs; `surface` from `make_surface`; `lines` from `line_rows`;
+    `outputs`: ReleaseOutputs.
     An instant is a tuple (t, x, y, θ, vx, vy, ω).
     """
     mass, radius, size, table, gravity, time_limit, stop_speed = inputs
-    impacts, crossings, ends = written.impacts, written.crossings, written.ends
+    impacts, crossings, ends = outputs.impacts, outputs.crossings, outputs.ends
     states, seed = releases.states, releases.seeds[i]
     stack = np.empty(64, np.int64)
     facets, zones = surface.facets, surface.zones
     x, y, theta = states[i, X], states[i, Y], states[i, THETA]
     vx, vy, omega = states[i, VX], states[i, VY], states[i, OMEGA]
     t, current = 0.0, -1
-    y = lifted(surface, stack, x, y)
+    y = lifted_to_surface(surface, stack, x, y)
     _store(ends, i, 0, (t, x, y, theta, vx, vy, omega))
     count, stop = 0, STOP_EXIT
     mark_t, mark_x, mark_y = t, x, y
@@ -277,7 +278,13 @@ def descend(i, releases, inputs, surface, lines, written):
         along = min(max((x - x0) * tx + (y - y0) * ty, 0.0), facets[facet, FACET_LENGTH])
         x, y = x0 + along * tx, y0 + along * ty
         k = zones[facet]
-        p = (table[k, TAN_PHI], table[k, M_HALF], table[k, R_T], table[k, ALPHA], table[k, UNIFORM])
+        p = (
+            table[k, TAN_PHI],
+            table[k, M_HALF],
+            table[k, R_T],
+            table[k, ALPHA],
+            table[k, SLOPE_REDUCTION_IS_RANDOM],
+        )
         alpha = slope_reduction(p, uniform(seed, count))
         vx1, vy1, omega1 = rebound((vx, vy, omega), (tx, ty), alpha, (mass, radius), p)
         if count < impacts.shape[1]:
@@ -287,7 +294,10 @@ def descend(i, releases, inputs, surface, lines, written):
         count += 1
         vx, vy, omega, current = vx1, vy1, omega1, facet
 
-        if tx > 0.0 and vx * vx + vy * vy + BALL * (radius * omega) ** 2 < stop_speed * stop_speed:
+        if (
+            tx > 0.0
+            and vx * vx + vy * vy + BALL_INERTIA_FACTOR * (radius * omega) ** 2 < stop_speed * stop_speed
+        ):
             stop = STOP_REST
             break
         if count % CHATTER_IMPACTS == 0:
@@ -297,7 +307,7 @@ def descend(i, releases, inputs, surface, lines, written):
                 break
             mark_t, mark_x, mark_y = t, x, y
     _store(ends, i, 1, (t, x, y, theta, vx, vy, omega))
-    written.impact_count[i], written.stop[i] = count, stop
+    outputs.impact_count[i], outputs.stop[i] = count, stop
 
 
 @njit

@@ -13,7 +13,7 @@ import numpy as np
 
 from rock2d.compiled import in_threads, njit
 from rock2d.engines.parabola_intersection import make_surface
-from rock2d.engines.point_mass import Releases, descend, kernel_inputs, line_rows, new_written
+from rock2d.engines.point_mass import Releases, kernel_inputs, line_rows, new_outputs, point_mass_release
 from rock2d.laws.rebound import ReboundParameters
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
@@ -77,15 +77,15 @@ def run_point_mass_batch(
     inputs = kernel_inputs(block, cross_section, parameters, gravity_m_s2, time_limit_s, stop_speed_m_s)
     surface = make_surface(cross_section)
     lines = line_rows(cross_section.measure_lines.values(), surface.reach_m)
-    written = new_written(n, impact_room, len(lines))
+    outputs = new_outputs(n, impact_room, len(lines))
     releases = Releases(states, np.ascontiguousarray(given, np.uint64))
-    in_threads(_run_releases, n, (releases, inputs, surface, lines, written), MOST_ON_ONE_THREAD + 1)
+    in_threads(_run_releases, n, (releases, inputs, surface, lines, outputs), MOST_ON_ONE_THREAD + 1)
     return PointMassBatch(
-        written.stop, written.ends[:, 1].copy(), written.impact_count, written.crossings, written.impacts
+        outputs.stop, outputs.ends[:, 1].copy(), outputs.impact_count, outputs.crossings, outputs.impacts
     )
 
 
 @njit(nogil=True)
-def _run_releases(low, high, releases, inputs, surface, lines, written):
+def _run_releases(low, high, releases, inputs, surface, lines, outputs):
     for i in range(low, high):
-        descend(i, releases, inputs, surface, lines, written)
+        point_mass_release(i, releases, inputs, surface, lines, outputs)

@@ -28,14 +28,14 @@ from rock2d.engines.pymunk_stride import (
     ROOM,
     Stride,
     advance,
+    depth_and_rest,
     first_zone,
-    look_round,
 )
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
-    AT,
     EFFECTS,
     ELASTIC,
+    INSTANT_STATE,
     N_AUDIT,
     N_STATE,
     STATE_NAMES,
@@ -108,7 +108,7 @@ class PymunkRelease:
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
         held = self._world, self._contacts, self.audit
         self._advance = advance.like(self.q, stride, *held, 0, self._rows)
-        self._look_round = look_round.like(self.q, 0.0, False, self._world, self._reach, self._watch)
+        self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._reach, self._watch)
         self._growth = contact_energy.step_growth.like(0.0, self._block, self._memory, self.table)
         self.centroid_depth_m, self.at_rest = self._look(False)
 
@@ -181,7 +181,7 @@ class PymunkRelease:
         near = {self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape}
         self._near = _range(near)
         if self._near is not None:
-            contact_step.begin(self.q, self._near, self._world, self._memory, self._found)
+            contact_step.seat_contacts(self.q, self._near, self._world, self._memory, self._found)
 
     def _advance_contact(self, dt: float) -> None:
         assert self._near is not None
@@ -195,7 +195,7 @@ class PymunkRelease:
                 row = self._rows[k].copy()
                 t, *_, active, force, depth, ended, recoil = row.tolist()
                 departure = Departure(self.table[int(ended)], recoil) if ended >= 0 else None
-                self._events.append(Knot(t, row[AT], int(active), force, depth, departure))
+                self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, departure))
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
@@ -238,7 +238,7 @@ class PymunkRelease:
 
     def _look(self, touching: bool) -> tuple[float, bool]:
         """(depth of the centroid below the surface nearby in m, whether the block has come to rest)."""
-        return self._look_round(self.q, self.time, touching, self._world, self._reach, self._watch)
+        return self._depth_and_rest(self.q, self.time, touching, self._world, self._reach, self._watch)
 
     @property
     def flying(self) -> bool:

@@ -12,7 +12,7 @@ from rock2d.engines.contact_state import ACTIVE, ZONE
 from rock2d.engines.geometry import Body, facet_range, point_depth
 from rock2d.engines.recording import end_impact
 from rock2d.engines.rest import forget_rest, watch_rest
-from rock2d.records.columns import AT, N_IMPACT, N_INSTANT, RECOIL, TIME, X, Y
+from rock2d.records.columns import INSTANT_STATE, N_IMPACT, N_INSTANT, RECOIL, TIME, X, Y
 
 ROOM = 64  # rows for the knots of one call
 # columns of a knot: instant and state, number of active contacts, sum of forces in N, largest depth in m, zone of the
@@ -47,7 +47,7 @@ def advance(q, stride, world, contacts, audit, zone, rows):
         force, depth, active = contact_energy.pressure(memory, world.law)
         row = rows[used]
         row[TIME] = stride.start + gone
-        copy(q, row[AT])
+        copy(q, row[INSTANT_STATE])
         row[K_ACTIVE], row[K_FORCE], row[K_DEPTH], row[K_ZONE], row[K_RECOIL] = (
             active,
             force,
@@ -61,13 +61,13 @@ def advance(q, stride, world, contacts, audit, zone, rows):
         elif active == 0 and zone >= 0:
             row[K_ZONE], row[K_RECOIL] = zone, audit[RECOIL]
             if end_impact(q, np.zeros(N_IMPACT), world.law[zone], world.block, audit):
-                contact_step.look_again(q, near, world, memory, found)
+                contact_step.refresh_depths(q, near, world, memory, found)
             zone = np.int64(-1)
-            if not _same(q, row[AT]):  # velocities that change at once
+            if not _same(q, row[INSTANT_STATE]):  # velocities that change at once
                 after = rows[used]
                 after[TIME], after[K_ZONE] = row[TIME], -1.0
                 after[K_ACTIVE] = after[K_FORCE] = after[K_DEPTH] = after[K_RECOIL] = 0.0
-                copy(q, after[AT])
+                copy(q, after[INSTANT_STATE])
                 used += 1
     return used, gone, zone
 
@@ -82,7 +82,7 @@ def first_zone(memory):
 
 
 @njit
-def look_round(q, t, touching, world, reach, watch):
+def depth_and_rest(q, t, touching, world, reach, watch):
     """After a stride: (depth of the centroid below the surface nearby in m, whether the block has come to rest).
 
     touching : whether an impact is open; reach : of the block, in m

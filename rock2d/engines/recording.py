@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel
-from rock2d.effects.forces import FIRST, departure
+from rock2d.effects.forces import FIRST_EFFECT_COLUMN, departure
 from rock2d.engines.contact_energy import kinetic_energy
 from rock2d.engines.contact_state import ACTIVE, ZONE
 from rock2d.engines.event_detection import hermite_root
@@ -15,7 +15,6 @@ from rock2d.engines.free_flight import fly, in_air
 from rock2d.records.columns import (
     AFTER,
     AFTER_INSTANT,
-    AT,
     BEFORE,
     EFFECTS,
     I_FORCE,
@@ -23,6 +22,7 @@ from rock2d.records.columns import (
     I_TIME,
     I_TIME_AFTER,
     I_ZONE,
+    INSTANT_STATE,
     KNOT_FLIGHT,
     N_POSE,
     N_STATE,
@@ -109,7 +109,7 @@ def cross(interval, q0, q1, flight, body, record):
             when = tau * side0 / (side0 - side1)
         else:
             continue
-        found = crossings[k, AT]
+        found = crossings[k, INSTANT_STATE]
         copy(q0, found)
         if flight:
             fly(found, when, gravity, block)
@@ -197,7 +197,7 @@ def knot(knots, used, t, q, flight):
     """Note a knot if there is room; returns the number of knots, those without room included."""
     if used < len(knots):
         knots[used, TIME] = t
-        copy(q, knots[used, AT])
+        copy(q, knots[used, INSTANT_STATE])
         knots[used, KNOT_FLIGHT] = flight
     return used + 1
 
@@ -243,7 +243,9 @@ def note_pressure(current, left, force, depth, t, q):
 def depart(state, row, recoil):
     """What effects make of a block's velocities at the end of an impact in the zone of `row`: back from the frame of
     recoiling ground, and whatever laws of departure say."""
-    state[VX], state[VY], state[OMEGA] = departure(row, FIRST, state[VX] - recoil, state[VY], state[OMEGA])
+    state[VX], state[VY], state[OMEGA] = departure(
+        row, FIRST_EFFECT_COLUMN, state[VX] - recoil, state[VY], state[OMEGA]
+    )
 
 
 @kernel

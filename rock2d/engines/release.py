@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.compiled import copy, kernel, njit
-from rock2d.effects.forces import ACTS
+from rock2d.effects.forces import ANY_EFFECT_ACTS
 from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.contact_state import (
     ACTIVE,
@@ -28,7 +28,7 @@ from rock2d.engines.event_detection import later
 from rock2d.engines.fast_contact_steps import (
     GUARD_LEFT,
     HOPPED,
-    Horizon,
+    SeriesLimits,
     StepSizes,
     fast_contact_steps,
     floats,
@@ -56,7 +56,7 @@ from rock2d.engines.recording import (
     sample,
 )
 from rock2d.engines.time_to_contact import time_aloft
-from rock2d.laws.contact import INDENTATION, K_L, K_UL, residual
+from rock2d.laws.contact import K_L, K_UL, ROLLING_IN_INDENTATION, residual_indentation
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
@@ -103,7 +103,7 @@ class StopRules(NamedTuple):
     impact_limit: int  # number of impacts after which the release ends; 0: no limit
     spent: bool  # when no measure line that was not crossed is within reach of the energy left
     captured: bool  # stop when the remaining energy cannot move the block on, see `rest.captured`
-    until: float  # x in m at which the release is held, to go on later: in flight a stride before it
+    suspend_x: float  # m; beyond it the release is suspended, to go on later: in flight a stride before it
 
 
 class Workspace(NamedTuple):
@@ -138,14 +138,14 @@ def _ground(packed, i):
 
 
 @njit
-def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
+def release(packed, q, ids, gravity, step_sizes, rules, recorder, saved):
     """One release; q ends as the last state.
 
     packed : see `batch.Packed`; ids : (block, cross-section, table) of the release
     step_sizes : contact steps in s, (while every contact is in first loading, else)
     rules : StopRules; recorder : `recording.Recorder`
-    held : (contacts, N_HELD) memory of contacts with which the release goes on (NaN: none), and is held at
-        `rules.until`; without room it starts anew
+    saved : (contacts, N_SAVED) memory of contacts with which the release goes on (NaN: none), and is suspended at
+        `rules.suspend_x`; without room it starts anew
 
     Returns (index into STOPS, time in s, number of impacts, number of knots).
     """
@@ -161,25 +161,25 @@ def release(packed, q, ids, gravity, step_sizes, rules, recorder, held):
         np.full(N_IMPACT, np.nan), np.zeros(BURIED + 1, np.int64), np.zeros(HIGHEST + 1),
     )  # fmt: skip
     world = WorldArrays(block, ground, packed.tables[table_id], gravity)
-    return _descend(world, tree, q, step_sizes, rules, (recorder, held), workspace)
+    return _run_phases(world, tree, q, step_sizes, rules, (recorder, saved), workspace)
 
 
 @kernel
-def _descend(world, tree, q, step_sizes, rules, written, workspace):
+def _run_phases(world, tree, q, step_sizes, rules, outputs, workspace):
     """`release` on prepared arrays: one phase after the other, until one says why the release ends."""
-    recorder, held = written
+    recorder, saved = outputs
     samples, counts, reals = recorder.samples, workspace.counts, workspace.reals
     workspace.anchor[GUARD], reals[GROWTH], reals[SHARE] = 0.0, 1.0, 1.0
     while counts[SAMPLES] < samples.times.size and samples.times[counts[SAMPLES]] <= 0.0:
         copy(q[:N_POSE], samples.poses[counts[SAMPLES]])
         counts[SAMPLES] += 1
     rest.forget_rest(workspace.watch)
-    stored = _go_on(q, world, held, workspace)
+    stored = _resume(q, world, saved, workspace)
     stop = STOP_BURIED if _is_buried(q, world) else GOES_ON
     while stop == GOES_ON and reals[TIME] < rules.time_limit:
         if not world.ground.x_low <= q[X] <= world.ground.x_high:
             stop = STOP_EXIT
-        elif q[X] >= rules.until:
+        elif q[X] >= rules.suspend_x:
             stop = STOP_REACHED
         else:
             clear, longest = _clear_time(q, world, tree, step_sizes, workspace)
@@ -197,18 +197,18 @@ def _descend(world, tree, q, step_sizes, rules, written, workspace):
         counts[SAMPLES] += 1
     counts[KNOTS] = knot(recorder.knots, counts[KNOTS], reals[TIME], q, 1.0)
     recorder.audit[ELASTIC] = contact_energy.stored_energy(workspace.memory, world.law) - stored
-    if len(held) > 0:
-        contact_state.hold(workspace.memory, reals[HIGHEST], held)
+    if len(saved) > 0:
+        contact_state.save_contacts(workspace.memory, reals[HIGHEST], saved)
     return stop, reals[TIME], counts[IMPACTS], counts[KNOTS]
 
 
 @kernel
-def _go_on(q, world, held, workspace):
-    """Take over the contacts with which a release was held, if any. Returns what their springs hold in J."""
+def _resume(q, world, saved, workspace):
+    """Take over the contacts with which a release was suspended, if any. Returns what their springs store in J."""
     counts, memory = workspace.counts, workspace.memory
-    if not (len(held) > 0 and held[0, 0] == held[0, 0]):
+    if not (len(saved) > 0 and saved[0, 0] == saved[0, 0]):
         return 0.0
-    counts[ACTIVE_CONTACTS], workspace.reals[HIGHEST] = contact_state.go_on(held, memory)
+    counts[ACTIVE_CONTACTS], workspace.reals[HIGHEST] = contact_state.restore_contacts(saved, memory)
     if counts[ACTIVE_CONTACTS] > 0:
         counts[OPEN] = counts[STALE] = 1
         open_impact(workspace.impact, workspace.reals[TIME], q, memory)
@@ -237,7 +237,7 @@ def _fly(q, tau, world, rules, recorder, workspace):
     copy(q, old)
     counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 0.0 if airy else 1.0)
     taken = fly(q, tau, world.gravity, world.block)
-    if q[X] >= rules.until:
+    if q[X] >= rules.suspend_x:
         copy(old, q)
         return STOP_REACHED
     recorder.audit[EFFECTS] += taken
@@ -261,18 +261,18 @@ def _near_ground(q, world, step_sizes, rules, recorder, workspace):
             return stop
     copy(q, old)
     if counts[ACTIVE_CONTACTS] > 0 and workspace.anchor[GUARD] > 0.0:
-        flying, near, until = _step_in_series(q, world, step_sizes, rules, recorder, workspace)
-        if until == t:
+        flying, near, t_end = _step_in_series(q, world, step_sizes, rules, recorder, workspace)
+        if t_end == t:
             return GOES_ON
     else:
         near = counts[STEPS] >= 0
-        flying, until = _step_alone(q, world, step_sizes, rules, recorder, workspace)
-    gone = until - t
+        flying, t_end = _step_alone(q, world, step_sizes, rules, recorder, workspace)
+    gone = t_end - t
     if near:
         cross((t, gone), old, q, flying, Body(world.block, world.gravity), recorder.lines)
     parabola = flying and not in_air(world.block)
     counts[SAMPLES] = sample((t, gone), old, q, parabola, world.gravity, recorder.samples, counts[SAMPLES])
-    reals[TIME] = until
+    reals[TIME] = t_end
     if counts[BURIED] != 0:
         return STOP_BURIED
     if counts[ACTIVE_CONTACTS] == 0 and counts[OPEN] != 0:
@@ -309,13 +309,13 @@ def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
     t, growth, at = reals[TIME], reals[GROWTH], counts[SAMPLES]
     h = step_sizes[1] * growth
     near = len(lines.ends) > 0 and near_line(q, min(_reach(q, h, world, memory), 2.0 * anchor[GUARD]), lines)
-    pause = samples.times[at] if at < samples.times.size else np.inf
+    next_sample = samples.times[at] if at < samples.times.size else np.inf
     hop = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
     several = 1 if near or len(recorder.knots) > 0 else counts[LOOKED] - counts[STEPS]
-    horizon = Horizon(several, rules.time_limit, pause, hop, rules.until)
+    limit = SeriesLimits(several, rules.time_limit, next_sample, hop, rules.suspend_x)
     grown = StepSizes(step_sizes[0] * growth, FLOATING_STEPS * h, h, reals[SHARE])
-    until, done, left, why, reals[SHARE] = fast_contact_steps(
-        q, t, (horizon, grown), anchor, world, (memory, workspace.scratch),
+    t_end, done, left, why, reals[SHARE] = fast_contact_steps(
+        q, t, (limit, grown), anchor, world, (memory, workspace.scratch),
         (workspace.impact, counts[LEFT] != 0, recorder.audit),
     )  # fmt: skip
     counts[LEFT] = left
@@ -333,7 +333,7 @@ def _step_in_series(q, world, step_sizes, rules, recorder, workspace):
         return hopped, near, t
     counts[STALE] = 1
     counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, workspace.old, 1.0 if hopped else 0.0)
-    return hopped, near, until
+    return hopped, near, t_end
 
 
 @kernel
@@ -361,29 +361,29 @@ def _step_alone(q, world, step_sizes, rules, recorder, workspace):
     seen = facet_range(world.ground, q[X] - half, q[X] + half)
     if active == 0 and counts[NOTICED] == 0:
         contact_state.clear(memory)
-        active = contact_step.begin(q, seen, world, memory, found)
+        active = contact_step.seat_contacts(q, seen, world, memory, found)
         counts[NOTICED] = 1
         if active > 0:
             _touch(t, q, block, workspace)
     flying = active == 0
     if counts[STALE] != 0:
-        contact_step.look_again(q, seen, world, memory, found)
+        contact_step.refresh_depths(q, seen, world, memory, found)
         counts[STALE] = 0
     airy = in_air(block)
     counts[KNOTS] = knot(recorder.knots, counts[KNOTS], t, q, 1.0 if flying and not airy else 0.0)
     contacts = memory, found, workspace.scratch
-    until = later(t, contact_step.step(q, h, seen, world, contacts, recorder.audit, floating))
+    t_end = later(t, contact_step.step(q, h, seen, world, contacts, recorder.audit, floating))
     before = active
     force, depth, active = contact_energy.pressure(memory, law)
     counts[ACTIVE_CONTACTS] = active
     if counts[OPEN] != 0:
-        counts[LEFT] = note_pressure(workspace.impact, counts[LEFT] != 0, force, depth, until, q)
+        counts[LEFT] = note_pressure(workspace.impact, counts[LEFT] != 0, force, depth, t_end, q)
     elif active > 0:
-        _touch(until, q, block, workspace)
+        _touch(t_end, q, block, workspace)
     if active > before or flying:
         counts[LOOKED] = counts[STEPS]  # a contact has begun: how large may its steps be
     counts[BURIED] = set_anchor(workspace.anchor, q, h, world, memory) if active > 0 else _is_buried(q, world)
-    return flying, until
+    return flying, t_end
 
 
 @kernel
@@ -413,10 +413,10 @@ def _leave_ground(q, world, rules, recorder, workspace):
 
 @kernel
 def _reach(q, h, world, memory):
-    """How far in m the centroid can come until the next look, if the springs give all the energy that they hold."""
-    held = contact_energy.kinetic_energy(q, world.block) + contact_energy.stored_energy(memory, world.law)
+    """How far in m the centroid can come until the next look, if the springs give all the energy that they store."""
+    energy = contact_energy.kinetic_energy(q, world.block) + contact_energy.stored_energy(memory, world.law)
     span = STEPS_BETWEEN_LOOKS * FLOATING_STEPS * h
-    return span * (np.sqrt(2.0 * held / world.block.mass) + abs(world.gravity) * span)
+    return span * (np.sqrt(2.0 * energy / world.block.mass) + abs(world.gravity) * span)
 
 
 @kernel(forceinline=True)
@@ -434,9 +434,9 @@ def _pressing(memory, law, loading_s, floating_s):
         if ints[j, ACTIVE]:
             p, pressed, peak = law[ints[j, ZONE]], reals[j, DEPTH] - reals[j, OFFSET], reals[j, PEAK]
             loading = loading and pressed >= peak and goes_deeper(pressed, reals[j, RATE], loading_s)
-            floating = floating and p[ACTS] == 0.0 and p[INDENTATION] == 0.0
+            floating = floating and p[ANY_EFFECT_ACTS] == 0.0 and p[ROLLING_IN_INDENTATION] == 0.0
             floating = floating and floats(
-                pressed - residual(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
+                pressed - residual_indentation(peak, p[K_L], p[K_UL]), reals[j, RATE], floating_s
             )
     return loading, floating
 

@@ -32,7 +32,7 @@ from rock2d.engines.geometry import (
 from rock2d.records.columns import OMEGA, VX, VY, X, Y
 
 NODE_FACETS = 4  # facets in a leaf
-NO_BOX = 1.0e300
+UNBOUNDED = 1.0e300  # a bound of no box, and the time of what never happens
 # columns of a node: a box, and a line (normal, largest offset along it) above which no facet of the node rises
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, HULL_X, HULL_Y, HULL_OFFSET = range(7)
 
@@ -48,7 +48,7 @@ def facet_tree(points):
     while leaves * NODE_FACETS < n:
         leaves *= 2
     tree = np.empty((2 * leaves, 7))
-    tree[:, :HIGH_X], tree[:, HIGH_X:] = NO_BOX, -NO_BOX
+    tree[:, :HIGH_X], tree[:, HIGH_X:] = UNBOUNDED, -UNBOUNDED
     held, first = NODE_FACETS, leaves  # facets that a node holds, first node of the level
     while first >= 1:
         for k in range((n + held - 1) // held):
@@ -56,7 +56,7 @@ def facet_tree(points):
             dx, dy = points[end, 0] - points[begin, 0], points[end, 1] - points[begin, 1]
             length = max(np.sqrt(dx * dx + dy * dy), 1e-300)
             node = tree[first + k]
-            node[HULL_X], node[HULL_Y], node[HULL_OFFSET] = -dy / length, dx / length, -NO_BOX
+            node[HULL_X], node[HULL_Y], node[HULL_OFFSET] = -dy / length, dx / length, -UNBOUNDED
             for i in range(begin, end + 1):
                 x, y = points[i, 0], points[i, 1]
                 node[LOW_X], node[LOW_Y] = min(node[LOW_X], x), min(node[LOW_Y], y)
@@ -78,16 +78,16 @@ def safe_time(distance, speed, gravity):
 
 @kernel(forceinline=True)
 def _fall_time(gap, rate, pull):
-    """First time at which gap + rate t - ½ pull t² is no longer positive (0 if it is not now, NO_BOX if never)."""
+    """First time at which gap + rate t - ½ pull t² is no longer positive (0 if it is not now, UNBOUNDED if never)."""
     if gap <= 0.0:
         return 0.0
     square = rate * rate + 2.0 * pull * gap
     if square < 0.0:
-        return NO_BOX
+        return UNBOUNDED
     root = np.sqrt(square)
     if rate < 0.0:
         return 2.0 * gap / (root - rate)
-    return (root + rate) / pull if pull > 0.0 else NO_BOX
+    return (root + rate) / pull if pull > 0.0 else UNBOUNDED
 
 
 @kernel(forceinline=True)
@@ -110,7 +110,7 @@ def _line_time(line, q, pose, pulls, block):
             return _fall_time(height - block.radius, rate, gravity * ny + extra)
         return _profile_time((nx, ny), height, rate, q, pose, gravity * ny + extra, block)
     height -= block.rounding
-    soonest, pull = NO_BOX, gravity * ny + q[OMEGA] * q[OMEGA] * block.radius + extra
+    soonest, pull = UNBOUNDED, gravity * ny + q[OMEGA] * q[OMEGA] * block.radius + extra
     for i in range(n):
         rx = c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
         ry = s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
@@ -137,7 +137,7 @@ def _profile_time(normal, height, rate, q, pose, pull, block):
 @kernel
 def _node_time(tree, node, q, pose, speed, pulls, block):
     if tree[node, LOW_X] > tree[node, HIGH_X]:
-        return NO_BOX
+        return UNBOUNDED
     dx = max(max(tree[node, LOW_X] - q[X], q[X] - tree[node, HIGH_X]), 0.0)
     dy = max(max(tree[node, LOW_Y] - q[Y], q[Y] - tree[node, HIGH_Y]), 0.0)
     away = safe_time(max(np.sqrt(dx * dx + dy * dy) - block.radius, 0.0), speed, pulls[0] + pulls[1])
@@ -158,7 +158,7 @@ def time_to_ground(q, gravity, block, facets, tree, stack, extra=0.0):
     pose, pulls = pose_of(q), (gravity, extra)
     speed = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY])
     stack[0] = 1
-    top, soonest = 1, NO_BOX
+    top, soonest = 1, UNBOUNDED
     while top > 0:
         top -= 1
         node = stack[top]

@@ -17,7 +17,7 @@ from rock2d.scene.blocks import make_block
 if TYPE_CHECKING:
     import pandas as pd
 
-LESS = 4  # times less is simulated of each change than of the model as it is
+EFFORT_DIVISOR = 4  # times less is simulated of each change than of the model as it is
 Data = dict[str, Any]
 
 
@@ -28,16 +28,16 @@ class Change:
     Attributes
     ----------
     name : name of the change
-    of : takes the data of a scenario file to those of the changed one, in place; False if there is nothing to change
+    apply : takes the data of a scenario file to those of the changed one, in place; False if there is nothing to change
     """
 
     name: str
-    of: Callable[[Data], bool]
+    apply: Callable[[Data], bool]
 
 
 def _smooth(data: Data) -> bool:
     """Without roughness below the cells of the terrain."""
-    _know(data, "roughness.")
+    _drop_unknowns(data, "roughness.")
     return bool(data.pop("roughness", None))
 
 
@@ -55,15 +55,15 @@ def _one_soil(data: Data) -> bool:
         ):
             table.pop(zone, None)
         for parts in (f"model.soils.{zone}.", f"roughness.{zone}.", f"model.deterministic.{zone}."):
-            _know(data, parts)
+            _drop_unknowns(data, parts)
     data["model"].pop("probabilistic", None)
-    _know(data, "model.probabilistic.")
+    _drop_unknowns(data, "model.probabilistic.")
     return bool(others)
 
 
 def _level_beyond(data: Data) -> bool:
     """Level ground beyond the known stops."""
-    _know(data, "field_test.beyond_deg")
+    _drop_unknowns(data, "field_test.beyond_deg")
     data["field_test"]["beyond_deg"] = 0.0
     return True
 
@@ -107,16 +107,21 @@ def candidate_table(
     import pandas as pd
 
     whole = base.effort
-    effort = Effort(whole.prior // LESS, whole.refined // LESS, whole.copies, whole.draws // LESS)
+    effort = Effort(
+        whole.prior // EFFORT_DIVISOR,
+        whole.refined // EFFORT_DIVISOR,
+        whole.copies,
+        whole.draws // EFFORT_DIVISOR,
+    )
 
     def scores(own: Scenario, name: str) -> np.ndarray:
         def show(what: str, done: int, of: int) -> None:
             on_progress(f"{name}, {what}", done, of)
 
         found = calibrate(own, "batch", base.seed, stages, effort, show)
-        held = study_forecasts(own, found)["blocks, held out"]
+        held_out = study_forecasts(own, found)["blocks, held out"]
         assert own.terrain is not None
-        return held.found.log_scores(own.terrain.known.distances_m[held.some])
+        return held_out.found.log_scores(own.terrain.known.distances_m[held_out.indices])
 
     as_it_is = scores(scenario, "as it is")
     rows = []
@@ -132,14 +137,14 @@ def _changed(scenario: Scenario, change: Change) -> Scenario | None:
     document, terrain = scenario.document, scenario.terrain
     assert document is not None and terrain is not None
     data = copy.deepcopy(document.data)
-    if not change.of(data):
+    if not change.apply(data):
         return None
     zones = {name: float(least) for name, least in data["field_test"]["zones"].items()}
     return checked_scenario(document.with_data(data), None, terrain=replace(terrain, zones=zones))
 
 
-def _know(data: Data, start: str) -> None:
-    """Take what begins like this away from what is not known."""
+def _drop_unknowns(data: Data, start: str) -> None:
+    """Take the places that start like this out of the key `uncertainty`: the change fixes them."""
     site = data.get("uncertainty", {}).get("site", {})
     for place in [place for place in site if place.startswith(start)]:
         del site[place]

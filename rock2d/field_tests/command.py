@@ -16,7 +16,7 @@ from rock2d.field_tests.forecasts import prediction_table
 from rock2d.field_tests.scores import ALL, Forecasts, by_block, passing_table, runout_table, score_table
 from rock2d.field_tests.shapes import shape_forecasts, shape_table, shapes_of
 from rock2d.field_tests.study import (
-    POINT_PLACES,
+    REBOUND_PLACES,
     Effort,
     all_soils,
     calibrate,
@@ -55,7 +55,7 @@ def run_field_test(
     with bars(progress) as show:
         blocks = calibrate(scenario, "batch", seed, kept, effort, show)
         found = study_forecasts(scenario, blocks, show)
-        if any(place.startswith(POINT_PLACES) for place in scenario.unknown()):
+        if any(place.startswith(REBOUND_PLACES) for place in scenario.unknown()):
             points = calibrate(scenario, "point_mass", seed, kept, effort, show)
             found |= study_forecasts(scenario, points, show)
         found |= naive_forecasts(scenario, seed)
@@ -185,9 +185,9 @@ def _write_figures(
     for name, own in found.items():
         if "held out" in name:
             spread = own.found.spread(np.random.default_rng(0))
-            for block, some in by_block(known, own).items():
+            for block, rows in by_block(known, own).items():
                 if block != ALL:
-                    expected[block][name] = spread[some]
+                    expected[block][name] = spread[rows]
     save_figure(stops_figure(scenario.make_cross_section(), measured, expected), folder / "stops.png")
     from_one = {name: name for name in found if "held out" not in name}
     save_figure(passing_figure(tables["passing"], from_one), folder / "passing.png")

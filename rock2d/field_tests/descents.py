@@ -16,7 +16,7 @@ from rock2d.errors import InputError
 from rock2d.files.field_releases import FieldReleases
 from rock2d.files.scenario import Scenario
 from rock2d.files.surveys.terrain_sections import EDGE, TerrainSections
-from rock2d.records.columns import AT_X, STOPS, UNRESOLVED_STOPS, X, Y
+from rock2d.records.columns import INSTANT_X, STOPS, UNRESOLVED_STOPS, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.placing import touching_height_m
@@ -25,7 +25,7 @@ from rock2d.scene.rough_ground import roughened
 Array = np.ndarray
 
 NOT_STARTED_M = 10.0  # a block that stops sooner is pushed again, and not counted
-START, GROUND = range(2)  # spawn keys of the random streams of a descent
+START_STREAM, GROUND_STREAM = range(2)  # spawn keys of the random streams of a descent
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Descents:
         for start in self.releases.starts_m:
             towards = terrain.direction_rad(start)
             for _ in range(self.copies):
-                turn = self._stream(len(found), START).normal(0.0, terrain.lateral_sd_rad)
+                turn = self._stream(len(found), START_STREAM).normal(0.0, terrain.lateral_sd_rad)
                 found.append(towards + turn)
         return np.array(found)
 
@@ -93,7 +93,7 @@ class Descents:
         found = np.empty((len(sections), 6))
         for k, section in enumerate(sections):
             name = self.releases.blocks[k // self.copies]
-            stream = self._stream(k, START)
+            stream = self._stream(k, START_STREAM)
             stream.normal()  # the direction
             found[k] = self.scenario.incident_of(name).draw(stream, 1)[0]
             try:
@@ -106,7 +106,7 @@ class Descents:
         """The ground of each descent with the roughness of a scenario."""
         roughness = {zone: keys.make() for zone, keys in scenario.roughness.items()}
         return [
-            roughened(section, roughness, self._stream(k, GROUND))
+            roughened(section, roughness, self._stream(k, GROUND_STREAM))
             for k, section in enumerate(self.sections(scenario))
         ]
 
@@ -131,7 +131,7 @@ class Descents:
             cross_section_ids=np.arange(len(grounds)), table_ids=block_ids, gravity_m_s2=scenario.gravity_m_s2,
             time_limit_s=scenario.longest_release_s(), stop_when_captured=True,
         )  # fmt: skip
-        return self._distances(found.ends[:, AT_X], np.array(STOPS)[found.stop])
+        return self._distances(found.ends[:, INSTANT_X], np.array(STOPS)[found.stop])
 
     def _as_points(self, scenario: Scenario) -> Distances:
         from rock2d.engines.point_mass_batch import run_point_mass_batch
@@ -143,13 +143,13 @@ class Descents:
         for k, section in enumerate(sections):
             name, seed = (
                 self.releases.blocks[k // self.copies],
-                self._stream(k, GROUND).integers(2**63, size=1),
+                self._stream(k, GROUND_STREAM).integers(2**63, size=1),
             )
             found = run_point_mass_batch(
                 self.blocks[name], section, by_block[name], self.states[k : k + 1], seed,
                 gravity_m_s2=scenario.gravity_m_s2, time_limit_s=limit,
             )  # fmt: skip
-            x[k], stop[k] = found.ends[0, AT_X], found.stop[0]
+            x[k], stop[k] = found.ends[0, INSTANT_X], found.stop[0]
         return self._distances(x, np.array(STOPS)[stop])
 
     def _distances(self, x: Array, stop: Array) -> Distances:

@@ -39,9 +39,11 @@ class Forecast:
     caught: Array
     unresolved: float = 0.0
 
-    def part(self, some: Array) -> Forecast:
+    def part(self, indices: Array) -> Forecast:
         """Some of the releases."""
-        return Forecast(self.samples_m[some], self.kernel_m[some], self.caught[some], self.unresolved)
+        return Forecast(
+            self.samples_m[indices], self.kernel_m[indices], self.caught[indices], self.unresolved
+        )
 
     def spread(self, rng: np.random.Generator) -> Array:
         """(n, s) distances with all that they can be off by."""
@@ -92,7 +94,7 @@ def forecast(
     return Forecast(metres, kernel, caught, unresolved)
 
 
-def like_those(measured_m: Array, n: int) -> Forecast:
+def naive_forecast(measured_m: Array, n: int) -> Forecast:
     """The naive forecast of n releases: they stop where others stopped. Kernel and share of those that are caught are
     the ones with which these tell each other best, each left out in turn."""
     others = np.tile(measured_m, (len(measured_m), 1))
@@ -107,9 +109,9 @@ def joined(parts: Sequence[tuple[Array, Forecast]], n: int) -> Forecast:
     """One forecast of n releases from forecasts of parts (indices) of them, each with as many samples."""
     samples = np.empty((n, parts[0][1].samples_m.shape[1]))
     kernel, caught = np.empty_like(samples), np.empty_like(samples)
-    for some, own in parts:
-        samples[some], kernel[some], caught[some] = own.samples_m, own.kernel_m, own.caught
-    unresolved = sum(own.unresolved * len(some) for some, own in parts) / n
+    for indices, own in parts:
+        samples[indices], kernel[indices], caught[indices] = own.samples_m, own.kernel_m, own.caught
+    unresolved = sum(own.unresolved * len(indices) for indices, own in parts) / n
     return Forecast(samples, kernel, caught, unresolved)
 
 

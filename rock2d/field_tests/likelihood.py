@@ -24,18 +24,18 @@ from rock2d.files.scenario_variants import variant
 Array = np.ndarray
 
 # share of stops that nothing explains; they lie anywhere up to a distance
-ANYWHERE, LONGEST_M = 0.002, 200.0
+UNEXPLAINED_SHARE, UNEXPLAINED_REACH_M = 0.002, 200.0
 # priors, uniform in the logarithm: what a section and a distance are off by, and the share of blocks that something the
 # model does not know (a hollow, a shrub, a boulder) catches anywhere on their way
-DISCREPANCY_M, CAUGHT = (2.0, 16.0), (0.005, 0.25)
+DISCREPANCY_RANGE_M, CAUGHT_RANGE = (2.0, 16.0), (0.005, 0.25)
 PRIOR_SOILS, REFINED_SOILS = 256, 64  # soils from the prior, and in each round where they are likely
 COPIES = 3  # descents of each release with each soil
-KEPT_DEPTH = 2.0  # log likelihood below the best, per release: less is as good as impossible
+LOG_LIKELIHOOD_DEPTH = 2.0  # log likelihood below the best, per release: less is as good as impossible
 # Powers of the likelihood from which each round is drawn. Far from what was simulated the Gaussian process may promise
 # what is not there: each round simulates its promises, and the next knows better.
-ROUNDS = (0.4, 0.4, 0.7, 1.0)
+ROUND_POWERS = (0.4, 0.4, 0.7, 1.0)
 DRAWS = 256  # draws of a posterior
-PRIOR, REFINED, SMC = range(3)  # spawn keys
+PRIOR_STREAM, REFINED_STREAM, POSTERIOR_STREAM = range(3)  # first numbers of spawn keys
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ class Unknowns:
     @staticmethod
     def discrepancy_m(u: Array) -> Array:
         """Standard deviation of soils u (..., d)."""
-        low, high = DISCREPANCY_M
+        low, high = DISCREPANCY_RANGE_M
         return np.asarray(low * (high / low) ** u[..., -2])
 
     @staticmethod
     def caught(u: Array) -> Array:
         """Share of the blocks that are caught, of soils u (..., d)."""
-        low, high = CAUGHT
+        low, high = CAUGHT_RANGE
         return np.asarray(low * (high / low) ** u[..., -1])
 
 
@@ -105,14 +105,14 @@ def log_density(measured_m: Array, simulated_m: Array, sd_m: Array | float, caug
     sd_m : standard deviation of the normal kernel about each simulated distance, a number or the shape of simulated_m
     caught : share that stops anywhere on its way, likewise
     """
-    x, some = measured_m[:, None], np.atleast_2d(simulated_m)
-    started = np.isfinite(some)
-    far = np.where(started, some, 1.0)
+    x, simulated = measured_m[:, None], np.atleast_2d(simulated_m)
+    started = np.isfinite(simulated)
+    far = np.where(started, simulated, 1.0)
     z = (x - far) / sd_m
     goes_on = np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * sd_m)
     density = (1.0 - caught) * goes_on + caught * (x < far) / far
     mean = (density * started).sum(axis=1) / np.maximum(started.sum(axis=1), 1)
-    return np.asarray(np.log((1.0 - ANYWHERE) * mean + ANYWHERE / LONGEST_M))
+    return np.asarray(np.log((1.0 - UNEXPLAINED_SHARE) * mean + UNEXPLAINED_SHARE / UNEXPLAINED_REACH_M))
 
 
 def log_density_by_block(releases: FieldReleases, metres: Array, sd_m: float, caught: float) -> Array:
@@ -139,7 +139,7 @@ def simulate_soils(
 
 def prior_soils(unknowns: Unknowns, seed: int, count: int = PRIOR_SOILS) -> Array:
     """(count, d) draws of the prior."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(PRIOR,)))
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(PRIOR_STREAM,)))
     drawn = prior_draws(count, unknowns.dimensions, rng)
     return np.asarray(drawn.clip(1e-6, 1 - 1e-6))
 
@@ -148,23 +148,23 @@ def refined_soils(soils: SimulatedSoils, seed: int, part: int, count: int = REFI
     """(count, d) soils of a round: where all releases together are likely, as far as is known so far."""
     n, rng = (
         soils.log_density.shape[1],
-        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED, part))),
+        np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(REFINED_STREAM, part))),
     )
-    return drawn_posterior(soils, np.arange(n), rng, count, ROUNDS[part])
+    return drawn_posterior(soils, np.arange(n), rng, count, ROUND_POWERS[part])
 
 
 def drawn_posterior(
-    soils: SimulatedSoils, some: Array, rng: np.random.Generator, count: int = DRAWS, power: float = 1.0
+    soils: SimulatedSoils, indices: Array, rng: np.random.Generator, count: int = DRAWS, power: float = 1.0
 ) -> Array:
     """(count, d) draws of the posterior given some releases (indices); `power` below 1 flattens the likelihood."""
-    emulator = Emulator(soils.u, soils.log_density[:, some].sum(axis=1), len(some))
+    emulator = Emulator(soils.u, soils.log_density[:, indices].sum(axis=1), len(indices))
     start = prior_draws(8 * count, soils.u.shape[1], rng).clip(1e-6, 1 - 1e-6)
     return posterior(lambda u: power * emulator(u), start, count, rng).u.clip(1e-6, 1 - 1e-6)
 
 
 def posterior_stream(seed: int, part: int) -> np.random.Generator:
     """Random numbers of the posterior of a part of the releases."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(SMC, part)))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(POSTERIOR_STREAM, part)))
 
 
 class Emulator:
@@ -175,7 +175,7 @@ class Emulator:
         from sklearn.gaussian_process import GaussianProcessRegressor
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
 
-        floor = log_likelihood.max() - KEPT_DEPTH * releases
+        floor = log_likelihood.max() - LOG_LIKELIHOOD_DEPTH * releases
         kernel: Kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(
             np.full(u.shape[1], 0.5), (0.1, 20.0)
         ) + WhiteKernel(0.05, (1e-4, 1.0))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-SHOWN = (10.0, 50.0, 90.0)  # percentiles of the runout
+SHOWN_PERCENTILES = (10.0, 50.0, 90.0)  # percentiles of the runout
 FLOOR_DRAWS = 2000
 ALL = "all"
 
@@ -28,19 +28,19 @@ class Forecasts:
 
     Attributes
     ----------
-    some : (k,) indices of the releases
+    indices : (k,) indices of the releases
     found : their forecast
     """
 
-    some: Array
+    indices: Array
     found: Forecast
 
 
 def by_block(releases: FieldReleases, own: Forecasts, among_all: bool = True) -> dict[str, Array]:
     """Block -> rows of the forecast; `ALL` -> all rows."""
-    blocks = [releases.blocks[i] for i in own.some]
+    blocks = [releases.blocks[i] for i in own.indices]
     rows = {block: np.flatnonzero(np.array(blocks) == block) for block in dict.fromkeys(blocks)}
-    return rows | ({ALL: np.arange(len(own.some))} if among_all and len(rows) > 1 else {})
+    return rows | ({ALL: np.arange(len(own.indices))} if among_all and len(rows) > 1 else {})
 
 
 def runout_table(
@@ -52,11 +52,11 @@ def runout_table(
     rows = []
     for name, own in forecasts.items():
         spread = own.found.spread(rng)
-        for block, some in by_block(releases, own).items():
-            measured = np.percentile(releases.distances_m[own.some[some]], SHOWN)
-            expected = np.percentile(spread[some], SHOWN)
-            rows.append((name, block, len(some), *measured, *expected))
-    kinds = [f"{kind}_q{p:.0f}_m" for kind in ("measured", "forecast") for p in SHOWN]
+        for block, of_block in by_block(releases, own).items():
+            measured = np.percentile(releases.distances_m[own.indices[of_block]], SHOWN_PERCENTILES)
+            expected = np.percentile(spread[of_block], SHOWN_PERCENTILES)
+            rows.append((name, block, len(of_block), *measured, *expected))
+    kinds = [f"{kind}_q{p:.0f}_m" for kind in ("measured", "forecast") for p in SHOWN_PERCENTILES]
     return pd.DataFrame(rows, columns=["forecast", "block", "releases", *kinds])
 
 
@@ -69,13 +69,13 @@ def passing_table(
     rows = []
     for name, own in forecasts.items():
         spread = own.found.spread(rng)
-        for block, some in by_block(releases, own).items():
-            measured = releases.distances_m[own.some[some]]
+        for block, of_block in by_block(releases, own).items():
+            measured = releases.distances_m[own.indices[of_block]]
             for line in lines_m:
-                passed, n = int((measured > line).sum()), len(some)
+                passed, n = int((measured > line).sum()), len(of_block)
                 low, high = wilson_interval(passed, n)
                 rows.append(
-                    (name, block, line, n, passed, passed / n, low, high, (spread[some] > line).mean())
+                    (name, block, line, n, passed, passed / n, low, high, (spread[of_block] > line).mean())
                 )
     columns = ["line_m", "releases", "passed", "measured", "low95", "high95", "forecast_frequency"]
     return pd.DataFrame(rows, columns=["forecast", "block", *columns])
@@ -98,22 +98,24 @@ def score_table(
     rows: list[dict[str, Any]] = []
     for name, own in forecasts.items():
         spread, quantiles = own.found.spread(rng), own.found.quantiles_m(rng)
-        scores = own.found.log_scores(releases.distances_m[own.some])
-        for block, some in by_block(releases, own).items():
-            measured, n = releases.distances_m[own.some[some]], len(some)
+        scores = own.found.log_scores(releases.distances_m[own.indices])
+        for block, of_block in by_block(releases, own).items():
+            measured, n = releases.distances_m[own.indices[of_block]], len(of_block)
             row: dict[str, Any] = {"forecast": name, "block": block, "releases": n}
-            row["median_error_m"] = float(np.median(spread[some]) - np.median(measured))
-            row["log_score"] = float(scores[some].mean())
-            row["log_score_se"] = float(scores[some].std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+            row["median_error_m"] = float(np.median(spread[of_block]) - np.median(measured))
+            row["log_score"] = float(scores[of_block].mean())
+            row["log_score_se"] = float(scores[of_block].std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
             for share, low, high in ((80, 1, 5), (90, 0, 6)):
-                inside = int(((measured >= quantiles[some, low]) & (measured <= quantiles[some, high])).sum())
+                inside = int(
+                    ((measured >= quantiles[of_block, low]) & (measured <= quantiles[of_block, high])).sum()
+                )
                 bounds = wilson_interval(inside, n)
                 row |= {
                     f"inside{share}": inside / n,
                     f"inside{share}_low": bounds[0],
                     f"inside{share}_high": bounds[1],
                 }
-            row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[some], lines_m, rng)
+            row["passing_rmse"], row["rmse_floor"] = _passing_rmse(measured, spread[of_block], lines_m, rng)
             row["unresolved"] = own.found.unresolved
             rows.append(row)
     return pd.DataFrame(rows)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SLAB = (2.0, 1.0)  # length of a slab's section and its depth, over its height
-SHOWN = (5.0, 10.0, 50.0, 90.0, 95.0)  # percentiles
+SHOWN_PERCENTILES = (5.0, 10.0, 50.0, 90.0, 95.0)  # percentiles
 SHAPE_STREAM = 9  # first number of a spawn key
 
 
@@ -56,5 +56,5 @@ def shape_table(found: dict[str, Forecast]) -> pd.DataFrame:
     """Percentiles of the simulated distances of each shape; what a section is off by does not count."""
     import pandas as pd
 
-    rows = [(name, *np.percentile(own.samples_m, SHOWN)) for name, own in found.items()]
-    return pd.DataFrame(rows, columns=["shape", *(f"q{p:02.0f}_m" for p in SHOWN)])
+    rows = [(name, *np.percentile(own.samples_m, SHOWN_PERCENTILES)) for name, own in found.items()]
+    return pd.DataFrame(rows, columns=["shape", *(f"q{p:02.0f}_m" for p in SHOWN_PERCENTILES)])

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import Forecast, folds, forecast, joined, like_those
+from rock2d.field_tests.forecasts import Forecast, folds, forecast, joined, naive_forecast
 from rock2d.field_tests.likelihood import (
     COPIES,
     PRIOR_SOILS,
     REFINED_SOILS,
-    ROUNDS,
+    ROUND_POWERS,
     SimulatedSoils,
     Unknowns,
     drawn_posterior,
@@ -40,10 +40,10 @@ Array = np.ndarray
 OnProgress = Callable[[str, int, int], Any]  # what is done, how many of how many
 
 FOLDS = 5
-POINT_PLACES = "model.probabilistic."  # where the numbers of the rebound law stand
+REBOUND_PLACES = "model.probabilistic."  # where the numbers of the rebound law stand
 FOLD_STREAM, FORECAST_STREAM = 7, 8  # first numbers of spawn keys
-TURNS = 16  # starts, ways and rough grounds of each release that a forecast has
-LAWS = {"batch": "blocks", "point_mass": "points"}  # engine -> name of its forecasts
+FORECAST_SEEDS = 16  # starts, ways and rough grounds of each release that a forecast has
+FORECAST_NAMES = {"batch": "blocks", "point_mass": "points"}  # engine -> name of its forecasts
 
 
 def _nothing(what: str, done: int, of: int) -> None:
@@ -89,15 +89,15 @@ class Calibration:
     seed: int
     effort: Effort
 
-    def posterior(self, some: Array, part: int) -> Array:
+    def posterior(self, indices: Array, part: int) -> Array:
         """(draws, d) soils given some of the known releases; `part` numbers the random stream."""
-        return drawn_posterior(self.soils, some, posterior_stream(self.seed, part), self.effort.draws)
+        return drawn_posterior(self.soils, indices, posterior_stream(self.seed, part), self.effort.draws)
 
     def forecast(
         self, releases: FieldReleases, soils: Array, what: str, on_progress: OnProgress = _nothing
     ) -> Forecast:
         """Forecast of releases, with draws of a posterior."""
-        seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(TURNS)
+        seeds = np.random.SeedSequence(self.seed, spawn_key=(FORECAST_STREAM,)).generate_state(FORECAST_SEEDS)
         scenario = self.unknowns.scenario
         descents = [Descents(scenario, releases, 1, int(own), self.engine) for own in seeds]
         return forecast(self.unknowns, descents, soils, counted(on_progress, what, len(soils)))
@@ -109,7 +109,7 @@ def unknowns_of(scenario: Scenario, engine: str) -> Unknowns:
     places = {
         place: quantiles
         for place, quantiles in scenario.unknown().items()
-        if place.startswith("field_test.") or place.startswith(POINT_PLACES) == of_points
+        if place.startswith("field_test.") or place.startswith(REBOUND_PLACES) == of_points
     }
     return Unknowns(scenario, places)
 
@@ -137,14 +137,14 @@ def calibrate(
         kept = None if file is None else load_arrays(file)
         if kept is not None:
             return SimulatedSoils(kept["u"], kept["log_density"])
-        step = counted(on_progress, f"{LAWS[engine]}: {part}", len(u))
+        step = counted(on_progress, f"{FORECAST_NAMES[engine]}: {part}", len(u))
         found = simulate_soils(unknowns, descents, u, step)
         if file is not None:
             save_arrays(file, u=found.u, log_density=found.log_density)
         return found
 
     soils = simulated(prior_soils(unknowns, seed, effort.prior), "prior soils")
-    for part in range(len(ROUNDS)):
+    for part in range(len(ROUND_POWERS)):
         likely = refined_soils(soils, seed, part, effort.refined)
         soils = soils.joined(simulated(likely, f"likely soils {part + 1}"))
     return Calibration(unknowns, engine, soils, seed, effort)
@@ -157,7 +157,7 @@ def study_forecasts(
     assert scenario.terrain is not None and scenario.field_test is not None
     known, sources = scenario.terrain.known, scenario.field_test.calibrate_on
     source = known.of(*sources)
-    others, law = np.flatnonzero(~source), LAWS[calibration.engine]
+    others, law = np.flatnonzero(~source), FORECAST_NAMES[calibration.engine]
     found = {}
     if len(others):
         name = f"{law}, from {' and '.join(sources)}"
@@ -179,7 +179,7 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
     source, found = known.of(*sources), {}
     others = np.flatnonzero(~source)
     if len(others):
-        like = like_those(known.distances_m[source], len(others))
+        like = naive_forecast(known.distances_m[source], len(others))
         found[f"stops like {' and '.join(sources)}"] = Forecasts(others, like)
     samples = np.full((len(known), len(known)), np.nan)
     kernel, caught = np.ones_like(samples), np.zeros_like(samples)
@@ -187,7 +187,7 @@ def naive_forecasts(scenario: Scenario, seed: int) -> dict[str, Forecasts]:
     for fold in fold_indices(known, seed):
         for i in fold:
             same = np.setdiff1d(np.flatnonzero(known.of(known.blocks[i])), fold)
-            own = like_those(known.distances_m[same], 1)
+            own = naive_forecast(known.distances_m[same], 1)
             picked = rng.permutation(np.resize(np.arange(len(same)), len(known)))
             samples[i] = own.samples_m[0, picked]
             kernel[i], caught[i] = own.kernel_m[0, 0], own.caught[0, 0]

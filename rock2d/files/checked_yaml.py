@@ -17,13 +17,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, mod
 from pydantic_core import PydanticCustomError
 
 from rock2d.errors import InputError, OldKeyWarning
+from rock2d.files.places import DataPath
 from rock2d.files.text_files import is_number, json_content, place_in, read_text
 
 MOST_VALUES = 500_000
 MOST_REPEATED = 10_000  # values that aliases add: aliases of aliases can blow up a small file
 LONGEST_SHOWN = 60  # characters of a key or value in a message
 SCALARS = ("null", "bool", "int", "float", "str", "timestamp", "merge")
-Path_ = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -152,9 +152,9 @@ class Document:
 
     def __init__(self, file: str | Path) -> None:
         self.file = Path(file)
-        self._keys: dict[Path_, tuple[int, int]] = {}
-        self._values: dict[Path_, tuple[int, int]] = {(): (1, 1)}
-        self._mappings: dict[int, Path_] = {}  # identity of a mapping in `data` -> where it stands
+        self._keys: dict[DataPath, tuple[int, int]] = {}
+        self._values: dict[DataPath, tuple[int, int]] = {(): (1, 1)}
+        self._mappings: dict[int, DataPath] = {}  # identity of a mapping in `data` -> where it stands
         self.data = self._read(read_text(self.file))
 
     def error(
@@ -211,11 +211,11 @@ class Document:
                 key = item["loc"][-1]
                 problem = self.error(f"missing key {key!r}", *path, at="key", code="missing_key", key=key)
             else:
-                problem = self.error(in_words(item["type"], item["msg"], context, value), *path)
+                problem = self.error(mistake_in_words(item["type"], item["msg"], context, value), *path)
             found.append((item["type"] == "missing", problem.line or 0, problem.column or 0, problem))
         return min(found, key=lambda entry: entry[:3])[3]
 
-    def _locate(self, loc: Path_) -> tuple[Path_, Any]:
+    def _locate(self, loc: DataPath) -> tuple[DataPath, Any]:
         """Path into the data for a pydantic location, which also holds the tags of unions."""
         path, here = [], self.data
         for step in loc:
@@ -278,7 +278,7 @@ class Document:
             message = f"aliases repeat more than {MOST_REPEATED} values"
             raise InputError(message, self.file, 1, 1, code="not_yaml")
 
-    def _plain(self, node: Any, path: Path_, above: tuple[int, ...], yaml: Any) -> Any:
+    def _plain(self, node: Any, path: DataPath, above: tuple[int, ...], yaml: Any) -> Any:
         line, column = node.start_mark.line + 1, node.start_mark.column + 1
         self._values[path] = (line, column)
         if id(node) in above:
@@ -332,7 +332,7 @@ class JsonDocument(Document):
         return data
 
 
-def _mappings(data: Any, path: Path_ = ()) -> Iterator[tuple[int, Path_]]:
+def _mappings(data: Any, path: DataPath = ()) -> Iterator[tuple[int, DataPath]]:
     """Identity and path of each mapping in plain data."""
     parts: Iterable[tuple[str | int, Any]] = ()
     if isinstance(data, dict):
@@ -344,7 +344,7 @@ def _mappings(data: Any, path: Path_ = ()) -> Iterator[tuple[int, Path_]]:
         yield from _mappings(own, (*path, key))
 
 
-def in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
+def mistake_in_words(kind: str, message: str, context: dict[str, Any], value: Any) -> str:
     """Pydantic's complaint in the form "expected ..., found ..."."""
     found = shown(value)
     if kind == "float_type":

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rock2d.files.checked_yaml import Document, JsonDocument, Path_, did_you_mean, shown
+from rock2d.files.checked_yaml import Document, JsonDocument, did_you_mean, shown
 from rock2d.files.diagnosis_keys import DiagnosisFile
 from rock2d.files.fitted_keys import FittedParameter
+from rock2d.files.places import DataPath
 
 DIAGNOSIS = "diagnosis.json"
 NOT_EFFECTS = ("none", "unknown")
 KNOWN_SCHEMAS = (1, 2, 3)  # whose keys are known; of a later one only these are read
-TELLING_KEYS = {"schema", "verdict", "probabilities"}
+IDENTIFYING_KEYS = {"schema", "verdict", "probabilities"}
 
 
 def diagnosis_text(content: Mapping[str, Any]) -> str:
@@ -30,7 +31,7 @@ def diagnosis_text(content: Mapping[str, Any]) -> str:
 
 def is_diagnosis(content: Any) -> bool:
     """Whether the content of a JSON file is that of a diagnosis."""
-    return isinstance(content, dict) and content.keys() >= TELLING_KEYS
+    return isinstance(content, dict) and content.keys() >= IDENTIFYING_KEYS
 
 
 def read_diagnosis(file: str | Path) -> tuple[Document, DiagnosisFile]:
@@ -80,7 +81,7 @@ def _check_effects(document: Document, read: DiagnosisFile) -> None:
                 raise document.error(message, *place, at="key", code="missing_key", key=parameter.name)
 
 
-def _named(read: DiagnosisFile) -> Iterator[tuple[str, Path_]]:
+def _named(read: DiagnosisFile) -> Iterator[tuple[str, DataPath]]:
     """Effects that the answer names, and where."""
     if read.verdict not in NOT_EFFECTS:
         yield read.verdict, ("verdict",)
@@ -90,13 +91,13 @@ def _named(read: DiagnosisFile) -> Iterator[tuple[str, Path_]]:
         yield own.effect, ("causes", i, "effect")
 
 
-def _fitted(read: DiagnosisFile) -> Iterator[tuple[str, Mapping[str, FittedParameter], Path_]]:
+def _fitted(read: DiagnosisFile) -> Iterator[tuple[str, Mapping[str, FittedParameter], DataPath]]:
     """Effects that may act, with their parameters, and where."""
     for name in dict.fromkeys([*([] if read.verdict in NOT_EFFECTS else [read.verdict]), *read.group]):
         yield name, read.effects[name].parameters, ("effects", name, "parameters")
     for i, cause in enumerate(read.causes):
         yield cause.effect, cause.parameters, ("causes", i, "parameters")
-    fits: list[tuple[Any, Path_]] = [(own, ("beside", i)) for i, own in enumerate(read.beside)]
+    fits: list[tuple[Any, DataPath]] = [(own, ("beside", i)) for i, own in enumerate(read.beside)]
     if read.model is not None:
         fits.append((read.model, ("model",)))
         if read.model.learnt is not None:

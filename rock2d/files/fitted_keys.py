@@ -13,7 +13,7 @@ from rock2d.laws.contact import ContactParameters
 
 Number = Annotated[float, Field(ge=-1.0e300, le=1.0e300)]
 NotNegative = Annotated[float, Field(ge=0, le=1.0e300)]
-Fitted = Annotated[float, Field(ge=-1.0e15, le=1.0e15)]
+FittedFloat = Annotated[float, Field(ge=-1.0e15, le=1.0e15)]
 Interval = Annotated[
     list[Number], Field(min_length=2, max_length=2, description="Lower and upper end of the 95 % interval")
 ]
@@ -48,7 +48,7 @@ class FittedLaw(Part):
 class FittedNumber(Part):
     """A fitted number."""
 
-    value: Fitted = Field(description="Fitted value")
+    value: FittedFloat = Field(description="Fitted value")
     ci95: Interval
 
 

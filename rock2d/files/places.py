@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-Path_ = tuple[str | int, ...]
+DataPath = tuple[str | int, ...]  # keys and list indices from the top of the data
 
 
-def place_of(data: Any, place: str) -> Path_ | None:
+def place_of(data: Any, place: str) -> DataPath | None:
     """The keys and list indices that lead to a place in the data of a file; None if there is no such place.
 
     A key may have dots itself: of the keys that fit, the longest counts.
@@ -35,7 +35,7 @@ def place_of(data: Any, place: str) -> Path_ | None:
     return tuple(path)
 
 
-def value_at(data: Any, path: Path_) -> Any:
+def value_at(data: Any, path: DataPath) -> Any:
     """What stands at the end of a path that `place_of` gave."""
     for step in path:
         data = data[step]

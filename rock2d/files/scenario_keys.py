@@ -14,7 +14,7 @@ from rock2d.scene.soils import SOIL_CLASSES
 
 STATE_KEYS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
 LONGEST_VIDEO_S = 20.0  # longest video of a release, if the file does not say how slow it is shown
-PACES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+SLOW_MOTION_FACTORS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 Stiffness = Annotated[float, Field(gt=0, le=1.0e15)]
 SpringStiffness = Annotated[float, Field(ge=0, le=1.0e15)]
 FrictionAngle = Annotated[float, Field(ge=0, le=90)]
@@ -355,4 +355,7 @@ class Outputs(Checked):
         """Factor by which a video is slowed down whose longest release lasts `longest_s`."""
         if self.slow_motion is not None:
             return self.slow_motion
-        return next((pace for pace in PACES if pace * longest_s <= LONGEST_VIDEO_S), PACES[-1])
+        return next(
+            (factor for factor in SLOW_MOTION_FACTORS if factor * longest_s <= LONGEST_VIDEO_S),
+            SLOW_MOTION_FACTORS[-1],
+        )

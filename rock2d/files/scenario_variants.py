@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.errors import InputError
-from rock2d.files.places import Path_, number_at, place_of, value_at
+from rock2d.files.places import DataPath, number_at, place_of, value_at
 from rock2d.files.scenario import Scenario, checked_scenario
 
 
@@ -78,7 +78,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:
     return changed
 
 
-def _replaced(here: Any, path: Path_, value: float) -> Any:
+def _replaced(here: Any, path: DataPath, value: float) -> Any:
     if not path:
         return value
     step, rest = path[0], path[1:]

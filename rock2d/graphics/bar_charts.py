@@ -113,7 +113,7 @@ def chart(axis: Axis, marks: Sequence[Mark]) -> Markup:
     return Markup(f"{head}{''.join(parts)}</svg>")
 
 
-def scale(axis: Axis) -> Markup:
+def tick_labels(axis: Axis) -> Markup:
     """The tick labels of the axis, as wide as a chart. Those that a phone has no room for are of class "tight"."""
     from markupsafe import Markup
 

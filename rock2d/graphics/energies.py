@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from rock2d.graphics.figure_style import LINESTYLES, SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import INK, block_colours
-from rock2d.records.columns import AT_OMEGA, AT_VX, AT_VY, AT_Y, TIME
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_Y, TIME
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 
@@ -16,9 +16,9 @@ def energy_figure(track: Track, block: Block, title: str = "") -> Figure:
     """Energies in J: translation, rotation, potential (zero at the lowest position) and their sum."""
     t = np.union1d(np.linspace(track.knots[0, TIME], track.end_s, 1500), track.knots[:, TIME])
     state = np.column_stack([t, track.states(t)])
-    moving = 0.5 * block.mass_kg * (state[:, AT_VX] ** 2 + state[:, AT_VY] ** 2)
-    spinning = 0.5 * block.inertia_kg_m2 * state[:, AT_OMEGA] ** 2
-    height = block.mass_kg * track.gravity_m_s2 * (state[:, AT_Y] - state[:, AT_Y].min())
+    moving = 0.5 * block.mass_kg * (state[:, INSTANT_VX] ** 2 + state[:, INSTANT_VY] ** 2)
+    spinning = 0.5 * block.inertia_kg_m2 * state[:, INSTANT_OMEGA] ** 2
+    height = block.mass_kg * track.gravity_m_s2 * (state[:, INSTANT_Y] - state[:, INSTANT_Y].min())
     figure = blank_figure(6.0, 3.4)
     axis = figure.subplots()
     colours = block_colours(["translation", "rotation", "potential"])

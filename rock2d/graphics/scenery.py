@@ -29,7 +29,7 @@ Array = np.ndarray
 Box = tuple[float, float, float, float]  # left, top, right, bottom in px
 
 SHADES = 64  # shades of a tone, from the surface to the deep ground
-BUSY_PX = 3  # around the name of a measure line, where ways count as crossing it
+BUSY_PX = 3  # around the name of a measure line, where paths count as crossing it
 LABEL_TURNS_RAD = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.2, -2.2)  # from the way of the line
 LABEL_STOREYS = 4
 

@@ -26,12 +26,12 @@ STOP_MARKERS = {
     "time": ("s", "time limit"),
     "impacts": ("D", "limit of impacts"),
     "spent": ("X", "energy spent"),
-    "reached": ("P", "held on its way"),
+    "reached": ("P", "suspended on its way"),
     "buried": ("v", "sank into the ground"),
 }
 
 
-MOST_WAYS = 200  # ways per block in a figure
+MOST_PATHS = 200  # paths per block in a figure
 
 
 def trajectories_figure(
@@ -41,7 +41,7 @@ def trajectories_figure(
     title: str = "",
     window: Limits | None = None,
 ) -> Figure:
-    """The cross-section with zones and measure lines, and the ways of the first MOST_WAYS releases; a panel a block.
+    """The cross-section with zones and measure lines, and the paths of the first MOST_PATHS releases; a panel a block.
 
     `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
     Raises InputError if there are no tracks.
@@ -52,8 +52,8 @@ def trajectories_figure(
     if not names:
         raise InputError("a figure of trajectories needs at least one track of a known block")
     of_block = {n: [t for t in tracks if t.block == n] for n in names}
-    ways = {n: [positions_of(t) for t in own[:MOST_WAYS]] for n, own in of_block.items()}
-    every = np.vstack([w for ws in ways.values() for w in ws])
+    paths = {n: [positions_of(t) for t in own[:MOST_PATHS]] for n, own in of_block.items()}
+    every = np.vstack([w for ws in paths.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
     if window is not None:
         cross_section = _lines_within(cross_section, window)
@@ -68,16 +68,16 @@ def trajectories_figure(
     colours = block_colours(blocks)
     stops: set[str] = set()
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
-        draw_cross_section(axis, cross_section, view, np.vstack(ways[name]), axis_in)
-        own = of_block[name][:MOST_WAYS]
+        draw_cross_section(axis, cross_section, view, np.vstack(paths[name]), axis_in)
+        own = of_block[name][:MOST_PATHS]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
-        lines = LineCollection(ways[name], colors=colours[name], linewidths=0.9, alpha=alpha, zorder=3)
+        lines = LineCollection(paths[name], colors=colours[name], linewidths=0.9, alpha=alpha, zorder=3)
         axis.add_collection(lines, autolim=False)
         ends: dict[str, list[Array]] = {}
-        for track, way in zip(own, ways[name], strict=True):
+        for track, path in zip(own, paths[name], strict=True):
             stops.add(track.stop)
-            if window is None or _within(way[-1], window):
-                ends.setdefault(track.stop, []).append(way[-1])
+            if window is None or _within(path[-1], window):
+                ends.setdefault(track.stop, []).append(path[-1])
         for stop, points in ends.items():
             axis.plot(
                 *np.transpose(points), marker=STOP_MARKERS[stop][0], ms=4, mfc=colours[name], mec="white",
@@ -85,7 +85,7 @@ def trajectories_figure(
             )  # fmt: skip
         count = len(of_block[name])
         said = f"{count} release{'s' if count > 1 else ''}"
-        said = said if count <= MOST_WAYS else f"the first {MOST_WAYS} of {said}"
+        said = said if count <= MOST_PATHS else f"the first {MOST_PATHS} of {said}"
         axis.set_title(f"{name.replace('_', ' ')}, {said}", loc="left", fontsize=TEXT_PT)
         axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:
@@ -118,9 +118,9 @@ def _lines_within(cross_section: CrossSection, window: Limits) -> CrossSection:
 
 
 def draw_cross_section(
-    axis: Any, cross_section: CrossSection, view: Viewport, ways: Array, axis_in: float
+    axis: Any, cross_section: CrossSection, view: Viewport, avoid: Array, axis_in: float
 ) -> None:
-    """The ground with zones and measure lines, their names off the points `ways` (n, 2), on an axis `axis_in` wide."""
+    """The ground with zones and measure lines, their names off the points `avoid` (n, 2), on an axis `axis_in` wide."""
     from matplotlib.patheffects import withStroke
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
@@ -136,7 +136,7 @@ def draw_cross_section(
         side.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value * factor, 6) + 0.0:g}"))
 
     size_px = round(SMALL_PT / 72 * view.width_px / axis_in)
-    for name in placed_names(cross_section, view, size_px, view.pixels(ways)):
+    for name in placed_names(cross_section, view, size_px, view.pixels(avoid)):
         left, top, _, bottom = name.box
         x = view.left_m + (left + 0.5) / view.px_per_m
         y = view.top_m - (0.5 * (top + bottom) + 0.5) / view.px_per_m

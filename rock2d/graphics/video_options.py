@@ -19,7 +19,7 @@ class VideoOptions:
     size_px : width and height, even
     titles : title of each scene; the last one is also that of all later scenes
     view : x_min, x_max, y_min, y_max in m; without it the motion is in view
-    trail : whether the ways of the centroids are drawn
+    trail : whether the paths of the centroids are drawn
     hold_s : time for which the last picture of a scene stays
     """
 

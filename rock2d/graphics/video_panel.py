@@ -57,7 +57,7 @@ class Panel:
         all_clips: Sequence[Clip],
     ) -> None:
         self.cross_section, self.blocks, self.clips, self.ghosts = cross_section, blocks, clips, ghosts
-        self.all_clips = all_clips  # names keep off the ways of the other panel too: the same place in both
+        self.all_clips = all_clips  # names keep off the paths of the other panel too: the same place in both
         self.view, self.label, self.drawn_s = view, label, -np.inf
 
     def ground(self, layout: Layout) -> Array:
@@ -71,8 +71,8 @@ class Panel:
         magnifier."""
         view, self.unit = self.view, layout.unit
         self.background = ground.copy()
-        ways = [view.pixels(p) for c in self.all_clips for p in c.path(-np.inf, np.inf)]
-        busy = np.vstack(ways) if ways else None
+        paths = [view.pixels(p) for c in self.all_clips for p in c.path(-np.inf, np.inf)]
+        busy = np.vstack(paths) if paths else None
         names = placed_names(self.cross_section, view, layout.small, busy)
         draw_names(self.background, names, layout.small)
         if self.label:

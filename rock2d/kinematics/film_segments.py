@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
-from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion
+from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -82,7 +82,7 @@ class FilmSegments:
 
     def states(self, world: World) -> States:
         """The flights' states in a world. Worlds that differ only in their ground have the same."""
-        key = free_motion(world)
+        key = free_motion_key(world)
         if key not in self._states:
             if len(self._states) >= KEPT_STATES:
                 del self._states[next(iter(self._states))]
@@ -109,10 +109,10 @@ class FilmSegments:
             out[:, c, c] = variance * (level + rate * dt**2)
             out[:, c, VX + c] = out[:, VX + c, c] = variance * rate * dt
             out[:, VX + c, VX + c] = variance * rate
-        blind = self.unknown_spin[which] > 0.0
-        for c, variance in ((THETA, np.pi**2 / 3.0), (OMEGA, self.unknown_spin[which][blind] ** 2)):
-            out[blind, c, :] = out[blind, :, c] = 0.0
-            out[blind, c, c] = variance
+        no_angle = self.unknown_spin[which] > 0.0
+        for c, variance in ((THETA, np.pi**2 / 3.0), (OMEGA, self.unknown_spin[which][no_angle] ** 2)):
+            out[no_angle, c, :] = out[no_angle, :, c] = 0.0
+            out[no_angle, c, c] = variance
         return out
 
 

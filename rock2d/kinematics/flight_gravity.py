@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d.kinematics.flights import SMALLEST_NOISE, Film, Flights
-from rock2d.kinematics.recorded_gravity import (
+from rock2d.kinematics.window_gravity import (
     AGREEING_SPREAD,
     CLEAR_CURVATURE,
     LARGEST_RATIO,

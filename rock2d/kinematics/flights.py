@@ -74,7 +74,7 @@ class Film:
     long_noise: Array
 
     @property
-    def blind(self) -> list[str]:
+    def blocks_without_angle(self) -> list[str]:
         """Blocks whose angle was not measured in some release."""
         return [self.block_names[b] for b in np.unique(self.release_block[~self.angle_known])]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Segmentation, clearances
-from rock2d.kinematics.states import Basis, States, drift
+from rock2d.kinematics.states import Basis, States, move_freely
 from rock2d.records.columns import POSE, POSITION
 from rock2d.scene.nearest_facet import nearest_facets
 from rock2d.scene.world import World
@@ -67,7 +67,7 @@ def start_instants(world: World, segmentation: Segmentation, basis: Basis, state
     for i in range(len(flights)):
         block = blocks[flights.block[i]]
         t = film.t_s[flights.first[i] : flights.last[i]] - basis.middle[i]
-        path = drift(
+        path = move_freely(
             world, np.full(len(t), flights.block[i]), np.repeat(states.middle[i][None], len(t), 0), t
         )
         gap = clearances(block_arrays(block), ground, path[:, POSE])
@@ -88,8 +88,8 @@ def find_impacts(
     blocks = list(world.blocks.values())
     ends = film.t_s[flights.last[before] - 1] - basis.middle[before]
     begin = film.t_s[flights.first[after]] - basis.middle[after]
-    leaves = drift(world, flights.block[before], states.middle[before], ends)
-    arrives = drift(world, flights.block[after], states.middle[after], begin)
+    leaves = move_freely(world, flights.block[before], states.middle[before], ends)
+    arrives = move_freely(world, flights.block[after], states.middle[after], begin)
     facet = nearest_facets(0.5 * (leaves + arrives)[:, POSITION], world.cross_section.points_m)
     wait = film.t_s[flights.first[after]] - (basis.middle[before] + start[before])
     length = film.t_s[flights.last[after] - 1] - film.t_s[flights.first[after]]

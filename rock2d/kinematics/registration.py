@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from rock2d.effects import catalogue
-from rock2d.effects.changes import image
+from rock2d.effects.changes import aim_and_width
 from rock2d.engines.geometry import block_arrays, ground_arrays
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.scene.world import View, World
@@ -71,7 +71,7 @@ def registered_world(world: World, film: Film, gravity: Array | None) -> tuple[W
         aside = 0.0 if other.view == world.view else np.hypot(*np.subtract(other.view.axis_m, aim)) / width
         return float(abs(middle + USUAL_DEPTH_RADII) + high - low + ASIDE_RADII * aside)
 
-    aim, width = image(world.cross_section)
+    aim, width = aim_and_width(world.cross_section)
     best, text = min([*_cameras(world, gravity), *_cross_sections(world)], key=lambda tried: miss(tried[0]))
     gap = float(np.median(lowest_gaps(best, film)[0]))
     fits = abs(gap) < LARGEST_GAP_RADII and below_ground(best, film) < POSSIBLE_BELOW_GROUND
@@ -83,7 +83,7 @@ def _cameras(world: World, gravity: Array | None) -> Iterator[tuple[World, str]]
     they are far beyond the ranges of the catalogue."""
     if gravity is None:
         return
-    (x, y), width = image(world.cross_section)
+    (x, y), width = aim_and_width(world.cross_section)
     scale = float(np.hypot(*gravity)) / max(world.gravity_m_s2, 1e-9)
     tilt = float(np.arctan2(gravity[0], -gravity[1]))
     for name, value in (("scale_error", scale), ("camera_tilt", tilt)):

@@ -18,7 +18,6 @@ from rock2d.errors import counted
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import Film
 from rock2d.kinematics.impact_table import SPIN_AFTER, VELOCITY_AFTER, ImpactTable
-from rock2d.kinematics.recorded_gravity import LARGEST_RATIO, LEAST_RATIO, recorded_gravity
 from rock2d.kinematics.registration import (
     LARGEST_GAP_RADII,
     POSSIBLE_BELOW_GROUND,
@@ -27,6 +26,7 @@ from rock2d.kinematics.registration import (
     registered_world,
 )
 from rock2d.kinematics.setup_world import setup_world
+from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO, window_gravity
 from rock2d.records.columns import LINEAR_VELOCITY, OMEGA, POSITION, THETA, X, Y
 from rock2d.scene.world import View, World
 
@@ -126,7 +126,7 @@ def _check_releases(releases: int, found: Sanity) -> None:
 def check_film(experiment: Experiment, film: Film) -> Sanity:
     """Checks of the recorded frames: numbers, time step, units, angles, axes, ground, sizes."""
     found = Sanity()
-    gravity = recorded_gravity(experiment, film)
+    gravity = window_gravity(experiment, film)
     _check_gravity_is_given(experiment, found)
     _check_time_step(experiment, film, found)
     _check_units(experiment, film, found)

@@ -18,7 +18,7 @@ from rock2d.scene.world import World
 Array = np.ndarray
 
 HARMONICS = (1, 2, 3, 4)
-TELLING = (1, 3)  # indices of the second and the fourth harmonic
+TELLING_HARMONICS = (1, 3)  # indices of the second and the fourth harmonic
 FEWEST_IMPACTS = 20  # per block
 MOST_FRAMES = 40  # frames of an impact; a longer contact is a roll or a slide
 # in block radii (half of what a square shows that is stated as the circle around it), in standard errors
@@ -79,4 +79,4 @@ def _depends(depth: Array, angle: Array) -> bool:
     error = np.sqrt(variance * np.diag(np.linalg.inv(design.T @ design)))[1:].reshape(-1, 2).max(axis=1)
     amplitude = np.hypot(*fitted[1:].reshape(-1, 2).T)
     clear = (amplitude > LARGEST_AMPLITUDE_RADII) & (amplitude > CLEAR_AMPLITUDE * error)
-    return bool(clear[list(TELLING)].any())
+    return bool(clear[list(TELLING_HARMONICS)].any())

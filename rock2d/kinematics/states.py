@@ -29,7 +29,7 @@ FRAMES_PER_DEGREE = 6  # a short flight has fewer degrees
 FREE_MOTION_STEP_S = 0.01  # time step of a flight through air; its error is far below the states' noise
 AIR_ROUNDS = 12  # rounds of the fit of a flight through air, whose forces depend on the state
 CONVERGED_SLOPE = 1e-3  # share of the noise of a frame: a smaller slope left in a flight does not matter
-LEAST_ANSWER, MOST_ANSWER = 0.03, 2.0  # change of a slope per change of the first velocity; 1 without air
+LEAST_RESPONSE, MOST_RESPONSE = 0.03, 2.0  # change of a slope per change of the first velocity; 1 without air
 
 
 @dataclass
@@ -131,7 +131,7 @@ def _bodies(world: World, blocks: Array) -> _Bodies:
     return _Bodies(air, mass, world.gravity_m_s2)
 
 
-def free_motion(world: World) -> Hashable:
+def free_motion_key(world: World) -> Hashable:
     """All of a world that `fit_states` depends on."""
     bodies = [(*b.air, b.mass_kg, b.inertia_kg_m2, *b.centre_of_mass_m) for b in world.blocks.values()]
     return world.view, world.gravity_m_s2, tuple(bodies)
@@ -164,21 +164,21 @@ def _centre_of_mass(world: World) -> Array:
     return np.array([b.centre_of_mass_m for b in world.blocks.values()])
 
 
-def drift(world: World, blocks: Array, states: Array, dt: Array) -> Array:
+def move_freely(world: World, blocks: Array, states: Array, dt: Array) -> Array:
     """States (n, 6) of the free motion dt (n,) later (or earlier, if negative)."""
     out = np.ascontiguousarray(states, float).copy()
-    _drift_all(out, np.ascontiguousarray(dt, float), _bodies(world, blocks))
+    _move_all_freely(out, np.ascontiguousarray(dt, float), _bodies(world, blocks))
     return out
 
 
 @njit
-def _drift_all(states, dt, bodies):
+def _move_all_freely(states, dt, bodies):
     for i in range(len(states)):
-        _drift(states[i], dt[i], bodies, i)
+        _move_freely(states[i], dt[i], bodies, i)
 
 
 @njit
-def _drift(q, dt, bodies, i):
+def _move_freely(q, dt, bodies, i):
     """Free motion of the state q of body i in place; an empty row of `air` means none."""
     mass, inertia = bodies.mass[i, 0], bodies.mass[i, 1]
     block = BlockArrays(np.empty((0, 5)), bodies.air[i], 0.0, 0.0, mass, inertia, 0.0, 0.0, 0.0, 0.0)
@@ -194,10 +194,10 @@ def _follow(track, middle, q, t, bodies, i):
     now = t[0]
     for f in range(t.size):
         if now < 0.0 <= t[f]:
-            _drift(q, -now, bodies, i)
+            _move_freely(q, -now, bodies, i)
             middle[:] = q
             now = 0.0
-        _drift(q, t[f] - now, bodies, i)
+        _move_freely(q, t[f] - now, bodies, i)
         now = t[f]
         track[f] = q[:3]
 
@@ -209,7 +209,7 @@ def _fit(frames, polynomials, bodies, noise):
     basis = polynomials.values
     n, degrees = start.size - 1, basis.shape[1] - 2
     middle, residuals = np.zeros((n, 6)), np.zeros((n, 3, degrees))
-    q, begin, answer, before = np.empty(6), np.empty(6), np.empty(3), np.empty(3)
+    q, begin, response, before = np.empty(6), np.empty(6), np.empty(3), np.empty(3)
     longest = 0
     for i in range(n):
         longest = max(longest, start[i + 1] - start[i])
@@ -235,7 +235,7 @@ def _fit(frames, polynomials, bodies, noise):
                         coefficient[c, k] += d * basis[f, k]
             slope = coefficient[:, 1] * polynomials.slope[i]
             if round == 0:
-                answer[:] = 1.0
+                response[:] = 1.0
                 begin[:] = 0.0
                 begin[Y] = -0.5 * bodies.gravity * early * early
                 begin[VY] = -bodies.gravity * early
@@ -243,10 +243,10 @@ def _fit(frames, polynomials, bodies, noise):
                 middle[i, c] += coefficient[c, 0] * polynomials.level[i]
                 middle[i, VX + c] += slope[c]
                 if round > 1 and before[c] != 0.0:  # the secant of the last step
-                    answer[c] *= 1.0 - slope[c] / before[c]
-                    answer[c] = min(max(answer[c], LEAST_ANSWER), MOST_ANSWER)
+                    response[c] *= 1.0 - slope[c] / before[c]
+                    response[c] = min(max(response[c], LEAST_RESPONSE), MOST_RESPONSE)
                 begin[c] += coefficient[c, 0] * polynomials.level[i] + slope[c] * early
-                begin[VX + c] += slope[c] / answer[c]
+                begin[VX + c] += slope[c] / response[c]
             before[:] = slope
             if round > 0 and (np.abs(coefficient[:, 1]) < CONVERGED_SLOPE * noise[i]).all():
                 break

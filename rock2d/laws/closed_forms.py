@@ -25,7 +25,7 @@ def penetration_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> flo
     return float(speed_m_s * np.sqrt(mass_kg / p.k_l_N_m))
 
 
-def residual_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
+def residual_indentation_m(p: ContactParameters, mass_kg: float, speed_m_s: float) -> float:
     """δmax (1 - k_l/k_ul)."""
     return penetration_m(p, mass_kg, speed_m_s) * (1 - p.k_l_N_m / p.k_ul_N_m)
 

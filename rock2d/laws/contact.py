@@ -20,7 +20,7 @@ from rock2d.scene.cross_section import by_zone
 CONTACT_LAW_COLUMNS = (
     "k_l_N_m", "k_ul_N_m", "k_t_N_m", "tan_phi", "k_r_Nm_rad", "rolling_cap", "rolling_in_indentation",
 )  # fmt: skip
-K_L, K_UL, K_T, MU, K_R, CAP, INDENTATION = range(len(CONTACT_LAW_COLUMNS))
+K_L, K_UL, K_T, MU, K_R, ROLLING_CAP, ROLLING_IN_INDENTATION = range(len(CONTACT_LAW_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ def contact_rows(
 @kernel(forceinline=True)
 def normal_force(delta, delta_max, k_l, k_ul):
     """F_n in N. First loading k_l δ; else max(0, min(k_l δ, k_ul (δ - δp))), δp = δmax (1 - k_l/k_ul)."""
-    return force_at(delta, delta_max, residual(delta_max, k_l, k_ul), k_l, k_ul)
+    return normal_force_from_bottom(delta, delta_max, residual_indentation(delta_max, k_l, k_ul), k_l, k_ul)
 
 
 @kernel(forceinline=True)
-def force_at(delta, delta_max, bottom, k_l, k_ul):
+def normal_force_from_bottom(delta, delta_max, bottom, k_l, k_ul):
     """`normal_force` in N where δp = `bottom` is known already."""
     if delta <= 0.0:
         return 0.0
@@ -105,7 +105,7 @@ def force_at(delta, delta_max, bottom, k_l, k_ul):
 
 
 @kernel(forceinline=True)
-def residual(delta_max, k_l, k_ul):
+def residual_indentation(delta_max, k_l, k_ul):
     """δp = δmax (1 - k_l/k_ul) in m: the depth at which the unloading force vanishes."""
     return delta_max * (1.0 - k_l / k_ul)
 

@@ -33,8 +33,10 @@ STOP_TIME, STOP_REST, STOP_EXIT, STOP_IMPACTS, STOP_SPENT, STOP_BURIED, STOP_REA
 INSTANT_NAMES = ("t_s", *STATE_NAMES)
 TIME = 0
 N_INSTANT = len(INSTANT_NAMES)
-AT = slice(1, 1 + N_STATE)  # the state in a row of an instant
-AT_X, AT_Y, AT_THETA, AT_VX, AT_VY, AT_OMEGA = range(AT.start, AT.stop)
+INSTANT_STATE = slice(1, 1 + N_STATE)  # the state in a row of an instant
+INSTANT_X, INSTANT_Y, INSTANT_THETA, INSTANT_VX, INSTANT_VY, INSTANT_OMEGA = range(
+    INSTANT_STATE.start, INSTANT_STATE.stop
+)
 
 # an impact as an engine records it: zone, instant before, instant after, largest penetration, largest force
 IMPACT_NAMES = ("zone", *INSTANT_NAMES, *map(after, INSTANT_NAMES), "penetration_m", "force_N")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import counted
-from rock2d.records.columns import AT_VX, AT_VY, AT_X, AT_Y, TIME
+from rock2d.records.columns import INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
 
 Array = np.ndarray
 
@@ -84,18 +84,20 @@ class Track:
         """
         origin, along = line[0], line[1] - line[0]
         normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-        side = (self.knots[:, AT_X] - origin[0]) * normal[0] + (self.knots[:, AT_Y] - origin[1]) * normal[1]
+        side = (self.knots[:, INSTANT_X] - origin[0]) * normal[0] + (
+            self.knots[:, INSTANT_Y] - origin[1]
+        ) * normal[1]
         length2 = along[0] * along[0] + along[1] * along[1]
         found: list[Array] = []
         # only intervals in which the centroid comes as far as the line
         span = np.diff(self.knots[:, TIME])
-        speed = np.hypot(self.knots[:-1, AT_VX], self.knots[:-1, AT_VY])
+        speed = np.hypot(self.knots[:-1, INSTANT_VX], self.knots[:-1, INSTANT_VY])
         near = np.abs(side[:-1]) <= 1.001 * (speed + self.gravity_m_s2 * span) * span
         reaches = (side[:-1] * side[1:] < 0.0) | ((side[:-1] == 0.0) & (side[1:] != 0.0))
         for i in np.flatnonzero(np.where(self.flight[: len(span)], near, reaches) & (span > 0.0)):
             a, b = self.knots[i], self.knots[i + 1]
             if self.flight[i]:
-                across = a[AT_VX] * normal[0] + a[AT_VY] * normal[1]
+                across = a[INSTANT_VX] * normal[0] + a[INSTANT_VY] * normal[1]
                 times = _roots(-0.5 * self.gravity_m_s2 * normal[1], across, side[i], span[i])
                 states = ballistic(np.repeat(a[None], len(times), 0), np.array(times), self.gravity_m_s2)
             else:

@@ -170,7 +170,7 @@ def cells_table(outcomes: list[Outcome], percent: Array) -> pd.DataFrame:
             own = 100 * outcomes[b].frequencies[:, i]
             rows.append(
                 (
-                    block, line, float(percent[b, i]), *summary.exact_interval(passed), float(own.mean()),
+                    block, line, float(percent[b, i]), *summary.clopper_pearson_interval(passed), float(own.mean()),
                     *np.percentile(own, [2.5, 97.5]), summary.predictive_p(passed, outcomes[b], i),
                 )
             )  # fmt: skip

@@ -62,7 +62,7 @@ def filmed_counts(block: str) -> Array:
 def published_counts(percent: Array, block: str) -> Array:
     """(lines + 1,) releases of a block by the last line they passed, from a table (blocks, lines) of Table 2."""
     passed = published.passed(percent)[published.BLOCKS.index(block)]
-    return published.reached(np.concatenate([[published.RELEASES], passed]))
+    return published.counts_by_last_line(np.concatenate([[published.RELEASES], passed]))
 
 
 def passing_log_likelihood(outcome: Outcome, block: str) -> Array:

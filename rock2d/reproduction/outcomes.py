@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.engines.point_mass import FACET
-from rock2d.records.columns import AT_VX, AT_VY, BEFORE_INSTANT, I_ZONE, N_INSTANT, TIME, VY, Y
+from rock2d.records.columns import BEFORE_INSTANT, I_ZONE, INSTANT_VX, INSTANT_VY, N_INSTANT, TIME, VY, Y
 from rock2d.reproduction.hypotheses import (
     ZONES,
     KnownSetup,
@@ -228,7 +228,7 @@ def _past_slope(zones: Array, n: int) -> Array:
 def _outcome(crossings: Array, zones: Array, before: Array, facing_deg: Array, possible: Array) -> Outcome:
     """`crossings` (k, n, lines, 7); `zones` (k n) of first impacts, NaN without one; states `before` them (k n, 7)."""
     k, n = crossings.shape[:2]
-    velocity = before[:, AT_VX : AT_VY + 1].reshape(k, n, 2)
+    velocity = before[:, INSTANT_VX : INSTANT_VY + 1].reshape(k, n, 2)
     facing = np.radians(facing_deg)
     inward = np.column_stack([np.sin(facing), -np.cos(facing)])[:, None]
     cosine = (velocity * inward).sum(axis=-1) / np.hypot(velocity[..., 0], velocity[..., 1])

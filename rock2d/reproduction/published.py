@@ -49,7 +49,7 @@ def passed(percent: np.ndarray | None = None) -> np.ndarray:
     return np.rint((EXPERIMENT if percent is None else percent) * RELEASES / 100).astype(int)
 
 
-def reached(passed_lines: np.ndarray) -> np.ndarray:
+def counts_by_last_line(passed_lines: np.ndarray) -> np.ndarray:
     """(..., lines + 1) releases by the last line they passed (none, 1, 2, 3), from the numbers (..., lines) that passed
     each and their total in front: differences of (total, passed 1, 2, 3, 0)."""
     padded = np.concatenate([passed_lines, np.zeros((*passed_lines.shape[:-1], 1), int)], axis=-1)

@@ -49,7 +49,7 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
     return float(errors.mean()), float(np.percentile(errors, 95))
 
 
-def exact_interval(passed: int) -> tuple[float, float]:
+def clopper_pearson_interval(passed: int) -> tuple[float, float]:
     """Clopper and Pearson's 95 % interval of a passing frequency, in %, of RELEASES."""
     from scipy.stats import binomtest
 
@@ -89,7 +89,7 @@ def passing_table(deterministic: list[Outcome], probabilistic: list[Outcome]) ->
     for b, block in enumerate(published.BLOCKS):
         for i, line in enumerate(published.LINES):
             passed = int(published.passed()[b, i])
-            low, high = exact_interval(passed)
+            low, high = clopper_pearson_interval(passed)
             row = {
                 "block": block, "line": line, "experiment": float(published.EXPERIMENT[b, i]),
                 "experiment_low95": low, "experiment_high95": high,

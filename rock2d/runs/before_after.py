@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 DESIGN_PERCENTILE = 95.0
 MOST_RELEASES = 10_000  # releases of each block of a campaign that are simulated with each model
-OF_QUANTITY = {
+COLUMNS_OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),
     "passing_height_m": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m"),
 }
 BEFORE_AFTER_COLUMNS = (
     "block", "line", "model", "p", "releases", "passed", "unresolved", "frequency", "low95", "high95",
-    *(name for names in OF_QUANTITY.values() for name in names),
+    *(name for names in COLUMNS_OF_QUANTITY.values() for name in names),
 )  # fmt: skip
 
 
@@ -124,7 +124,7 @@ def _rows(passing: pd.DataFrame, percentiles: pd.DataFrame, model: FittedModel) 
     rows: list[tuple[object, ...]] = []
     for row in passing.itertuples():
         values: list[float] = []
-        for quantity in OF_QUANTITY:
+        for quantity in COLUMNS_OF_QUANTITY:
             key = (row.block, row.line, quantity)
             found = own.loc[[key]].iloc[0] if key in own.index else None
             names = ("value", "low95", "high95")

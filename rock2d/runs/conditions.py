@@ -57,21 +57,21 @@ class Condition(NamedTuple):
     drawn: Mapping[str, float]
 
 
-class Past(NamedTuple):
-    """What n releases that the batch engine held need to go on, see `engines.batch.run_batch`.
+class Suspended(NamedTuple):
+    """What n releases that the batch engine suspended need to go on, see `engines.batch.run_batch`.
 
     Attributes
     ----------
     elapsed_s : (n,) time since the start
-    held : (n, contacts, N_HELD) memory of their contacts
+    saved_contacts : (n, contacts, N_SAVED) memory of their contacts
     """
 
     elapsed_s: Array
-    held: Array
+    saved_contacts: Array
 
-    def part(self, some: Array | slice) -> Past:
+    def part(self, some: Array | slice) -> Suspended:
         """Some of the releases."""
-        return Past(self.elapsed_s[some], self.held[some])
+        return Suspended(self.elapsed_s[some], self.saved_contacts[some])
 
 
 class Group(NamedTuple):
@@ -82,14 +82,14 @@ class Group(NamedTuple):
     states : (n, 6) incident states
     seeds : (n,) of the releases' own random streams
     conditions : n conditions, or a single one for all
-    past : past of releases that were held on their way; None at the start
+    suspended : of releases that were suspended on their way; None at the start
     """
 
     block: int
     states: Array
     seeds: Array
     conditions: Sequence[Condition]
-    past: Past | None = None
+    suspended: Suspended | None = None
 
     def masses(self) -> Array:
         """(n, 2) mass in kg and moment of inertia in kg m² of each release."""
@@ -101,7 +101,11 @@ class Group(NamedTuple):
         own = range(len(self.states))[some] if isinstance(some, slice) else some
         conditions = self.conditions if len(self.conditions) == 1 else [self.conditions[i] for i in own]
         return Group(
-            self.block, self.states[some], self.seeds[some], conditions, self.past and self.past.part(some)
+            self.block,
+            self.states[some],
+            self.seeds[some],
+            conditions,
+            self.suspended and self.suspended.part(some),
         )
 
 

@@ -20,9 +20,9 @@ Array = np.ndarray
 Parameters = TypeVar("Parameters")
 
 SMOOTH_TURN_RAD = np.deg2rad(5.0)
-LOWEST_EMBANKMENT = 0.02  # share of the cross-section's relief: what rises less is roughness
+LEAST_EMBANKMENT_RELIEF = 0.02  # share of the cross-section's relief: what rises less is roughness
 # share of an embankment's height: what rises less above the ground beside it is ditch or run-out
-FLAT_GROUND = 0.05
+LEVEL_GROUND_SHARE = 0.05
 SHORTEST_FACET = 1e-9  # share of the cross-section's extent
 
 
@@ -253,8 +253,8 @@ def embankment_facets(cross_section: CrossSection) -> Array:
     return found
 
 
-def face_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the embankment's left flank: the face that blocks run up. None on a floor or a plain
+def facing_facets(cross_section: CrossSection) -> Array:
+    """(n,) bool, the facets of the embankment's facing, its left flank, which blocks run up. None on a floor or a plain
     slope."""
     found = np.zeros(len(cross_section.zones), bool)
     if cross_section.embankment is not None:
@@ -268,7 +268,9 @@ def ditch_facets(cross_section: CrossSection) -> Array:
     if cross_section.embankment is not None:
         y, foot = cross_section.points_m[:, 1], cross_section.embankment.left
         first = foot
-        while first > 0 and abs(y[first - 1] - y[foot]) < FLAT_GROUND * cross_section.embankment.height_m:
+        while (
+            first > 0 and abs(y[first - 1] - y[foot]) < LEVEL_GROUND_SHARE * cross_section.embankment.height_m
+        ):
             first -= 1
         found[first:foot] = True
     return found
@@ -301,13 +303,17 @@ def _highest_embankment(y: Array) -> Embankment | None:
         end = int(after[0]) if len(after) else len(y) - 1
         base = max(y[start : top + 1].min(), y[top : end + 1].min())
         height = float(y[top] - base)
-        if height <= (LOWEST_EMBANKMENT * np.ptp(y) if best is None else best.height_m):
+        if height <= (LEAST_EMBANKMENT_RELIEF * np.ptp(y) if best is None else best.height_m):
             continue
         left = right = top  # outwards as long as the ground is raised, and down to the foot of the flanks
-        while left > start and (y[left] > base + FLAT_GROUND * height or base <= y[left - 1] < y[left]):
+        while left > start and (
+            y[left] > base + LEVEL_GROUND_SHARE * height or base <= y[left - 1] < y[left]
+        ):
             left -= 1
-        while right < end and (y[right] > base + FLAT_GROUND * height or base <= y[right + 1] < y[right]):
+        while right < end and (
+            y[right] > base + LEVEL_GROUND_SHARE * height or base <= y[right + 1] < y[right]
+        ):
             right += 1
-        crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - FLAT_GROUND * height)
+        crest = left + np.flatnonzero(y[left : right + 1] >= y[top] - LEVEL_GROUND_SHARE * height)
         best = Embankment(left, int(crest[0]), int(crest[-1]), right, height)
     return best

@@ -9,8 +9,10 @@ import numpy as np
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
-TIME_LIMIT_TIMES = 10.0  # in √(2 L / g); the slowest of a thousand balls on a field slope takes a third of it
-MOST_ABOVE_FOOT = 3.0  # inradii above a line's foot: beside any usual facing a centroid crosses lower
+TIME_LIMIT_FREE_FALLS = (
+    10.0  # in √(2 L / g); the slowest of a thousand balls on a field slope takes a third of it
+)
+MOST_INRADII_ABOVE_FOOT = 3.0  # inradii above a line's foot: beside any usual facing a centroid crosses lower
 
 
 def site_time_limit_s(cross_section: CrossSection, gravity_m_s2: float) -> float:
@@ -21,7 +23,7 @@ def site_time_limit_s(cross_section: CrossSection, gravity_m_s2: float) -> float
     if gravity_m_s2 <= 0.0:
         raise ValueError("without gravity nothing says how long a release lasts")
     length = float(np.hypot(*np.diff(cross_section.points_m, axis=0).T).sum())
-    return float(TIME_LIMIT_TIMES * np.sqrt(2.0 * length / gravity_m_s2))
+    return float(TIME_LIMIT_FREE_FALLS * np.sqrt(2.0 * length / gravity_m_s2))
 
 
 def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[str]:
@@ -53,7 +55,10 @@ def line_remarks(cross_section: CrossSection, blocks: Iterable[Block]) -> list[s
                     f"the centroid of block {block.name} cannot cross measure line {name}: the whole line is closer to "
                     f"the ground than {block.inradius_m:.3g} m"
                 )
-            elif lowest > MOST_ABOVE_FOOT * block.inradius_m and foot.distance(surface) < block.inradius_m:
+            elif (
+                lowest > MOST_INRADII_ABOVE_FOOT * block.inradius_m
+                and foot.distance(surface) < block.inradius_m
+            ):
                 remarks.append(
                     f"the centroid of block {block.name} can cross measure line {name} only {lowest:.3g} m or more "
                     f"above its foot: below, the line is closer to the ground than {block.inradius_m:.3g} m"

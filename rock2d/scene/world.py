@@ -94,7 +94,7 @@ class World:
     Attributes
     ----------
     blocks : name -> block
-    ground : the cross-section
+    cross_section : the ground
     contact : (1 or n, zones, columns) rows of the contact law, see `rock2d.laws.contact` and `effects.columns`
     view : what the camera makes of it
     order : (1 or n,) how many releases of the same block were filmed before

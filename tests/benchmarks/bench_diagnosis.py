@@ -23,7 +23,7 @@ RELEASES = 60
 TILT = [0.03, 0.0, 0.0]
 STAGES = {  # one after another, each with all that it calls
     "cutting into flights and impacts": diagnosis.prepared,
-    "what the film says of itself": diagnosis.statement_of,
+    "what the film says of itself": diagnosis.findings_of_film,
     "fit of the base law": attribution.fit_base,
     "each effect alone": cause_sets.Search.try_alone,
     "sets of effects": cause_sets.Search.run,

@@ -8,10 +8,10 @@ import pytest
 from rock2d.blind.injection import injected
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
-from rock2d.diagnosis.known_causes import sized, span, values_of_size, with_cause
+from rock2d.diagnosis.known_causes import largest_size, size_parameter, values_of_size, with_cause
 from rock2d.diagnosis.model import Model, from_scale
 from rock2d.effects import catalogue
-from rock2d.effects.changes import image
+from rock2d.effects.changes import aim_and_width
 from rock2d.kinematics.flights import load_film
 from rock2d.laws.contact import K_L, K_R, K_T, K_UL, MU
 from tests.kinematics.synthetic_films import film, world
@@ -19,7 +19,7 @@ from tests.kinematics.synthetic_films import film, world
 POSE = ["x_m", "y_m", "theta_rad"]
 ROW = world().contact[0, 0]
 MODEL = Model(world(), np.array([ROW[K_L], ROW[K_UL] / ROW[K_L], ROW[K_T], ROW[MU], ROW[K_R]]))
-SIZED = [name for name, effect in catalogue().items() if sized(effect, world())]
+SIZED = [name for name, effect in catalogue().items() if size_parameter(effect, world())]
 NOISE_FREE = {"noise_m": 0.0, "noise_rad": 0.0, "soil": 0.0}
 
 
@@ -57,7 +57,9 @@ def test_a_cause_of_the_motion_changes_what_follows_it_and_no_piece_is_lost(reco
     own = put_in(
         record,
         name,
-        **values_of_size(catalogue()[name], 0.1 * span(sized(catalogue()[name], world())), world()),
+        **values_of_size(
+            catalogue()[name], 0.1 * largest_size(size_parameter(catalogue()[name], world())), world()
+        ),
     )
     both = beside(own, record)
     moved = np.hypot(both.x_m - both.x_m_old, both.y_m - both.y_m_old)
@@ -74,7 +76,7 @@ def test_a_strong_cause_still_shows_in_the_impacts(record):
 
 def test_a_wrong_scale_is_the_scaled_record(record):
     own = put_in(record, "scale_error", scale=1.04).experiment.trajectories
-    (x, y), _ = image(record.cross_section)
+    (x, y), _ = aim_and_width(record.cross_section)
     np.testing.assert_allclose(own["x_m"], x + 1.04 * (record.trajectories["x_m"] - x), atol=1e-12)
     np.testing.assert_allclose(own["y_m"], y + 1.04 * (record.trajectories["y_m"] - y), atol=1e-12)
     np.testing.assert_allclose(own["theta_rad"], record.trajectories["theta_rad"], atol=1e-12)

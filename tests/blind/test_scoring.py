@@ -193,7 +193,7 @@ def test_what_a_record_holds_anyway_is_neither_right_nor_wrong():
     label = trial_label(scale_error=20.0) | {"base": "drops", "of_record": ["flight_damping", "air_drag"]}
     named = {"flight_damping": 0.99, "air_drag": 0.95, "scale_error": 0.9, "adhesion": 0.92}
     cases = [scored_case("0", label, _result(named, 0.0)), scored_case("1", *TRIAL["000"])]
-    assert [sorted(own) for own in cases[0].judged] == [["scale_error"], ["adhesion"]]
+    assert [sorted(own) for own in cases[0].scored_names] == [["scale_error"], ["adhesion"]]
     found = summary(cases)
     assert _counts(found["by_base"]["drops"]["precision"]["all"]) == (1, 2)
     assert _counts(found["by_base"]["made"]["precision"]["all"]) == (1, 2)

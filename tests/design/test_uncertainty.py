@@ -145,5 +145,7 @@ def test_releases_that_are_not_resolved_are_told(tmp_path):
     assert table["unresolved"].iloc[0] == pytest.approx(10 / 400)
     told = Assessment(table, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()
     assert "2.5 % of the releases of ball were cut short or buried" in told
-    none = uncertain_table(sites, SiteResults(("ball",), ("crest",), whole.passed, whole.cut & False, {}), 1)
+    none = uncertain_table(
+        sites, SiteResults(("ball",), ("crest",), whole.passed, whole.unresolved & False, {}), 1
+    )
     assert "buried" not in Assessment(none, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()

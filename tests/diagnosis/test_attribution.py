@@ -13,13 +13,13 @@ from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Enough, fit
+from rock2d.diagnosis.fitting import Convergence, fit
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.laws.contact import INDENTATION
+from rock2d.laws.contact import ROLLING_IN_INDENTATION
 from tests.kinematics.synthetic_films import LAW, START, data_of, film, series_order, world
 
 RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
@@ -121,7 +121,10 @@ def test_a_better_law_found_with_an_effect_becomes_the_base():
     (setup, data), start = data_of(experiment), base_start(experiment)
     proper = fit(Model(setup, start), data)
     stuck = fit(
-        Model(setup, start), data, proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]), enough=Enough(np.inf)
+        Model(setup, start),
+        data,
+        proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]),
+        convergence=Convergence(np.inf),
     )
     assert stuck.total() < proper.total() - 50.0
     found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
@@ -134,16 +137,16 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     large even beside the mirrored axis."""
     plain = world()
     rows = plain.contact.copy()
-    rows[..., INDENTATION] = 1.0
+    rows[..., ROLLING_IN_INDENTATION] = 1.0
     true = catalogue()["mirrored_axis"].apply(replace(plain, contact=rows), [3.0])
     experiment = film(true, 12, seed=2)
     setup, data = data_of(experiment)
     base = fit_base(setup, base_start(experiment), data)
-    assert not base.model.setup.contact[..., INDENTATION].any()
+    assert not base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
     found = attribute(base, data, {name: catalogue()[name] for name in ("mirrored_axis", "inertia_error")})
     law = found.final.fit.model
     assert found.named == {"mirrored_axis"} and found.outside < 0.05
-    assert law.setup.contact[..., INDENTATION].all()
+    assert law.setup.contact[..., ROLLING_IN_INDENTATION].all()
     assert law.law(found.final.fit.p)[4] == pytest.approx(LAW.k_r_Nm_rad, rel=0.05)
 
 

@@ -12,7 +12,7 @@ from rock2d.diagnosis.cause_sets import CauseSet, Search
 from rock2d.diagnosis.cross_validation import by_release, cross_validate
 from rock2d.diagnosis.exploring import explored, fit_effects, fit_to_some
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Enough, Fit, extended, fit
+from rock2d.diagnosis.fitting import Convergence, Fit, extended, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
@@ -78,9 +78,9 @@ def test_a_fit_far_behind_its_rival_stops_early(two, monkeypatch):
 
     def fitted(rival: float) -> tuple[Fit, int]:
         simulated.clear()
-        return fit(model, two.data, extended(base, model), old=base, enough=Enough(rival=rival)), len(
-            simulated
-        )
+        return fit(
+            model, two.data, extended(base, model), old=base, convergence=Convergence(rival=rival)
+        ), len(simulated)
 
     (alone, all_steps), (near, same), (far, fewer) = map(
         fitted, (-np.inf, base.total() + 5.0, base.total() + 1e5)

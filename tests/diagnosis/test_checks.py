@@ -49,11 +49,11 @@ def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
     every, scatter = (np.ones(n, bool), np.ones(shape[0], bool)), found.scatter
     for _ in range(4):
         residuals = Residuals(impacts, flights)
-        scatter = fit_scatter(impacts, found.slope, np.maximum(scatter, 3e-3))
+        scatter = fit_scatter(impacts, found.jacobian, np.maximum(scatter, 3e-3))
         left = replace(found, residuals=residuals, scatter=scatter)
-        curve, grad = normal_equations(residuals, found.slope, left.covariance(), every)
+        curve, grad = normal_equations(residuals, found.jacobian, left.covariance(), every)
         step = np.linalg.solve(curve + 1e-9 * np.diag(np.diag(curve)), grad)
-        impacts, flights = impacts - found.slope.impacts @ step, flights - found.slope.flights @ step
+        impacts, flights = impacts - found.jacobian.impacts @ step, flights - found.jacobian.flights @ step
     return replace(found, residuals=Residuals(impacts, flights), scatter=scatter)
 
 

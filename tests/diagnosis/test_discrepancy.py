@@ -60,7 +60,7 @@ def test_nothing_is_found_in_a_film_of_the_law_itself():
 def test_columns_that_the_model_has_already_gain_nothing_and_chance_gains_nothing():
     base, _, data = _fitted(None, [])
     linear, rng = LinearModel(base, data), np.random.default_rng(0)
-    own = Residuals(base.slope.impacts[..., :1], base.slope.flights[..., :1])
+    own = Residuals(base.jacobian.impacts[..., :1], base.jacobian.flights[..., :1])
     assert abs(linear.expected(own, [np.ones(1)]).gain.sum()) < 1.0
     spread = base.residuals.impacts.std(axis=0)
     none = np.zeros((*base.residuals.flights.shape, 3))

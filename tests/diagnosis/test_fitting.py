@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.data import Residuals
-from rock2d.diagnosis.derivatives import Slopes
+from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.likelihood import clustered_covariance, newton_step, normal_equations
 
 
@@ -36,7 +36,7 @@ def test_intervals_hold_where_the_residuals_of_a_release_depend_on_each_other(sh
     release, none = np.repeat(np.arange(releases), each), np.empty(0, np.int64)
     j = np.column_stack([np.ones(releases * each), np.repeat(rng.normal(size=releases), each)])[:, None]
     noise, flights = np.ones((releases * each, 1, 1)), np.empty((0, 3, 2))
-    slope = Slopes(j, np.empty((0, 3, 2, 2)), np.empty((releases * each, 1, 0)), noise)
+    slope = Jacobian(j, np.empty((0, 3, 2, 2)), np.empty((releases * each, 1, 0)), noise)
     keep = np.ones(releases * each, bool), np.ones(0, bool)
     found, stated, plain = [], [], []
     for _ in range(300):

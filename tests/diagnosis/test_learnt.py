@@ -11,14 +11,14 @@ from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
 from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
-from rock2d.diagnosis.flight_fields import flight_paths, integral, response
+from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
 from rock2d.diagnosis.levers import LAW, SLOPE, Levers
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
 from tests.diagnosed_files import with_learnt
@@ -87,7 +87,7 @@ def test_derivatives_by_coefficients_are_those_of_the_residuals(hardened):
     for k in range(found.model.named_size, found.model.size):
         ahead = found.model.residuals(found.p + step * (np.arange(found.model.size) == k), data)
         slope = (ahead.impacts - found.residuals.impacts) / step
-        error = np.abs(found.slope.impacts[..., k] - slope)
+        error = np.abs(found.jacobian.impacts[..., k] - slope)
         assert np.quantile(error, 0.9) < 0.05 * np.quantile(np.abs(slope), 0.9)
 
 
@@ -124,7 +124,7 @@ def test_nothing_is_learnt_from_a_film_of_the_law_itself():
 def test_the_answer_to_a_change_of_the_law_is_the_derivative_of_the_residuals(hardened):
     data, base, _ = hardened
     levers = Levers(base, data)
-    columns = levers.columns(levers.answer(LAW, Basis(CONSTANT, ())))
+    columns = levers.columns(levers.response(LAW, Basis(CONSTANT, ())))
     step = 1e-3
     ahead = base.model.residuals(base.p + step * np.eye(5)[1], data)
     slope = (ahead.impacts - base.residuals.impacts) / step
@@ -136,19 +136,19 @@ def test_a_uniform_acceleration_answers_as_another_gravity_does():
     experiment = film(world(), 6, seed=2)
     setup, data = data_of(experiment)
     paths = flight_paths(data, setup)
-    answer = response(data, setup, paths, bases(FLIGHT_DEPENDENCES, paths.quantities)[CONSTANT])
+    response = flight_response(data, setup, paths, bases(FLIGHT_DEPENDENCES, paths.quantities)[CONSTANT])
     push = -0.3
     heavier = replace(setup, gravity_m_s2=setup.gravity_m_s2 - push)
     before, after = data.states(setup), data.states(heavier)
     noise = data.flight_noise(setup) * (data.film.noise / data.film.long_noise)
-    expected = -push * answer.residuals[..., 0] / noise[:, 1, None]
+    expected = -push * response.residuals[..., 0] / noise[:, 1, None]
     found = after.residuals[:, 1] - before.residuals[:, 1]
     assert np.abs(found - expected).max() < 0.01 * np.abs(found).max()
     flights = np.arange(len(before.middle))
     dt = paths.t_s[paths.start[1:] - 1]
-    place, rate = answer.state_change(flights, dt)
+    place, rate = response.state_change(flights, dt)
     block = data.segmentation.flights.block
-    moved = drift(heavier, block, after.middle, dt) - drift(setup, block, before.middle, dt)
+    moved = move_freely(heavier, block, after.middle, dt) - move_freely(setup, block, before.middle, dt)
     assert moved[:, 1] == pytest.approx(push * place[:, 0], abs=1e-6)
     assert moved[:, 4] == pytest.approx(push * rate[:, 0], abs=1e-5)
 
@@ -168,7 +168,7 @@ def test_an_angle_that_is_recorded_late_is_learnt_as_an_offset_in_proportion_to_
 def test_the_answer_to_a_slope_is_that_of_a_turned_ground(hardened):
     data, base, _ = hardened
     levers = Levers(base, data)
-    columns = levers.columns(levers.answer(SLOPE, Basis(CONSTANT, ())))
+    columns = levers.columns(levers.response(SLOPE, Basis(CONSTANT, ())))
     turn = 0.01
     steeper = replace(levers.world, slope_rad=np.full(len(data.impacts), turn))
     change = data.residuals(steeper).impacts - base.residuals.impacts

@@ -20,7 +20,7 @@ from rock2d.records.columns import OMEGA, THETA
 from rock2d.schemas import file_schema
 from tests.diagnosed_files import content as none_found
 from tests.kinematics.synthetic_films import film, without_angles, world
-from tests.kinematics.test_film_statement import tossed
+from tests.kinematics.test_film_findings import tossed
 from tests.programs import refusal
 
 

@@ -13,7 +13,7 @@ import pytest
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import diagnose, prepared
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.diagnosis.predict import COLUMNS, predict
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
@@ -162,9 +162,9 @@ def test_diagnosis_that_cannot_predict_is_refused(tmp_path, content):
     ):
         path.write_text(broken, encoding="utf-8")
         with pytest.raises(InputError, match=said):
-            read_model(path)
+            read_for_prediction(path)
     with pytest.raises(InputError, match="cannot be read: No such file"):
-        read_model(tmp_path / "absent.json")
+        read_for_prediction(tmp_path / "absent.json")
 
 
 def test_an_old_key_is_read_with_a_warning(tmp_path, content):
@@ -174,10 +174,10 @@ def test_an_old_key_is_read_with_a_warning(tmp_path, content):
     with pytest.warns(
         OldKeyWarning, match=r"json:1: .*'rolling_in_crater' is called 'rolling_in_indentation'"
     ):
-        read = read_model(path)
+        read = read_for_prediction(path)
     assert read["law"] == {"rolling_in_indentation": True}
     path.write_text(json.dumps({**content, "law": {"rolling_in_indentation": True}}), encoding="utf-8")
-    assert read == read_model(path)
+    assert read == read_for_prediction(path)
 
 
 def test_commands_write_what_they_say(tmp_path, content):

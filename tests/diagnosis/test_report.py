@@ -27,11 +27,11 @@ from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
 from rock2d.errors import InputError
 from rock2d.files.experiment import Experiment
-from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, scale
+from rock2d.graphics.bar_charts import NARROW_LABEL, Axis, tick_labels
 from rock2d.graphics.rendering import Made, coded
 from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.progress import Bars
 from tests.kinematics.synthetic_films import film, series_order, world
 
@@ -232,7 +232,7 @@ def test_backticks_become_code_and_everything_is_escaped():
 
 
 def test_a_phone_shows_no_tick_labels_that_overlap():
-    labels = scale(Axis(-20.0, 6000.0, 10.0))
+    labels = tick_labels(Axis(-20.0, 6000.0, 10.0))
     shown = [float(x) for kind, x in re.findall(r"<text( class=.tight.)? x=.([\d.]+)%", labels) if not kind]
     assert len(shown) >= 2 and min(b - a for a, b in pairwise(shown)) >= NARROW_LABEL
     assert ">0</text>" in re.sub(r"<text class=.tight.[^/]*/text>", "", labels)  # zero is always there
@@ -304,8 +304,8 @@ def impact_table(result: Diagnosis) -> pd.DataFrame:
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     )
-    before = drift(result.setup, impacts.block, states[impacts.before], ends)
-    after = drift(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
+    before = move_freely(result.setup, impacts.block, states[impacts.before], ends)
+    after = move_freely(result.setup, impacts.block, states[impacts.after], impacts.begin_s)
     columns = ["x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s"]
     table = pd.DataFrame(before, columns=columns)
     table[["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]] = after[:, 3:]

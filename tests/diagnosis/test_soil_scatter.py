@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.diagnosis.derivatives import Slopes, spread
+from rock2d.diagnosis.derivatives import Jacobian, residual_covariance
 from rock2d.diagnosis.likelihood import log_likelihood
 from rock2d.diagnosis.soil_scatter import PRIOR_SCATTER, fit_scatter, scatter_errors
 
@@ -22,11 +22,13 @@ def impacts(soil, count=800, seed=5):
     # residuals from a Student distribution, as the likelihood takes them, so that no outlier is missing
     heavy = np.sqrt(4.0 / rng.chisquare(4.0, count))[:, None]
     own = np.einsum("nij,nj->ni", np.linalg.cholesky(noise), rng.normal(size=(count, 6)))
-    return heavy * (drawn + own), Slopes(np.empty((count, 6, 0)), np.empty((0, 3, 2, 0)), by_soil, noise)
+    return heavy * (drawn + own), Jacobian(np.empty((count, 6, 0)), np.empty((0, 3, 2, 0)), by_soil, noise)
 
 
 def posterior(r, slope, soil):
-    return log_likelihood(r, spread(slope, soil)).sum() - 0.5 * ((soil / PRIOR_SCATTER) ** 2).sum()
+    return (
+        log_likelihood(r, residual_covariance(slope, soil)).sum() - 0.5 * ((soil / PRIOR_SCATTER) ** 2).sum()
+    )
 
 
 def test_the_scatter_is_found_where_it_was_drawn():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.effects.changes import image
+from rock2d.effects.changes import aim_and_width
 from tests.effects.worlds import CATALOGUE, neutral, run, typical, with_effect, world
 from tests.laboratory import SETUP
 
@@ -72,7 +72,7 @@ def test_scale_and_frame_rate_change_the_gravity_that_is_seen():
 
 
 def test_distortion_grows_with_the_third_power_of_the_distance_from_the_axis():
-    (x, y), width = image(SETUP)
+    (x, y), width = aim_and_width(SETUP)
     view = with_effect(world(), "lens_distortion", [0.04, 0.0, 0.0]).view
     out = [view.record(np.array([x + d * width, y, 0.0]))[0] - (x + d * width) for d in (0.5, 1.0)]
     assert out == pytest.approx([0.04 * width / 8, 0.04 * width], rel=1e-9)

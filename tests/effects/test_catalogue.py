@@ -218,9 +218,9 @@ row = widened(ContactParameters().row())
 row[column("stiffer_N_m")] = 3e4
 row = engine_rows(row)
 depth, rate, slip, peak, bottom, force_n = 1e-3, 0.5, 0.1, 1e-3, 8e-4, 10.0
-whole, factor, drag = forces.ground_forces(row, forces.FIRST, (depth, rate, slip, peak, bottom), force_n)
+whole, factor, drag = forces.ground_forces(row, forces.FIRST_EFFECT_COLUMN, (depth, rate, slip, peak, bottom), force_n)
 hits = forces.ground_forces.whole.stats.cache_hits
-print(whole, factor, drag, row[forces.ACTS], len(catalogue()), sum(hits.values()))
+print(whole, factor, drag, row[forces.ANY_EFFECT_ACTS], len(catalogue()), sum(hits.values()))
 """
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rock2d.engines.parabola_intersection import facet_impact, make_surface, next_impact
 from rock2d.engines.point_mass import run_point_mass, spin_radius_m, uniform
 from rock2d.laws.rebound import ReboundParameters
-from rock2d.records.columns import AT_X, AT_Y, TIME
+from rock2d.records.columns import INSTANT_X, INSTANT_Y, TIME
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import CUBE, FLOOR, SPHERE
 from tests.programs import printed
@@ -223,10 +223,10 @@ def test_without_friction_or_reduction_no_generator_is_needed_and_with_a_draw_it
 def test_ways_to_end():
     assert run([0, 0.1, 0, 0, 0, 0], FLOOR).stop == "rest"
     gone = run([0, 1, 0, 30, 0, 0], FLOOR)
-    assert (gone.stop, gone.knots[-1, AT_X]) == ("exit", pytest.approx(5, abs=1e-9))
+    assert (gone.stop, gone.knots[-1, INSTANT_X]) == ("exit", pytest.approx(5, abs=1e-9))
     late = run([0, 1, 0, 0.5, 0, 0], FLOOR, time_limit_s=0.1)
     assert (late.stop, late.end_s) == ("time", 0.1)
-    assert late.knots[-1, AT_Y] == pytest.approx(1 - 0.5 * G * 0.01, rel=1e-14)
+    assert late.knots[-1, INSTANT_Y] == pytest.approx(1 - 0.5 * G * 0.01, rel=1e-14)
 
 
 def test_bounces_too_many_to_follow_end_at_rest():
@@ -245,13 +245,13 @@ def test_a_block_does_not_come_to_rest_on_a_wall():
     slow = track.impacts[0]["vx_after_m_s"], track.impacts[0]["vy_after_m_s"]
     assert np.hypot(*slow) < 0.5 * 0.1 * np.sqrt(G * SPHERE.size_m)
     assert track.impacts[0]["zone"] == "wall"
-    assert track.knots[-1, AT_Y] == 0.0
+    assert track.knots[-1, INSTANT_Y] == 0.0
 
 
 def test_a_start_in_the_ground_is_lifted_onto_it_and_one_in_an_overhang_is_left_in_the_air():
-    assert run([-0.4, -0.1, 0, 0.5, 0.5, 0]).knots[0, AT_Y] == pytest.approx(0.3, abs=1e-12)
+    assert run([-0.4, -0.1, 0, 0.5, 0.5, 0]).knots[0, INSTANT_Y] == pytest.approx(0.3, abs=1e-12)
     under_the_nose = run([0.095, 0.01, 0, 0, 0, 0])
-    assert under_the_nose.knots[0, AT_Y] == 0.01
+    assert under_the_nose.knots[0, INSTANT_Y] == 0.01
     assert under_the_nose.impacts[0]["zone"] == "ditch"
     on_it = run([-0.4, 0.3, 0, 0.5, -1, 0])
     assert on_it.impacts[0]["t_s"] == 0.0

@@ -65,7 +65,7 @@ def test_the_engine_gives_the_reference_values_within_a_thousandth(case):
         "e": out["vy_after_m_s"] / 2,
         "time_s": out["t_after_s"] - out["t_s"],
         "penetration_m": out["penetration_m"],
-        "residual_m": SPHERE.radius_m - out["y_after_m"],
+        "residual_indentation_m": SPHERE.radius_m - out["y_after_m"],
         "peak_force_N": out["force_N"],
         "v_t_m_s": v,
         "omega_rad_s": spin,

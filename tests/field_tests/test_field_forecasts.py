@@ -11,10 +11,10 @@ from rock2d.errors import InputError
 from rock2d.field_tests import command, study
 from rock2d.field_tests.command import predict_releases, run_field_test
 from rock2d.field_tests.descents import Descents
-from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, folds, like_those
+from rock2d.field_tests.forecasts import QUANTILE_NAMES, Forecast, folds, naive_forecast
 from rock2d.field_tests.likelihood import (
-    LONGEST_M,
-    ROUNDS,
+    ROUND_POWERS,
+    UNEXPLAINED_REACH_M,
     SimulatedSoils,
     drawn_posterior,
     log_density,
@@ -28,7 +28,7 @@ from tests.field_tests.small_field import TRUE_RESTITUTION, write_field
 
 EFFORT = Effort(prior=24, refined=8, copies=1, draws=32)
 LEAST = Effort(prior=8, refined=2, copies=1, draws=8)  # for forecasts that nobody judges
-FEW_TURNS = 2  # with 32 draws a forecast has 64 distances
+FEW_SEEDS = 2  # with 32 draws a forecast has 64 distances
 FEW_SOILS = 8  # with which shapes are compared
 # If 90 % intervals hold each of these releases with probability 0.5 only, the share inside is above 0.7 in 4 of 100
 # cases.
@@ -36,10 +36,10 @@ RELEASES = 16
 
 
 def test_the_density_is_one_in_all():
-    x = np.linspace(-100.0, LONGEST_M, 60_001)
+    x = np.linspace(-100.0, UNEXPLAINED_REACH_M, 60_001)
     density = np.exp(log_density(x, np.array([60.0, 90.0, np.nan]), 5.0, 0.2))
-    even = density[0]  # what nothing explains lies between 0 and LONGEST_M
-    assert np.trapezoid(density - even, x) + even * LONGEST_M == pytest.approx(1.0, abs=1e-3)
+    even = density[0]  # what nothing explains lies between 0 and UNEXPLAINED_REACH_M
+    assert np.trapezoid(density - even, x) + even * UNEXPLAINED_REACH_M == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_block_that_is_caught_stops_anywhere_on_its_way():
@@ -92,7 +92,7 @@ def test_every_release_is_in_one_fold_and_folds_share_the_blocks():
 
 def test_the_naive_forecast_has_the_spread_of_what_it_repeats():
     measured = np.random.default_rng(2).normal(100, 8, 60)
-    spread = like_those(measured, 50).spread(np.random.default_rng(3)).ravel()
+    spread = naive_forecast(measured, 50).spread(np.random.default_rng(3)).ravel()
     middle = spread[spread > 60]
     assert np.median(middle) == pytest.approx(100, abs=2.5) and 6 < middle.std() < 12
 
@@ -119,7 +119,7 @@ def studied(field):
     scenario = load_scenario(field, field.parent)
     with pytest.MonkeyPatch.context() as own:
         own.setenv("XDG_CACHE_HOME", str(field.parent / "cache"))
-        own.setattr(study, "TURNS", FEW_TURNS)
+        own.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
         own.setattr(command, "SHAPE_SOILS", FEW_SOILS)
         tables = run_field_test(
             scenario, field.parent / "out", progress=False, effort=EFFORT, report=said.append
@@ -153,14 +153,14 @@ def test_releases_without_stops_are_predicted_the_same_each_time(field, tmp_path
     table.write_text("release,block_id,release_x_m,release_y_m\nn1,1,0,0\nn2,2,0.5,1\n")
     found = []
     simulated = []
-    monkeypatch.setattr(study, "TURNS", FEW_TURNS)
+    monkeypatch.setattr(study, "FORECAST_SEEDS", FEW_SEEDS)
     monkeypatch.setattr(study, "simulate_soils", lambda *own: simulated.append(1) or simulate_soils(*own))
     for name, cache in (("one.csv", "first"), ("two.csv", "second"), ("three.csv", "first")):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / cache))
         predict_releases(scenario, table, tmp_path / name, progress=False, effort=LEAST, report=str)
         found.append((tmp_path / name).read_text())
     assert found[0] == found[1] == found[2]
-    assert len(simulated) == 2 * (1 + len(ROUNDS))
+    assert len(simulated) == 2 * (1 + len(ROUND_POWERS))
     predicted = pd.read_csv(tmp_path / "one.csv")
     assert list(predicted.columns) == ["release", *QUANTILE_NAMES] and list(predicted["release"]) == [
         "n1",

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rock2d.diagnosis.command import run_comparison
-from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.diagnosis.levers import DEPENDENCES, FRAME, LEVER_SIZES, LEVERS
 from rock2d.diagnosis.predict import diagnosed_world, learnt_changes
 from rock2d.diagnosis.quantities import bases, quantities_of, waves
@@ -35,7 +35,7 @@ def read_by_all(folder: Path, given: dict[str, Any]) -> dict[str, Any]:
     """The content as `predict` reads it, after a scenario and a comparison have read the same file."""
     diagnosed(folder, given)
     run_comparison(folder / "d.json", folder / "d.json", folder / "out", report=lambda line: None)
-    return read_model(folder / "d.json")
+    return read_for_prediction(folder / "d.json")
 
 
 def learnt(lever: str, basis, coefficients: np.ndarray) -> dict[str, Any]:
@@ -68,7 +68,9 @@ def test_a_change_that_its_lever_cannot_follow_is_refused_with_its_place(tmp_pat
         given = learnt("law", constant, np.zeros((5, 1)))
         given["model"]["learnt"]["changes"][0] |= change
         (tmp_path / "d.json").write_text(json.dumps(given, indent=1))
-        error = refusal(read_model, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: ")
+        error = refusal(
+            read_for_prediction, tmp_path / "d.json", said=rf"model\.learnt\.changes\.0\..*{place}: "
+        )
         assert place in (tmp_path / "d.json").read_text().split("\n")[error.line - 1]
 
 
@@ -100,7 +102,7 @@ def test_a_soil_is_legal_for_all_or_for_none(tmp_path, soil):
         legal = False
     (tmp_path / "d.json").write_text(json.dumps(content(base=soil)))
     for read in (
-        lambda: read_model(tmp_path / "d.json"),
+        lambda: read_for_prediction(tmp_path / "d.json"),
         lambda: diagnosed(tmp_path, content(base=soil)),
         lambda: run_comparison(tmp_path / "d.json", tmp_path / "d.json", tmp_path / "out", report=print),
     ):

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from rock2d.diagnosis.diagnosis_file import read_model
+from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario
@@ -15,7 +15,7 @@ from tests.files.test_scenario import DROPS
 from tests.programs import refusal
 
 
-@pytest.mark.parametrize("read", [load_scenario, read_model, read_text])
+@pytest.mark.parametrize("read", [load_scenario, read_for_prediction, read_text])
 def test_pipes_devices_and_folders_are_refused_without_reading(tmp_path, read):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", "/dev/zero", tmp_path):

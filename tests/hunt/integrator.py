@@ -17,7 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rock2d.laws.contact import ContactParameters, normal_force, residual, rolling_moment, tangential_force
+from rock2d.laws.contact import (
+    ContactParameters,
+    normal_force,
+    residual_indentation,
+    rolling_moment,
+    tangential_force,
+)
 from tests.hunt.cases import GRAVITY_M_S2, Site
 from tests.hunt.own_geometry import Feature, LeftOutError, Scene, first_touch
 
@@ -49,7 +55,7 @@ class Contact:
     @property
     def bottom(self) -> float:
         """Bottom of the indentation in m."""
-        return residual(self.peak, self.law.k_l_N_m, self.law.k_ul_N_m)
+        return residual_indentation(self.peak, self.law.k_l_N_m, self.law.k_ul_N_m)
 
 
 class Motion(NamedTuple):

@@ -118,11 +118,11 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     """Fault -> (releases,) its size, 0 where there is none."""
     from rock2d.engines.energy_balance import unclosed
     from rock2d.records.columns import (
-        AT_X,
-        AT_Y,
         E_INITIAL,
         E_KINETIC,
         E_RESIDUAL,
+        INSTANT_X,
+        INSTANT_Y,
         STOP_BURIED,
         STOP_REST,
     )
@@ -137,7 +137,7 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     found["restless"] = np.where(
         stop == STOP_REST, np.maximum(energy[:, E_KINETIC] / weight - RESTLESS, 0.0), 0.0
     )
-    inside = depth_in_ground(site, ends[:, AT_X], ends[:, AT_Y])
+    inside = depth_in_ground(site, ends[:, INSTANT_X], ends[:, INSTANT_Y])
     found["inside"] = np.where(stop != STOP_BURIED, inside, 0.0)
     seen = result.samples[rows]
     way = depth_in_ground(site, seen[..., 0], seen[..., 1]).max(axis=1)

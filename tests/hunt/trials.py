@@ -67,16 +67,16 @@ def _read_experiment(folder: Path) -> None:
 
 
 def _read_diagnosis(folder: Path) -> None:
-    from rock2d.diagnosis.diagnosis_file import read_model
+    from rock2d.diagnosis.diagnosis_file import read_for_prediction
 
-    read_model(folder / "diagnosis.json")
+    read_for_prediction(folder / "diagnosis.json")
 
 
 def _use_diagnosis(folder: Path) -> None:
-    from rock2d.diagnosis.diagnosis_file import read_model
+    from rock2d.diagnosis.diagnosis_file import read_for_prediction
     from rock2d.diagnosis.predict import predict
 
-    predict(_film(), read_model(folder / "diagnosis.json"))
+    predict(_film(), read_for_prediction(folder / "diagnosis.json"))
 
 
 @cache

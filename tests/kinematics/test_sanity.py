@@ -15,11 +15,11 @@ from rock2d.effects import catalogue
 from rock2d.files.experiment import load_experiment
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
-from rock2d.kinematics.recorded_gravity import recorded_gravity
 from rock2d.kinematics.rest_heights import rest_remarks
 from rock2d.kinematics.sanity import FEWEST_IMPACTS, FEWEST_REBOUNDS, check_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.stated_shapes import shape_remarks
+from rock2d.kinematics.window_gravity import window_gravity
 from rock2d.scene.blocks import make_block
 from tests.kinematics.synthetic_films import film, without_angles, world, yielded
 
@@ -202,7 +202,7 @@ def test_gravity_is_read_from_flights_not_from_blocks_that_roll_back_down_the_fa
     sticky = film(STICKY, 12, seed=3, duration_s=0.8)
     t = sticky.trajectories
     scaled = changed(sticky, x_m=scale * t.x_m, y_m=scale * t.y_m)
-    assert recorded_gravity(scaled, load_film(scaled)) == pytest.approx([0.0, -9.81 * scale], abs=0.4)
+    assert window_gravity(scaled, load_film(scaled)) == pytest.approx([0.0, -9.81 * scale], abs=0.4)
 
 
 def test_blocks_that_only_slide_say_nothing_about_gravity(plain):
@@ -212,7 +212,7 @@ def test_blocks_that_only_slide_say_nothing_about_gravity(plain):
     noise = rng.normal(0.0, 3e-4, (2, len(t)))
     x, y = -0.5 + 0.77 * way + noise[0], 0.45 - 0.64 * way + noise[1]
     sliding = changed(plain, x_m=x, y_m=y)
-    assert recorded_gravity(sliding, load_film(sliding)) is None
+    assert window_gravity(sliding, load_film(sliding)) is None
 
 
 @pytest.mark.parametrize("scale", [0.85, 1.15])

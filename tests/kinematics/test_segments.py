@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rock2d.diagnosis.cross_validation import cross_validate
-from rock2d.diagnosis.derivatives import slopes, spread
+from rock2d.diagnosis.derivatives import jacobian_by_differences, residual_covariance
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import fit
 from rock2d.diagnosis.likelihood import chi_square
@@ -18,7 +18,7 @@ from rock2d.errors import InputError
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.segmentation import CONTACT, FLIGHT, REST, partition
 from rock2d.kinematics.setup_world import base_start, setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.scene.world import View
 from tests.kinematics.synthetic_films import data_of, film, world
 
@@ -88,8 +88,8 @@ def test_a_slide_on_a_ground_that_lies_higher_than_stated_is_no_flight():
 def test_flight_of_the_parabola_is_reversible():
     setup = world()
     state = np.array([[0.1, 0.2, 0.3, 1.0, -2.0, 30.0]])
-    there = drift(setup, np.zeros(1, int), state, np.array([0.05]))
-    assert drift(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
+    there = move_freely(setup, np.zeros(1, int), state, np.array([0.05]))
+    assert move_freely(setup, np.zeros(1, int), there, np.array([-0.05])) == pytest.approx(state, abs=1e-12)
     assert there[0, 1] == pytest.approx(0.2 - 2.0 * 0.05 - 0.5 * 9.81 * 0.05**2, abs=1e-12)
 
 
@@ -102,8 +102,8 @@ def test_true_world_leaves_only_noise():
     assert (residuals.flights[..., :2] ** 2).mean() == pytest.approx(1.0, abs=0.2)
     base = np.array([1.1e4, 7.0 / 1.1, 3e3, np.tan(np.deg2rad(32.0)), 0.03])
     model = Model(true, base)
-    slope = slopes(model, np.zeros(5), data, residuals, np.full(5, 0.05))
-    chi2 = chi_square(residuals.impacts, spread(slope, np.full(5, 1e-4))) / 6
+    slope = jacobian_by_differences(model, np.zeros(5), data, residuals, np.full(5, 0.05))
+    chi2 = chi_square(residuals.impacts, residual_covariance(slope, np.full(5, 1e-4))) / 6
     assert np.median(chi2) == pytest.approx(0.9, abs=0.35)
 
 
@@ -126,7 +126,7 @@ def test_a_step_that_leaps_is_shortened():
     experiment = film(world(), 12, seed=5)
     setup, data = data_of(experiment)
     found = fit(Model(setup, base_start(experiment)), data)
-    flat = replace(found, slope=replace(found.slope, impacts=0.1 * found.slope.impacts))
+    flat = replace(found, jacobian=replace(found.jacobian, impacts=0.1 * found.jacobian.impacts))
     lost = cross_validate(found, data).score.sum() - cross_validate(flat, data).score.sum()
     assert abs(lost) < 30.0  # 138 if it is taken whole
 

@@ -12,16 +12,16 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from rock2d.laws.contact import (
-    CAP,
-    INDENTATION,
     K_L,
     K_R,
     K_T,
     K_UL,
     MU,
+    ROLLING_CAP,
+    ROLLING_IN_INDENTATION,
     ContactParameters,
     normal_force,
-    residual,
+    residual_indentation,
     rolling_moment,
     tangential_force,
 )
@@ -38,7 +38,7 @@ class Rebound:
     omega_rad_s: float
     time_s: float
     penetration_m: float
-    residual_m: float
+    residual_indentation_m: float
     peak_force_N: float
 
 
@@ -62,7 +62,9 @@ def rebound(
         def f(_, y):
             n = force_n(y, peak)
             t = tangential_force(slip * np.inf if slip else y[STRETCH], n, p[K_T], p[MU])
-            moment = rolling_moment(y[ROTATION], n, radius_m, p[K_R], p[CAP], p[INDENTATION])
+            moment = rolling_moment(
+                y[ROTATION], n, radius_m, p[K_R], p[ROLLING_CAP], p[ROLLING_IN_INDENTATION]
+            )
             u = y[V_T] + radius_m * y[OMEGA]
             return [
                 y[RATE],
@@ -97,7 +99,7 @@ def rebound(
         return y[RATE]
 
     def lifted(_, y):
-        return y[DEPTH] - residual(deep, p[K_L], p[K_UL])
+        return y[DEPTH] - residual_indentation(deep, p[K_L], p[K_UL])
 
     deepest.terminal, deepest.direction = True, -1
     lifted.terminal, lifted.direction = True, -1
@@ -120,7 +122,13 @@ def rebound(
                 deep = peak = y[DEPTH]
             else:
                 return Rebound(
-                    -y[RATE], y[V_T], y[OMEGA], time, deep, residual(deep, p[K_L], p[K_UL]), p[K_L] * deep
+                    -y[RATE],
+                    y[V_T],
+                    y[OMEGA],
+                    time,
+                    deep,
+                    residual_indentation(deep, p[K_L], p[K_UL]),
+                    p[K_L] * deep,
                 )
         else:
             assert len(out.t_events[1]), "the contact neither turned nor changed its regime"

@@ -17,7 +17,7 @@ from rock2d.laws.contact import (
     elastic_energy,
     normal_force,
     plastic_work,
-    residual,
+    residual_indentation,
     rolling_energy,
     rolling_moment,
     tangential_force,
@@ -41,7 +41,7 @@ def law(phi=30.0, k_r=0.0, **others):
 # name, (φ, k_r), (v_t, ω), gravity, expected; to the digits printed in the reference table
 REFERENCE = {
     "normal only": ((0, 0), (0, 0), 0, {"e": 0.40825, "time_s": 3.2811e-3, "penetration_m": 2.9665e-3,
-                    "residual_m": 2.472e-3, "peak_force_N": 29.66}),
+                    "residual_indentation_m": 2.472e-3, "peak_force_N": 29.66}),
     "sticking": ((90, 0), (1, 0), 0, {"v_t_m_s": 0.57770, "omega_rad_s": -84.459, "u": -0.47804}),
     "v_t 1, 30 deg": ((30, 0), (1, 0), 0, {"v_t_m_s": 0.5879, "omega_rad_s": -82.42}),
     "v_t 10, 30 deg": ((30, 0), (10, 0), 0, {"v_t_m_s": 8.37389, "omega_rad_s": -325.22}),
@@ -68,7 +68,9 @@ def test_restitution_time_and_depth_follow_the_closed_forms_at_any_speed_and_mas
     assert out.v_n_m_s / v == pytest.approx(closed_forms.restitution(p), rel=1e-7)
     assert out.time_s == pytest.approx(closed_forms.contact_time_s(p, mass), rel=1e-7)
     assert out.penetration_m == pytest.approx(closed_forms.penetration_m(p, mass, v), rel=1e-7)
-    assert out.residual_m == pytest.approx(closed_forms.residual_m(p, mass, v), rel=1e-7, abs=1e-15)
+    assert out.residual_indentation_m == pytest.approx(
+        closed_forms.residual_indentation_m(p, mass, v), rel=1e-7, abs=1e-15
+    )
     assert out.peak_force_N == pytest.approx(closed_forms.peak_force_N(p, mass, v), rel=1e-7)
     lost = 0.5 * mass * (v**2 - out.v_n_m_s**2)
     assert lost == pytest.approx(closed_forms.normal_loss_J(p, mass, v), rel=1e-6, abs=1e-7 * mass * v * v)
@@ -114,7 +116,7 @@ def test_work_done_into_the_ground_is_what_it_stores_and_what_plasticity_took(pa
     k_ul, peak, work = k_l * k, 0.0, 0.0
     for start, end in pairwise([0.0, *path]):
         # between these depths the force is linear, so that trapezia are exact
-        events = np.clip([0.0, residual(peak, k_l, k_ul), peak], min(start, end), max(start, end))
+        events = np.clip([0.0, residual_indentation(peak, k_l, k_ul), peak], min(start, end), max(start, end))
         legs = [start, *(events if end > start else events[::-1]), end]
         for a, b in pairwise(legs):
             f0 = normal_force(a, peak, k_l, k_ul)
@@ -134,7 +136,7 @@ def test_work_done_into_the_ground_is_what_it_stores_and_what_plasticity_took(pa
 def test_unloading_starts_at_the_virgin_line_and_ends_at_the_residual_depth(k_l, k, peak, share):
     k_ul = k_l * k
     assert normal_force(peak, peak, k_l, k_ul) == k_l * peak
-    left = residual(peak, k_l, k_ul)
+    left = residual_indentation(peak, k_l, k_ul)
     assert normal_force(left, peak, k_l, k_ul) == pytest.approx(0.0, abs=1e-9 * k_ul * peak)
     depth = left + share * (peak - left)
     assert normal_force(depth, peak, k_l, k_ul) == pytest.approx(

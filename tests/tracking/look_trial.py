@@ -86,7 +86,7 @@ def tracked(look: RealLook, film: list[RealFrame]) -> Outcome:
     """Track a film and compare it with the truth."""
     with tempfile.TemporaryDirectory() as folder:
         setup = setup_of(look, Path(folder))
-    followed = follow([f.image for f in film], setup, SIZE_PX, promised=len(film))
+    followed = follow([f.image for f in film], setup, SIZE_PX, expected_frames=len(film))
     looks = followed.looks["block"]
     misses, ratios, found = [], [], set()
     for release in without_jumps(followed.releases, look.fall_px):

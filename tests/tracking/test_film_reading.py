@@ -58,7 +58,7 @@ def test_a_coloured_film_keeps_its_colours(tmp_path):
 def test_frames_that_follow_one_another_need_no_remark(tmp_path):
     film = FilmFile(written(tmp_path / "a.mp4", grey(12), [round(k * 1000 / 30) for k in range(12)]))
     frames = film.frames()
-    assert sum(1 for _ in frames) == 12 == film.promised
+    assert sum(1 for _ in frames) == 12 == film.expected_frames
     assert frames.stamps().remark == ""
     np.testing.assert_array_equal(frames.stamps().numbers, np.arange(12))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from rock2d_tracking.looks import best_view, learned_picture, matched
+from rock2d_tracking.looks import best_channel_mix, learned_picture, matched
 
 
 def scene(colour: tuple[int, int, int], place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -17,18 +17,18 @@ def scene(colour: tuple[int, int, int], place: tuple[float, float]) -> tuple[np.
 
 def test_a_block_as_bright_as_the_wall_is_seen_by_its_colour():
     frame, wall = scene((20, 84, 128), (70, 50))  # the grey of the wall, to one level
-    view = best_view([(frame, np.array([70.0, 50.0]))], wall, 12.0)
+    mix = best_channel_mix([(frame, np.array([70.0, 50.0]))], wall, 12.0)
     grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(float)
     assert abs(grey[50, 70] - grey[5, 5]) < 5
-    seen = view(frame).astype(float)
+    seen = mix(frame).astype(float)
     assert abs(seen[50, 70] - seen[5, 5]) > 30
 
 
 def test_without_colour_the_view_is_the_usual_grey():
     frame, wall = scene((200, 200, 200), (70, 50))
-    view = best_view([(frame, np.array([70.0, 50.0]))], wall, 12.0)
-    assert view.weights_bgr is None
-    np.testing.assert_array_equal(view(frame), cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
+    mix = best_channel_mix([(frame, np.array([70.0, 50.0]))], wall, 12.0)
+    assert mix.weights_bgr is None
+    np.testing.assert_array_equal(mix(frame), cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (3.0, -2.0)])

@@ -16,21 +16,21 @@ from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder, check_file, check_folder
 from rock2d.progress import Bars
 from rock2d_tracking.camera import PixelMap
-from rock2d_tracking.explanation import Seen
+from rock2d_tracking.explanation import TrackingAttempt
 from rock2d_tracking.film_reading import FilmFile, Frames
 from rock2d_tracking.following import Followed, follow, looks_in
-from rock2d_tracking.looks import View
+from rock2d_tracking.looks import ChannelMix
 from rock2d_tracking.setup_file import Setup
 from rock2d_tracking.sights import FollowedRelease
 
 if TYPE_CHECKING:
-    from rock2d.kinematics.film_statement import FilmStatement
+    from rock2d.kinematics.film_findings import FilmFindings
     from rock2d_tracking.importing import ImportOptions, TrackedFiles
 
 Array = np.ndarray
 Report = Callable[[str], None]
 
-GREY_VIEW = View()
+GREY = ChannelMix()
 SIZE_WORTH_A_REMARK = 0.01  # share by which a block is seen larger or smaller than stated
 VIEW_MARGIN = 0.08  # share of the picture that stays free on each side of the motion
 FILM_REST_FRAMES = 60  # empty frames before each release of a synthetic film
@@ -78,7 +78,7 @@ class ShownFrames(Frames):
     def __init__(self, film: FilmFile, last: int | None, bars: Bars, passes: Sequence[str]) -> None:
         super().__init__(film, last)
         self._bars, self._passes = bars, iter(passes)
-        self._length = min(film.promised, last or film.promised)
+        self._length = min(film.expected_frames, last or film.expected_frames)
 
     def __iter__(self) -> Iterator[Array]:
         with self._bars.stage(next(self._passes, "reading again"), self._length, "frames") as bar:
@@ -106,7 +106,7 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
         try:
             write_first_setup(first, film, motion, *config)
         except InputError as error:
-            raise _explained(error, out, Seen(frames, motion, None, None)) from None
+            raise _explained(error, out, TrackingAttempt(frames, motion, None, None)) from None
         looks = looks_in(frames, Setup(first), film.size_px, motion)
         write_first_setup(first, film, motion, *config, looks["ball"].size)
         _track(film, frames, Setup(first), out, settings)
@@ -114,7 +114,7 @@ def track(video: Path, config: Path | FirstScale, out: Path, settings: TrackSett
 
 
 def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: TrackSettings) -> None:
-    from rock2d.kinematics.film_statement import film_statement, write_statement
+    from rock2d.kinematics.film_findings import film_findings, write_film_findings
     from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.explanation import write_explanation
     from rock2d_tracking.overlay import Overlay
@@ -124,15 +124,15 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
 
     with atomic_folder(out) as folder:
         still: list[Array] = []
-        with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.promised)) as overlay:
+        with closing(Overlay(folder / "overlay.webm", setup, film.size_px, film.expected_frames)) as overlay:
 
             def on_progress(number: int, frame: Array, release: FollowedRelease | None) -> None:
                 if not still:
-                    still.append(GREY_VIEW(frame))
+                    still.append(GREY(frame))
                 overlay.draw(number, frame, release)
 
-            followed = follow(frames, setup, film.size_px, on_progress, film.promised)
-        seen = Seen(frames, followed.motion, followed, setup)
+            followed = follow(frames, setup, film.size_px, on_progress, film.expected_frames)
+        seen = TrackingAttempt(frames, followed.motion, followed, setup)
         stamps = frames.stamps()
         for sight in (s for release in followed.releases for s in release.sights):
             sight.frame = int(stamps.numbers[sight.frame])
@@ -148,8 +148,8 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
             raise _explained(error, out, seen) from None
         flights, impacts, data = flights_and_impacts(film_of(found.experiment, setup), found.experiment)
         write_experiment_files(folder, found.experiment)
-        said = film_statement(data, setup_world(found.experiment), found.experiment.fps)
-        write_statement(folder, said)
+        said = film_findings(data, setup_world(found.experiment), found.experiment.fps)
+        write_film_findings(folder, said)
         for name, table in (("frames", found.frames), ("flights", flights), ("measured_impacts", impacts)):
             table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n", float_format="%.9g")
         write_page(folder / "tracking.html", found, flights, impacts, data, still[0])
@@ -165,13 +165,13 @@ def _track(film: FilmFile, frames: Frames, setup: Setup, out: Path, settings: Tr
             (folder / "setup.yaml").write_bytes(setup.path.read_bytes())
     report = settings.report
     report(counts)
-    _report_statement(said, report)
+    _report_findings(said, report)
     for remark in found.remarks:
         report(f"note: {remark}")
     report(f"written: {out}")
 
 
-def _report_statement(said: FilmStatement, report: Report) -> None:
+def _report_findings(said: FilmFindings, report: Report) -> None:
     for line in said.sentences():
         report(f"film: {line}")
 
@@ -193,7 +193,7 @@ def _remarks_on_looks(followed: Followed) -> list[str]:
     return remarks
 
 
-def _explained(error: InputError, out: Path, seen: Seen) -> InputError:
+def _explained(error: InputError, out: Path, seen: TrackingAttempt) -> InputError:
     """The error, with a word on the folder in which what was seen of the film is now explained."""
     from rock2d_tracking.explanation import keys_to_try, write_explanation
 
@@ -270,8 +270,8 @@ def import_files(
 
     `block`: name of the block; without it that of the first release. Raises `InputError` for input that cannot be used.
     """
+    from rock2d.kinematics.film_findings import film_findings, write_film_findings
     from rock2d.kinematics.film_segments import FilmSegments
-    from rock2d.kinematics.film_statement import film_statement, write_statement
     from rock2d.kinematics.setup_world import setup_world
     from rock2d_tracking.importing import CameraScale, import_tracks
     from rock2d_tracking.tracked_film import film_of, with_measured_noise
@@ -292,12 +292,12 @@ def import_files(
     found = with_measured_noise(film_of(stated, setup), stated)
     _check_sanity(found, setup)
     world = setup_world(found)
-    said = film_statement(FilmSegments.of(film_of(found, setup), world), world, found.fps)
+    said = film_findings(FilmSegments.of(film_of(found, setup), world), world, found.fps)
     with atomic_folder(out) as folder:
         write_experiment_files(folder, found)
-        write_statement(folder, said)
+        write_film_findings(folder, said)
     report(f"{counted(table['release'].nunique(), 'release')}, {counted(len(table), 'frame')}")
-    _report_statement(said, report)
+    _report_findings(said, report)
     report(f"written: {out}")
 
 

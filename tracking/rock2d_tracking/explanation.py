@@ -25,7 +25,7 @@ GRAVITY_AGREES = 0.1
 FEWEST_CURVED = 8  # frames of an arc whose curvature is worth a word
 
 
-class Seen(NamedTuple):
+class TrackingAttempt(NamedTuple):
     """What was seen of a film: its frames, what moves in it, and what was followed with which set-up file, if any."""
 
     frames: Iterable[Array]
@@ -34,7 +34,7 @@ class Seen(NamedTuple):
     setup: Setup | None
 
 
-def write_explanation(folder: Path, seen: Seen, said: str) -> None:
+def write_explanation(folder: Path, seen: TrackingAttempt, said: str) -> None:
     """Write `candidates.webm`, `candidates.png` and `explanation.txt` into a folder; `said`: how tracking ended."""
     _draw(folder, seen.frames, seen.motion)
     lines = [said, "", *_counts(seen), "", "Keys to try next:"]
@@ -42,7 +42,7 @@ def write_explanation(folder: Path, seen: Seen, said: str) -> None:
     write_whole(folder / "explanation.txt", "\n".join(lines) + "\n")
 
 
-def _counts(seen: Seen) -> list[str]:
+def _counts(seen: TrackingAttempt) -> list[str]:
     _, motion, followed, setup = seen
     number = [len(c) for c in motion.candidates]
     falls, other = sum(a.falls for a in motion.arcs), sum(a.other for a in motion.arcs)
@@ -71,7 +71,7 @@ def _counts(seen: Seen) -> list[str]:
     return lines
 
 
-def keys_to_try(seen: Seen) -> list[str]:
+def keys_to_try(seen: TrackingAttempt) -> list[str]:
     """Three keys of the set-up file, the likeliest to help first, each with what the film says of it."""
     _, motion, _, setup = seen
     found: list[str] = []

@@ -35,7 +35,7 @@ class FilmFile:
     Attributes
     ----------
     size_px : (width, height)
-    promised : number of frames that the container states, 0 if it states none
+    expected_frames : number of frames that the container states, 0 if it states none
     played_fps, tick_s : frame rate at which it is played, and resolution of its time stamps
     colourless : whether all colours of its first frame are grey
     """
@@ -56,7 +56,7 @@ class FilmFile:
             )
             if not lasts_s and container.duration:
                 lasts_s = container.duration / 1e6
-            self.promised = stream.frames or round(lasts_s * rate)
+            self.expected_frames = stream.frames or round(lasts_s * rate)
             self.played_fps, self.tick_s = rate, float(stream.time_base or 0.0)
         if first is None:
             raise InputError("this video holds no frame that can be read", self.path)
@@ -141,9 +141,9 @@ class Frames:
                 yield _picture(frame, self._film.colourless)
         if count == 0:
             raise InputError("this video holds no frame that can be read", self._film.path)
-        if self._last is None and count < (1.0 - UNREADABLE_SHARE) * self._film.promised - 1:
+        if self._last is None and count < (1.0 - UNREADABLE_SHARE) * self._film.expected_frames - 1:
             raise InputError(
-                f"the video ends early: {count} of the {self._film.promised} frames that it states can be read; "
+                f"the video ends early: {count} of the {self._film.expected_frames} frames that it states can be read; "
                 f"write --frames {count} to track these",
                 self._film.path,
             )

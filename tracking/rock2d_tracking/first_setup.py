@@ -40,7 +40,7 @@ detection: {{marks: false}}  # true if the block carries marks from which its tu
 def first_motion(film: FilmFile, frames: Frames, metres_per_pixel: float, fps: float) -> Motion:
     """What moves in the frames of a film whose blocks are not known."""
     fall = GRAVITY_M_S2 / metres_per_pixel / fps**2
-    return motion_of(frames, film.promised, [], fall, fps)
+    return motion_of(frames, film.expected_frames, [], fall, fps)
 
 
 def write_first_setup(

@@ -13,8 +13,14 @@ import numpy as np
 from rock2d_tracking.background import Background
 from rock2d_tracking.camera import PixelMap
 from rock2d_tracking.fitting import TRUSTED_OVER_SEEN, Fitter, above_ground
-from rock2d_tracking.learning import FEWEST_SHOTS, SEEN_TO_START, Shots, learned_looks, shots_of
-from rock2d_tracking.looks import SLOW_ERROR_FACTOR, Looks, View, best_view, plain_looks
+from rock2d_tracking.learning import (
+    FEWEST_BLOCK_FRAMES,
+    SEEN_TO_START,
+    BlockFrames,
+    frames_with_blocks,
+    learned_looks,
+)
+from rock2d_tracking.looks import SLOW_ERROR_FACTOR, ChannelMix, Looks, best_channel_mix, plain_looks
 from rock2d_tracking.marks import Marks
 from rock2d_tracking.motion import Chain, Motion, motion_of
 from rock2d_tracking.outline import Outline, outline_of
@@ -40,31 +46,31 @@ def follow(
     setup: Setup,
     size_px: tuple[int, int],
     on_progress: Callable[[int, Array, FollowedRelease | None], None] = lambda number, frame, release: None,
-    promised: int = 0,
+    expected_frames: int = 0,
 ) -> Followed:
     """Every release of a film, in the order filmed.
 
     film : (height, width) or (height, width, 3) uint8; it is read two or three times, from the start
-    promised : about how many frames there are, 0 if nobody knows
+    expected_frames : about how many there are, 0 if nobody knows
     on_progress : called for every frame with its number, its picture and the release that is being followed, if any
     """
-    motion = motion_in(film, setup, size_px, promised)
+    motion = motion_in(film, setup, size_px, expected_frames)
     if not motion.candidates:
         return Followed([], motion, {})
-    follower, view = _prepared(film, setup, size_px, motion)
+    follower, mix = _prepared(film, setup, size_px, motion)
     for number, frame in enumerate(film):
-        follower.read_frame(number, view(frame))
+        follower.read_frame(number, mix(frame))
         on_progress(number, frame, follower.release)
     follower.end_release()
     return Followed(follower.releases, motion, follower.looks, follower.rejected)
 
 
-def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], promised: int) -> Motion:
+def motion_in(film: Iterable[Array], setup: Setup, size_px: tuple[int, int], expected_frames: int) -> Motion:
     """What moves in a film of which a set-up file is known."""
     camera, fps = setup.pixel_map(size_px), setup.keys.camera.fps
     outlines = [outline_of(b, setup.metres_per_pixel, camera.up) for b in setup.blocks.values()]
     radii = [float(np.sqrt(o.area_px2 / np.pi)) for o in outlines]
-    return motion_of(film, promised, radii, setup.fall_px(size_px), fps)
+    return motion_of(film, expected_frames, radii, setup.fall_px(size_px), fps)
 
 
 def looks_in(
@@ -76,18 +82,18 @@ def looks_in(
 
 def _prepared(
     film: Iterable[Array], setup: Setup, size_px: tuple[int, int], motion: Motion
-) -> tuple[_Follower, View]:
+) -> tuple[_Follower, ChannelMix]:
     """A follower that knows background and looks, and how it wants to see frames."""
     named = setup.keys.detection.background_frames
     samples = list(islice(film, named[0], named[1] + 1)) if named else motion.samples
     samples = samples or motion.samples
-    shots = shots_of(film, motion)
+    block_frames = frames_with_blocks(film, motion)
     still = np.median(np.stack(samples), axis=0).astype(np.uint8)
     radius = float(np.median([np.sqrt(c.area_px2 / np.pi) for c in motion.chains])) if motion.chains else 1.0
-    view = best_view([(picture, place) for _, picture, place in shots], still, radius)
-    follower = _Follower(setup, size_px, Background([view(s) for s in samples]), motion)
-    follower.learn_looks([(number, view(picture), place) for number, picture, place in shots])
-    return follower, view
+    mix = best_channel_mix([(picture, place) for _, picture, place in block_frames], still, radius)
+    follower = _Follower(setup, size_px, Background([mix(s) for s in samples]), motion)
+    follower.learn_looks([(number, mix(picture), place) for number, picture, place in block_frames])
+    return follower, mix
 
 
 @dataclass
@@ -131,11 +137,11 @@ class _Follower:
 
     # --- what the blocks look like ---
 
-    def learn_looks(self, shots: Shots) -> None:
+    def learn_looks(self, block_frames: BlockFrames) -> None:
         """Size and kind of fit of each block, from frames in which its arc says where it is."""
         for name in self.looks:
-            own = [s for s in shots if self._block_of_chain(s[0]) == name]
-            if len(own) >= FEWEST_SHOTS:
+            own = [s for s in block_frames if self._block_of_chain(s[0]) == name]
+            if len(own) >= FEWEST_BLOCK_FRAMES:
                 self.looks[name] = learned_looks(self.fitter, self.looks[name], own, self.motion)
         self.fitter.forget_contrast()
 

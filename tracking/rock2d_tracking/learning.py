@@ -15,9 +15,9 @@ from rock2d_tracking.motion import Motion
 from rock2d_tracking.sights import Sight
 
 Array = np.ndarray
-Shots = list[tuple[int, Array, Array]]  # number, picture, and place (2,) in px of frames with a block
+BlockFrames = list[tuple[int, Array, Array]]  # number, picture, and place (2,) in px of frames with a block
 
-FEWEST_SHOTS, MOST_SHOTS = 4, 24  # frames from which the looks of a block are learned
+FEWEST_BLOCK_FRAMES, MOST_BLOCK_FRAMES = 4, 24  # frames from which the looks of a block are learned
 LEAST_OUTLINES, LEAST_EDGES = 0.6, 0.5  # share of them in which a kind of fit must work
 LARGEST_BIAS_PX = 0.15  # between the places by outline and by edge
 FEWEST_PAIRS_ON_ARC, SCATTER_GAIN = 6, 0.9  # pairs on an arc; ratio of scatter by edge to that by outline
@@ -32,7 +32,7 @@ UNKNOWN_CENTRE = 0.2  # 1 sigma of the centre of a picture without an edge, over
 CENTRE_STEP_PX = 0.25  # spacing of the places that are tried
 
 
-def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
+def frames_with_blocks(film: Iterable[Array], motion: Motion) -> BlockFrames:
     """Frames in which a block is on its arc: number, picture, and place (2,) in px."""
     if not motion.chains:
         return []
@@ -40,7 +40,7 @@ def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
     wanted: set[int] = set()
     for chain in motion.chains:
         own = np.concatenate([a.frames for a in chain.arcs])
-        count = min(len(own), max(FEWEST_SHOTS, MOST_SHOTS // len(motion.chains)))
+        count = min(len(own), max(FEWEST_BLOCK_FRAMES, MOST_BLOCK_FRAMES // len(motion.chains)))
         wanted |= set(own[np.linspace(0, len(own) - 1, count).round().astype(int)].tolist())
     found = []
     for number, frame in enumerate(islice(film, max(wanted) + 1)):
@@ -51,23 +51,23 @@ def shots_of(film: Iterable[Array], motion: Motion) -> Shots:
     return found
 
 
-def learned_looks(fitter: Fitter, looks: Looks, shots: Shots, motion: Motion) -> Looks:
-    """The looks of a block in its shots: size, and the kind of fit that works; `looks`: those that are stated."""
-    sized, turns = _sized(fitter, looks, shots)
-    by_outline = _sights(fitter, looks, shots, turns)
+def learned_looks(fitter: Fitter, looks: Looks, block_frames: BlockFrames, motion: Motion) -> Looks:
+    """The looks of a block in its frames: size, and the kind of fit that works; `looks`: those that are stated."""
+    sized, turns = _sized(fitter, looks, block_frames)
+    by_outline = _sights(fitter, looks, block_frames, turns)
     trusted = TRUSTED_OVER_SEEN * fitter.least_seen
     if abs(sized.size - 1.0) < LEAST_SIZE_CHANGE and _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         looks = replace(looks, size=sized.size, size_error=sized.size_error)
     elif sized is not looks:
-        looks, by_outline = sized, _sights(fitter, sized, shots, turns)
-    by_edge = _sights(fitter, replace(looks, kind="edge"), shots, turns)
+        looks, by_outline = sized, _sights(fitter, sized, block_frames, turns)
+    by_edge = _sights(fitter, replace(looks, kind="edge"), block_frames, turns)
     if _share_seen(by_outline, trusted) >= LEAST_OUTLINES:
         better, apart = _better(by_edge, by_outline, motion)
         return replace(looks, kind="edge") if better else replace(looks, bias_px=apart or 0.0)
     if _share_seen(by_edge) >= LEAST_EDGES:
         return replace(looks, kind="edge")
     still = fitter.background.grey
-    pairs = [(image, place) for _, image, place in shots]
+    pairs = [(image, place) for _, image, place in block_frames]
     picture = learned_picture(pairs, still, looks.outline.reach_px)
     if picture is None:
         return replace(looks, kind="edge")
@@ -116,10 +116,10 @@ def _centre_of_picture(
     return (float(places[0, 0]), float(places[0, 1])), float(np.hypot(np.sqrt(squares.max()), CENTRE_STEP_PX))
 
 
-def _sights(fitter: Fitter, looks: Looks, shots: Shots, turns: list[Array]) -> list[Sight]:
+def _sights(fitter: Fitter, looks: Looks, block_frames: BlockFrames, turns: list[Array]) -> list[Sight]:
     return [
         fitter.fit_anywhere_turned(number, image, looks, place, turns=own)
-        for (number, image, place), own in zip(shots, turns, strict=True)
+        for (number, image, place), own in zip(block_frames, turns, strict=True)
     ]
 
 
@@ -138,7 +138,7 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
         for a, b in zip(by_outline, by_edge, strict=True)
         if not a.reason and not b.reason and b.confidence >= SEEN_TO_START
     ]
-    if len(pairs) < FEWEST_SHOTS:
+    if len(pairs) < FEWEST_BLOCK_FRAMES:
         return False, None
     table = np.array(pairs)
     apart = float(np.median(np.hypot(*(table[:, 1:3] - table[:, 3:]).T)))
@@ -157,15 +157,15 @@ def _better(by_edge: list[Sight], by_outline: list[Sight], motion: Motion) -> tu
     return bool(count and squares[2:].sum() < SCATTER_GAIN**2 * squares[:2].sum()), apart
 
 
-def _sized(fitter: Fitter, looks: Looks, shots: Shots) -> tuple[Looks, list[Array]]:
+def _sized(fitter: Fitter, looks: Looks, block_frames: BlockFrames) -> tuple[Looks, list[Array]]:
     """The looks in the size that the edge shows, as they are if the edge is not seen well enough; and the angles from
     which to fit each shot, one where its edge was found."""
     size, outline = 1.0, looks.outline
-    turns = [start_angles(outline) for _ in shots]
+    turns = [start_angles(outline) for _ in block_frames]
     for _ in range(SIZE_ROUNDS):
         trial = replace(looks, outline=outline.scaled(size), edge=edge_points(outline.scaled(size)))
         sizes = []
-        for k, (_, image, place) in enumerate(shots):
+        for k, (_, image, place) in enumerate(block_frames):
             best: EdgeFit | None = None
             for turn in turns[k]:
                 found = fitter.edge_fit(image, trial, np.array([*place, turn]), free_size=True)
@@ -176,7 +176,7 @@ def _sized(fitter: Fitter, looks: Looks, shots: Shots) -> tuple[Looks, list[Arra
             if best is not None and best.seen > SEEN_FOR_SIZE:
                 sizes.append(best.size)
                 turns[k] = best.pose[2:] if np.isfinite(best.pose[2]) else turns[k]
-        if len(sizes) < FEWEST_SHOTS:
+        if len(sizes) < FEWEST_BLOCK_FRAMES:
             return looks, turns
         change = float(np.median(sizes))
         spread = float(1.4826 * np.median(np.abs(np.array(sizes) - change)))

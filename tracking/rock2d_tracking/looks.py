@@ -27,7 +27,7 @@ Kind = Literal["outline", "edge", "picture"]
 
 
 @dataclass(frozen=True)
-class View:
+class ChannelMix:
     """How a frame becomes one value a pixel: as it is, in grey, or along the colour that tells the block best.
 
     Attributes
@@ -80,23 +80,24 @@ def plain_looks(outline: Outline) -> Looks:
     return Looks("outline", outline, edge_points(outline))
 
 
-def best_view(shots: list[tuple[Array, Array]], still: Array, radius_px: float) -> View:
-    """The view in which blocks stand out best; `shots`: pictures and where a block is in each, `still`: without it."""
-    if still.ndim == 2 or not shots:
-        return View()
+def best_channel_mix(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> ChannelMix:
+    """The mix of channels in which blocks stand out best; `block_frames`: pictures and where a block is in each,
+    `still`: without it."""
+    if still.ndim == 2 or not block_frames:
+        return ChannelMix()
     steps = []
-    for picture, place in shots:
+    for picture, place in block_frames:
         core = _ring(still.shape[:2], place, 0.0, CORE_RADII * radius_px)
         if core[0].size:
             steps.append((picture[core].astype(float) - still[core]).mean(axis=0))
     if not steps:
-        return View()
+        return ChannelMix()
     step = np.median(steps, axis=0)
     size = float(np.hypot.reduce(step))
     by_grey = abs(float(step @ GREY_BGR)) / float(np.hypot.reduce(GREY_BGR))
     if size < COLOUR_GAIN * by_grey or size == 0.0:
-        return View()
-    return View(step / np.abs(step).sum())
+        return ChannelMix()
+    return ChannelMix(step / np.abs(step).sum())
 
 
 def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float) -> tuple[Array, Array]:
@@ -109,14 +110,14 @@ def _ring(shape: tuple[int, int], place: Array, inner_px: float, outer_px: float
     return v[within], u[within]
 
 
-def learned_picture(shots: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
+def learned_picture(block_frames: list[tuple[Array, Array]], still: Array, radius_px: float) -> Array | None:
     """Usual difference from the background around a block (2 h + 1 pixels wide); None without a shot inside it."""
     import cv2
 
     half = int(np.ceil(TEMPLATE_RADII * radius_px)) + 1
     size = (2 * half + 1, 2 * half + 1)
     found = []
-    for picture, place in shots:
+    for picture, place in block_frames:
         u, v = place
         if not (half <= u < still.shape[1] - half - 1 and half <= v < still.shape[0] - half - 1):
             continue

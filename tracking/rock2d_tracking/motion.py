@@ -29,7 +29,10 @@ COARSE_RADIUS_PX = 5.0  # radius that a block of known size keeps in it, at leas
 CHUNK_BYTES = 400_000_000  # coarse pictures that share a background
 FULL_SAMPLES = 25  # pictures of full size that are kept for the background of the fits
 SHADOW_WEIGHT = 0.2  # weight of frames in which a chain looks like a shadow
-CASTER_PX, CASTER_SHARE = 3.0, 0.08  # change of the distance from a block to its shadow, and share of its way
+SHADOW_CHANGE_PX, SHADOW_CHANGE_SHARE = (
+    3.0,
+    0.08,
+)  # change of the distance from a block to its shadow, and share of its way
 LONGEST_LINK_S, LONGEST_LINK_FRAMES = 0.25, 4  # between two arcs of one release
 FEWEST_CHAIN_FRAMES = 6
 
@@ -108,24 +111,24 @@ class Motion:
 
 
 def motion_of(
-    frames: Iterable[Array], promised: int, radii_px: list[float], fall_px: float, fps: float
+    frames: Iterable[Array], expected_frames: int, radii_px: list[float], fall_px: float, fps: float
 ) -> Motion:
     """Read a film once and find what moves in it.
 
     frames : (height, width) or (height, width, 3) uint8
-    promised : about how many there are, 0 if nobody knows
+    expected_frames : about how many there are, 0 if nobody knows
     radii_px : radii of the blocks, [] if they are not known
     fall_px : acceleration of gravity along v in px per frame squared; 0 if it is not known
     """
     found, chunk = Motion(), []
-    stride, number = max(1, promised // FULL_SAMPLES), 0
+    stride, number = max(1, expected_frames // FULL_SAMPLES), 0
     coarse = 1
     for number, frame in enumerate(frames):
         if number == 0:
             coarse = _coarseness(frame.shape[1], radii_px)
         if number % stride == 0:
             found.samples.append(frame)
-            if len(found.samples) > 2 * FULL_SAMPLES:  # the film is longer than promised
+            if len(found.samples) > 2 * FULL_SAMPLES:  # the film is longer than expected
                 found.samples, stride = found.samples[::2], 2 * stride
         chunk.append(shrunk(frame, coarse))
         if chunk[-1].nbytes * len(chunk) > CHUNK_BYTES:
@@ -170,7 +173,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     if radii_px:
         low, high = np.pi * min(radii_px) ** 2 * 0.3, np.pi * max(radii_px) ** 2 * 2.5
         kept = [c for c in kept if low < c.area_px2 < high]
-    kept = [_caster(c, arcs) or c for c in kept]
+    kept = [_shadow_caster(c, arcs) or c for c in kept]
     # where two chains overlap in time, the block is the one that falls longer, stands out more, and has a block's size
     kept.sort(key=lambda c: -_weight(c, radii_px))
     chosen: list[Chain] = []
@@ -180,7 +183,7 @@ def find_chains(arcs: list[Arc], fps: float, radii_px: list[float]) -> list[Chai
     return sorted(chosen, key=lambda c: c.first)
 
 
-def _caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
+def _shadow_caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
     """What casts a chain that looks like a shadow: arcs that keep their distance from it and are no shadow."""
     if np.average([a.shadow_share for a in chain.arcs], weights=[len(a.frames) for a in chain.arcs]) < 0.5:
         return None
@@ -192,7 +195,7 @@ def _caster(chain: Chain, arcs: list[Arc]) -> Chain | None:
         shadow = np.array([chain.at(f) for f in both])
         way = float(np.hypot(*np.ptp(shadow, axis=0)))
         apart = np.std(arc.at(np.array(both)) - shadow, axis=0).max()
-        if apart < max(CASTER_PX, CASTER_SHARE * way) and all(
+        if apart < max(SHADOW_CHANGE_PX, SHADOW_CHANGE_SHARE * way) and all(
             arc.last < a.first or arc.first > a.last for a in found
         ):
             found.append(arc)

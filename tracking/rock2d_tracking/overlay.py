@@ -23,10 +23,10 @@ OUTLINE_POINTS = 48
 class Overlay:
     """Writes a WebM frame by frame, until `close`."""
 
-    def __init__(self, path: Path, setup: Setup, size_px: tuple[int, int], promised: int) -> None:
+    def __init__(self, path: Path, setup: Setup, size_px: tuple[int, int], expected_frames: int) -> None:
         self._scale = min(1.0, OVERLAY_WIDTH_PX / size_px[0])
         self._size = (int(size_px[0] * self._scale) // 2 * 2, int(size_px[1] * self._scale) // 2 * 2)
-        self._stride = max(1, -(-promised // OVERLAY_FRAMES))
+        self._stride = max(1, -(-expected_frames // OVERLAY_FRAMES))
         self._writer = VideoWriter(path, OVERLAY_FPS, self._size)
         up = setup.pixel_map(size_px).up
         self._shapes = {

@@ -11,8 +11,8 @@ import pandas as pd
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, blank_axes, page
+from rock2d.kinematics.film_findings import film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.film_statement import film_statement
 from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d_tracking.tracked_film import TrackedFilm
@@ -46,7 +46,7 @@ def write_page(
          "that the tracker prefers some places.", _bias(film, data)),
         ("Trust", "Confidence of every frame, release after release; lost frames have 0.", _trust(frames)),
     ]  # fmt: skip
-    said = film_statement(data, setup_world(film.experiment), film.experiment.fps).sentences()
+    said = film_findings(data, setup_world(film.experiment), film.experiment.fps).sentences()
     rows = list(_summary(film, flights, impacts).items())
     sections = [
         Section(items=film.remarks),

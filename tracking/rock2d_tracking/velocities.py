@@ -15,7 +15,7 @@ from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
 from rock2d.kinematics.flights import Film, clearances
 from rock2d.kinematics.setup_world import setup_world
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, STATE_NAMES, VX, VY
 from rock2d.scene.world import World
 
@@ -78,8 +78,8 @@ def _impacts(
     film, flights, impacts = data.film, data.segmentation.flights, data.impacts
     ends = film.t_s[flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     begins = film.t_s[flights.first[impacts.after]] - data.basis.middle[impacts.after]
-    before = drift(world, impacts.block, middle[impacts.before], ends)
-    after = drift(world, impacts.block, middle[impacts.after], begins)
+    before = move_freely(world, impacts.block, middle[impacts.before], ends)
+    after = move_freely(world, impacts.block, middle[impacts.after], begins)
     names, zones = list(experiment.blocks), experiment.cross_section.zone_names
     t = 0.5 * (film.t_s[flights.last[impacts.before] - 1] + film.t_s[flights.first[impacts.after]])
     table = pd.DataFrame({

@@ -9,7 +9,7 @@ from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
 from rock2d.diagnosis.model import is_factor
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
-from rock2d.graphics.bar_charts import Axis, Mark, chart, scale
+from rock2d.graphics.bar_charts import Axis, Mark, chart, tick_labels
 from rock2d.graphics.downloads import download
 from rock2d.wording import listed, spoken
 
@@ -34,7 +34,7 @@ def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
         at = end
     return {
         "budget_rows": rows,
-        "budget_scale": scale(axis),
+        "budget_scale": tick_labels(axis),
         "budget_sentence": _sentence(content),
         "budget_data": download("budget.csv", ("part", "origin", "share", "low95", "high95"), table),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rock2d.diagnosis.checks import FALSE_ALARMS, Checks
-from rock2d.graphics.bar_charts import Mark, axis_over, chart, scale
+from rock2d.graphics.bar_charts import Mark, axis_over, chart, tick_labels
 from rock2d.graphics.downloads import download
 
 
@@ -32,7 +32,7 @@ def checks_section(checks: Checks | None) -> dict[str, Any]:
     table = [(c.name, c.words, c.value, *c.replicates, c.p) for c in checks.all]
     return {
         "check_rows": rows,
-        "check_scale": scale(axis),
+        "check_scale": tick_labels(axis),
         "check_sentence": checks_sentence(checks),
         "check_chance": _chance(checks.p),
         "false_alarms": f"{100 * FALSE_ALARMS:.0f} %",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rock2d.diagnosis.report import text
-from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
 from rock2d.graphics.downloads import Download, download
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.wording import interval, number, percent, spoken
@@ -35,9 +35,9 @@ def comparison_page(content: Mapping[str, Any], files: Mapping[str, str], made: 
         "gaps": {side: _gap(content["gap"][side]) for side in SIDES},
         "bars": [_probability_row(axis, p) for p in shown],
         "folded": [_probability_row(axis, p) for p in folded],
-        "probability_scale": scale(Axis(0.0, 100.0)),
+        "probability_scale": tick_labels(Axis(0.0, 100.0)),
         "closures": [(row["name"], chart(closure_axis, row["marks"]), row["text"]) for row in closures if row["marks"]],
-        "closure_scale": scale(closure_axis),
+        "closure_scale": tick_labels(closure_axis),
         "wanted": [row for row in parameters if row["of_interest"]],
         "others": [row for row in parameters if not row["of_interest"]],
         "base": [(pair["name"], _plain(pair["a"]), _plain(pair["b"]), _ratio(pair)) for pair in content["base"]],

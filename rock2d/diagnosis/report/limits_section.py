@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from rock2d.diagnosis.known_causes import sized, span
+from rock2d.diagnosis.known_causes import largest_size, size_parameter
 from rock2d.diagnosis.report.text import in_degrees
 from rock2d.effects import catalogue
 from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
@@ -47,13 +47,17 @@ def limits_figure(limits: Limits, world: World) -> Figure:
     largest plausible size."""
     figure, (axis,) = blank_axes(7.0, 0.8 + 0.24 * len(limits))
     for row, (name, limit) in enumerate(limits.items()):
-        own = sized(catalogue()[name], world)
+        own = size_parameter(catalogue()[name], world)
         assert own is not None
-        ends = [100.0 * limit[key] / span(own) for key in ("seen50", "seen90")]
+        ends = [100.0 * limit[key] / largest_size(own) for key in ("seen50", "seen90")]
         axis.plot(ends, [row, row], color=PAGE_ACCENT, linewidth=6, solid_capstyle="butt")
         if limit["upper95"] is not None:
             axis.plot(
-                [100.0 * limit["upper95"] / span(own)], [row], marker="|", color=PAGE_WARM, markersize=10
+                [100.0 * limit["upper95"] / largest_size(own)],
+                [row],
+                marker="|",
+                color=PAGE_WARM,
+                markersize=10,
             )
     axis.set_yticks(range(len(limits)), [spoken(name) for name in limits], color=PAGE_INK)
     axis.invert_yaxis()

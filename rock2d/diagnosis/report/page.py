@@ -31,7 +31,7 @@ from rock2d.diagnosis.workload import REPORT
 from rock2d.effects import catalogue
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
-from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, scale
+from rock2d.graphics.bar_charts import SHAPES, Axis, Mark, axis_over, chart, tick_labels
 from rock2d.graphics.pages import embedded
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.progress import Bars
@@ -232,7 +232,7 @@ def _which(content: dict[str, Any]) -> dict[str, Any]:
         "bars": [bar for bar in bars if bar[2] >= FOLDED_PROBABILITY],
         "folded": [bar for bar in bars if bar[2] < FOLDED_PROBABILITY],
         "forest": forest,
-        "gain_scale": scale(gain_axis),
+        "gain_scale": tick_labels(gain_axis),
         "group": content["group"],
         "unseen": text.unseen_words(content),
         "next_release": content["next_release"],
@@ -262,14 +262,14 @@ def _how_far(content: dict[str, Any], chain: list[str]) -> dict[str, Any]:
     }
     return {
         "gap_rows": [(label, chart(axis, [mark]), f"{mark.value:.2f}") for label, mark in bars],
-        "gap_scale": scale(axis),
+        "gap_scale": tick_labels(axis),
         "gap_unit": gap["unit"],
         "nothing_left": open_gap and abs(augmented - floor) < 1e-9 * abs(base),
         "whisker": low < high,
         "spreads": content["verdict"] in effects and effects[content["verdict"]].scatter,
         "closure_text": text.share_closed(gap["closure"], gap["closure_ci95"]),
         "closures": [(name, chart(closure_axis, [mark]), mark.label) for name, mark in marks.items()],
-        "closure_scale": scale(closure_axis),
+        "closure_scale": tick_labels(closure_axis),
     }
 
 
@@ -351,7 +351,7 @@ def _practice_chart(quantity: Quantity, labels: Mapping[str, str]) -> dict[str, 
             seen.add(row.block)
             rows.append((head, short, chart(axis, marks)))
     return {
-        "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": scale(axis), "table": table,
+        "title": quantity.title, "unit": quantity.unit, "rows": rows, "scale": tick_labels(axis), "table": table,
         "percentiles": [f"{p:g} %" for p in quantity.percentiles],
         "data": downloads.quantity_data(quantity, labels),
     }  # fmt: skip

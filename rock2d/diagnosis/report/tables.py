@@ -12,14 +12,14 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
-from rock2d.diagnosis.replay import Releases, Signs, follow
+from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
 from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD, clipped
 from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
-from rock2d.kinematics.states import drift
+from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
 
@@ -88,8 +88,8 @@ def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     )
-    leaves = drift(corrected, impacts.block, states[impacts.before], ends)
-    arrives = drift(corrected, impacts.block, states[impacts.after], impacts.begin_s)
+    leaves = move_freely(corrected, impacts.block, states[impacts.before], ends)
+    arrives = move_freely(corrected, impacts.block, states[impacts.after], impacts.begin_s)
     return 0.5 * (leaves + arrives)[:, POSITION]
 
 
@@ -126,7 +126,7 @@ def segments_of(result: Diagnosis, models: Models, improves: bool) -> list[Segme
     end = np.minimum(flights_end, begin + SHOWN_AFTER * impacts.window_s[which])
     t = start[:, None] + np.linspace(0.0, 1.0, LINE_POINTS) * (end - start)[:, None]
     poses = {
-        name: follow(
+        name: recorded_simulation(
             data, fit.model.world(fit.p, impacts.order[which]), impacts.before[which], t, start, signs
         )
         for name, fit in models.fits.items()

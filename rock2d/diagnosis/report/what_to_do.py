@@ -11,7 +11,7 @@ from typing import Any
 from rock2d.diagnosis.cause_sets import TWINS
 from rock2d.diagnosis.report import text
 from rock2d.effects import catalogue
-from rock2d.effects.fitted import Fitted
+from rock2d.effects.fitted_effect import FittedEffect
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics import sanity
 from rock2d.kinematics.setup_world import setup_world
@@ -134,13 +134,13 @@ def _alone(content: Mapping[str, Any], name: str, experiment: Experiment) -> str
 def instruction(name: str, fit: Mapping[str, Any], experiment: Experiment) -> str:
     """What to do about one effect; `fit` has `base` and `parameters` (effect -> its parameters)."""
     effect, table = catalogue()[name], experiment.impacts is not None
-    fitted = Fitted.of(
+    fitted = FittedEffect.of(
         effect, fit["parameters"][name], fit["base"], setup_world(experiment), experiment.fps, table
     )
     return (effect.remedy or generic)(fitted)
 
 
-def generic(fitted: Fitted) -> str:
+def generic(fitted: FittedEffect) -> str:
     """For an effect without an instruction of its own: what is missing, with the fitted values."""
     parts = []
     for parameter in fitted.effect.parameters:

@@ -12,9 +12,9 @@ from rock2d.files.surveys.profile import Profile, along_way, checked
 from rock2d.files.text_files import is_number, read_text
 
 # names of columns, those that say most first
-STATIONS = ("station_m", "station", "chainage_m", "chainage", "distance_m", "distance", "x_m", "x")
-HEIGHTS = ("height_m", "height", "elevation_m", "elevation", "z_m", "z", "y_m", "y")
-MAP = (("x_m", "x"), ("y_m", "y"), ("z_m", "z"))  # a line on a map with heights
+STATION_COLUMNS = ("station_m", "station", "chainage_m", "chainage", "distance_m", "distance", "x_m", "x")
+HEIGHT_COLUMNS = ("height_m", "height", "elevation_m", "elevation", "z_m", "z", "y_m", "y")
+MAP_COLUMNS = (("x_m", "x"), ("y_m", "y"), ("z_m", "z"))  # a line on a map with heights
 SEPARATORS = ";\t, "
 
 
@@ -60,11 +60,11 @@ def _cells(line: str, separator: str) -> list[str]:
 def _columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:
     """Indices of the columns of station and height, or of x, y and z."""
     names = [name.lower() for name in header]
-    on_map = [next((names.index(name) for name in choices if name in names), None) for choices in MAP]
-    if None not in on_map and not set(names) & set(STATIONS[:6]):
+    on_map = [next((names.index(name) for name in choices if name in names), None) for choices in MAP_COLUMNS]
+    if None not in on_map and not set(names) & set(STATION_COLUMNS[:6]):
         return tuple(i for i in on_map if i is not None)
-    station = next((names.index(name) for name in STATIONS if name in names), None)
-    height = next((names.index(name) for name in HEIGHTS if name in names), None)
+    station = next((names.index(name) for name in STATION_COLUMNS if name in names), None)
+    height = next((names.index(name) for name in HEIGHT_COLUMNS if name in names), None)
     if station is None or height is None:
         message = (
             f"expected columns of station and height (for example x and y), found {', '.join(header)[:80]!r}"

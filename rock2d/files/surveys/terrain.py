@@ -19,9 +19,9 @@ Array = np.ndarray
 # by suffix, so that no file calls another of the many drivers
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".grd": "AAIGrid"}
 STEP_CELLS = 0.5  # distance of profile points, in cells
-LONGEST_STEPS = 20_000
-NOTHING = -1.0e9  # height where nothing is known, while a grid is projected
-FLAT = 1e-4  # slope below which the fall line ends
+MOST_STEPS = 20_000
+NO_DATA_M = -1.0e9  # height where nothing is known, while a grid is projected
+LEVEL_SLOPE = 1e-4  # slope below which the fall line ends
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _projected(grid: Any, path: Path) -> Terrain:
 
     grid_crs = grid.crs
     bilinear = rasterio.enums.Resampling.bilinear
-    with WarpedVRT(grid, crs=target, resampling=bilinear, nodata=NOTHING, dtype="float64") as metric:
+    with WarpedVRT(grid, crs=target, resampling=bilinear, nodata=NO_DATA_M, dtype="float64") as metric:
         found = _terrain(metric, path)
     said = f"projected from degrees to {target}; points are given as longitude and latitude"
     return replace(found, from_file=from_file, remarks=(said,))
@@ -155,12 +155,12 @@ def down_fall_line(terrain: Terrain, start_m: Array, source: str) -> Profile:
     step, half = STEP_CELLS * terrain.cell_m, 0.5 * terrain.cell_m
     points = [np.asarray(start_m, float)]
     heights = [float(terrain.known_heights_m(points[0], source)[0])]
-    for _ in range(LONGEST_STEPS):
+    for _ in range(MOST_STEPS):
         around = points[-1] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
         east, west, north, south = terrain.heights_m(around)
         slope = np.array([east - west, north - south]) / (2.0 * half)
         steepness = float(np.hypot(*slope))
-        if not steepness > FLAT:  # level, or NaN at the edge
+        if not steepness > LEVEL_SLOPE:  # level, or NaN at the edge
             break
         onward = points[-1] - step * slope / steepness
         height = float(terrain.heights_m(onward)[0])

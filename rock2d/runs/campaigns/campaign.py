@@ -37,7 +37,7 @@ BYTES_OF_A_SAMPLE = 32
 READ_OUTPUTS = {"crossings", "ends"}  # by tables; more than once if they are very large
 TABLES_SHARE = 0.02  # time of the tables as a share of that of the releases
 MANIFEST = "campaign.json"
-WAYS_OUT = "--overwrite replaces it, --out chooses another folder"
+OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
 THIS_PROCESS = Workers()  # on all threads
 # keys that change no chunk file and no table, or that the manifest stores outside the scenario
 NOT_DETERMINING = {
@@ -254,12 +254,12 @@ def _objection(path: Path, manifest: dict[str, Any]) -> InputError | None:
         there = read_json(path)
         fingerprint, other = there["fingerprint"], dict(there["determined_by"])
     except (ValueError, KeyError, TypeError):
-        return InputError(f"is damaged; {WAYS_OUT}", path, code="not_a_result")
+        return InputError(f"is damaged; {OVERWRITE_OR_OUT}", path, code="not_a_result")
     if fingerprint == manifest["fingerprint"]:
         return None
     own = manifest["determined_by"]
     differ = [key for key in {**own, **other} if own.get(key) != other.get(key)]
-    message = f"another campaign, which differs in {', '.join(differ)}; {WAYS_OUT}"
+    message = f"another campaign, which differs in {', '.join(differ)}; {OVERWRITE_OR_OUT}"
     return InputError(message, path, code="not_a_result", differ=differ)
 
 

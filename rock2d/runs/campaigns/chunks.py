@@ -39,7 +39,7 @@ FINGERPRINT = b"rock2d_fingerprint"  # key of the campaign's fingerprint in a fi
 ROW_GROUP = 1 << 17  # rows that are written at once, about
 COUNTS = b"rock2d_chunk"  # key of its Counts, in the file of the first output
 # columns whose last digits are noise, which no compression shortens, and the compression of the others
-NOISE = {
+INCOMPRESSIBLE_COLUMNS = {
     "ends": ({"t_s", "x_m", "runout_m"}, "lz4"),
     "crossings": ({*CROSSING_VALUES} - {"x_m", "y_m"}, "lz4"),
 }
@@ -141,11 +141,13 @@ class _Writer:
 
         table = pa.concat_tables(self._waiting)
         if self._file is None:
-            noise, compression = NOISE.get(self._output, ((), "zstd"))
+            incompressible, compression = INCOMPRESSIBLE_COLUMNS.get(self._output, ((), "zstd"))
             self._file = pq.ParquetWriter(
                 self._path,
                 table.schema,
-                compression={name: "none" if name in noise else compression for name in table.column_names},
+                compression={
+                    name: "none" if name in incompressible else compression for name in table.column_names
+                },
                 use_dictionary=[name for name in TEXT_COLUMNS if name in table.column_names],
                 column_encoding={"release": "DELTA_BINARY_PACKED"},  # they ascend
                 write_statistics=False,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.records.columns import AT_THETA, I_TIME, I_ZONE, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
+from rock2d.records.columns import I_TIME, I_ZONE, INSTANT_THETA, N_INSTANT, STOPS, TIME, UNRESOLVED_STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.conditions import Condition, Group
 from rock2d.runs.incident_states import DRAW_GROUP
@@ -33,7 +33,7 @@ class Outcome:
     stop : (n,) index into STOPS
     impacts : their releases (k,), zone indices (k,) and values (k, 16) from t_s on, as in IMPACT_COLUMNS
     unclosed : number of releases whose energy audit does not close
-    held : what releases that were held need to go on
+    saved_contacts : what releases that were suspended need to go on
     """
 
     stop: Array
@@ -42,7 +42,7 @@ class Outcome:
     impacts: tuple[Array, Array, Array] | None = None
     samples: Array | None = None
     unclosed: int = 0
-    held: Array | None = None
+    saved_contacts: Array | None = None
 
     def passed(self, lines: int) -> Array:
         """(n, lines) bool, which releases crossed each of the first `lines` lines."""
@@ -58,8 +58,8 @@ class Outcome:
         return np.count_nonzero(np.isnan(self.crossings[cut, :lines, 0]), axis=0)
 
 
-def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
-    """A group of releases with the batch engine, held at the x `until_m`; held ones go on from their states.
+def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcome:
+    """A group of releases with the batch engine, suspended at `suspend_x_m`; suspended ones go on from their states.
 
     Times count from the start of a release.
     """
@@ -70,14 +70,14 @@ def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
 
     def run(part: Group, room: int) -> Any:
         ensemble, (block_ids, ground_ids, table_ids) = _ensemble(part.conditions)
-        elapsed, held = part.past or (0.0, None)
+        elapsed, saved_contacts = part.suspended or (0.0, None)
         return run_batch(
             ensemble, part.states, block_ids=block_ids, cross_section_ids=ground_ids, table_ids=table_ids,
             gravity_m_s2=job.gravity_m_s2, time_limit_s=job.time_limit_s - elapsed,
             impact_room=room, times_s=times,
             stop_when_spent=job.keep == ("crossings",),  # any other output lasts until the block stops
             stop_when_captured=not {"impacts", "samples"} & set(job.keep),  # these go on while the block trembles
-            until_m=until_m, held=held,
+            suspend_x_m=suspend_x_m, saved_contacts=saved_contacts,
         )  # fmt: skip
 
     def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
@@ -85,10 +85,10 @@ def batch_outcome(job: Job, group: Group, until_m: float = np.inf) -> Outcome:
 
     outcome, result = _outcome(job, group, run, impacts)
     outcome.unclosed = int(unclosed(result.energy_J).sum())
-    outcome.held = result.held
-    if group.past is not None:
-        outcome.ends[:, TIME] += group.past.elapsed_s
-        outcome.crossings[:, :, TIME] += group.past.elapsed_s[:, None]
+    outcome.saved_contacts = result.saved_contacts
+    if group.suspended is not None:
+        outcome.ends[:, TIME] += group.suspended.elapsed_s
+        outcome.crossings[:, :, TIME] += group.suspended.elapsed_s[:, None]
     if times is not None:
         outcome.samples = result.samples
     return outcome
@@ -135,7 +135,7 @@ def point_mass_outcome(job: Job, group: Group) -> Outcome:
     def impacts(release: Array, rows: Array) -> tuple[Array, Array]:
         unknown = np.full((len(rows), 2), np.nan)  # penetration and force
         before = rows[:, :N_INSTANT]  # a rebound takes no time and changes no pose
-        values = np.column_stack([before, before[:, : AT_THETA + 1], rows[:, VELOCITIES], unknown])
+        values = np.column_stack([before, before[:, : INSTANT_THETA + 1], rows[:, VELOCITIES], unknown])
         facets = rows[:, FACET].astype(int)
         if len(group.conditions) == 1:
             return group.conditions[0].cross_section.zone_ids[facets], values
@@ -197,10 +197,10 @@ def _all_impacts(impacts: Array, count: Array, run: Callable[[Array, int], Any])
             some = crowded[i : i + at_once]
             found_rows.append((some, run(some, room).impacts))
     releases, rows = [], []
-    for some, held in found_rows:
-        which, k = np.nonzero(np.arange(held.shape[1]) < count[some, None])
+    for some, own in found_rows:
+        which, k = np.nonzero(np.arange(own.shape[1]) < count[some, None])
         releases.append(some[which])
-        rows.append(held[which, k])
+        rows.append(own[which, k])
     release = np.concatenate(releases)
     order = np.argsort(release, kind="stable")
     return release[order], np.concatenate(rows)[order]

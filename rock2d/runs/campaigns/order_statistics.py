@@ -30,7 +30,7 @@ class OrderStatistics:
 
     leading : (DIGITS,) how many of all numbers have each leading digit
 
-    All numbers, in parts and in any order, go through `look`; then `settle` is called. As often as it takes.
+    All numbers, in parts and in any order, go through `add`; then `narrow` is called. As often as it takes, see `open`.
     """
 
     def __init__(self, ranks: Sequence[int], leading: Array) -> None:
@@ -40,7 +40,7 @@ class OrderStatistics:
         self._open_bits = KEY_BITS
         self._counts = {0: leading}  # settled bits -> numbers by their next digit
         self._collected: dict[int, list[Array]] = {}  # settled bits -> keys
-        self.settle()
+        self.narrow()
 
     @property
     def open(self) -> bool:
@@ -52,7 +52,7 @@ class OrderStatistics:
         """How many numbers share the settled bits of one that is sought."""
         return sum(self._shared.values())
 
-    def look(self, numbers: Array, collect: bool) -> None:
+    def add(self, numbers: Array, collect: bool) -> None:
         """Collect the candidates among finite numbers, or count their next digits."""
         keys, shift = _keys(numbers), np.uint64(self._open_bits)
         leading = keys >> shift
@@ -65,7 +65,7 @@ class OrderStatistics:
             digits = (own >> np.uint64(self._open_bits - DIGIT_BITS)) & np.uint64(DIGITS - 1)
             np.add.at(counts, digits.view(np.int64), 1)
 
-    def settle(self) -> None:
+    def narrow(self) -> None:
         """Take in what all numbers gave."""
         if self._collected:
             for settled, parts in self._collected.items():
@@ -92,7 +92,7 @@ class OrderStatistics:
         return dict(zip(self._ranks, numbers.tolist(), strict=True))
 
 
-def settle_all(
+def find_order_statistics(
     sought: Mapping[Any, OrderStatistics],
     parts: Callable[[], Iterable[Mapping[Any, Array]]],
     most_collected: int | None = None,
@@ -106,9 +106,9 @@ def settle_all(
         collect = sum(own.candidates for own in sought.values()) <= most
         for part in parts():
             for key, own in sought.items():
-                own.look(part[key], collect)
+                own.add(part[key], collect)
         for own in sought.values():
-            own.settle()
+            own.narrow()
 
 
 def _keys(numbers: Array) -> Array:

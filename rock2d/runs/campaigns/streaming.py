@@ -16,7 +16,7 @@ from rock2d.records.columns import STOPS
 from rock2d.runs.campaigns.chunks import add_counts, chunk_path
 from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
-from rock2d.runs.campaigns.order_statistics import OrderStatistics, settle_all
+from rock2d.runs.campaigns.order_statistics import OrderStatistics, find_order_statistics
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
 from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
 from rock2d.statistics import percentile_estimate, percentile_ranks
@@ -105,7 +105,7 @@ class _Block:
             for q, quantity in enumerate(QUANTITIES)
             if passed[line]
         }
-        settle_all(sought, self._values_at_lines)
+        find_order_statistics(sought, self._values_at_lines)
         return [
             (self.name, *key, p, passed[key[0]], *percentile_estimate(own.values(), passed[key[0]], p))
             for key, own in sought.items()
@@ -125,7 +125,7 @@ class _Block:
     def runouts(self) -> list[Any]:
         """Rows of RUNOUT_COLUMNS."""
         own = OrderStatistics(_ranks(self.releases, RUNOUT_PERCENTILES), self.counts.runouts)
-        settle_all(
+        find_order_statistics(
             {"runout_m": own},
             lambda: (
                 {"runout_m": table["runout_m"].to_numpy()} for table in self._tables("ends", ["runout_m"])

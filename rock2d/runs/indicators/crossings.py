@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rock2d.compiled import njit
-from rock2d.records.columns import AT_OMEGA, AT_VX, AT_VY, AT_X, AT_Y, TIME
+from rock2d.records.columns import INSTANT_OMEGA, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
 from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.blocks import Block
@@ -101,11 +101,17 @@ def _rows(found, feet, ups, masses):
             if not np.isfinite(own[TIME]):
                 continue
             release[k], line[k] = i, j
-            vx, vy, omega, up_x, up_y = own[AT_VX], own[AT_VY], own[AT_OMEGA], ups[j, 0], ups[j, 1]
+            vx, vy, omega, up_x, up_y = (
+                own[INSTANT_VX],
+                own[INSTANT_VY],
+                own[INSTANT_OMEGA],
+                ups[j, 0],
+                ups[j, 1],
+            )
             speed, rising, across = np.hypot(vx, vy), vx * up_x + vy * up_y, abs(vy * up_x - vx * up_y)
-            height = (own[AT_X] - feet[j, 0]) * up_x + (own[AT_Y] - feet[j, 1]) * up_y
+            height = (own[INSTANT_X] - feet[j, 0]) * up_x + (own[INSTANT_Y] - feet[j, 1]) * up_y
             moving, spinning = 0.5 * mass * speed**2, 0.5 * inertia * omega**2
-            for q in range(AT_OMEGA):
+            for q in range(INSTANT_OMEGA):
                 values[q, k] = own[q]
             values[6, k], values[7, k] = speed, omega
             values[8, k], values[9, k] = np.degrees(np.arctan2(-rising, across)), height

@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rock2d.runs.campaigns.order_statistics import DIGITS, OrderStatistics, leading_digits, settle_all
+from rock2d.runs.campaigns.order_statistics import (
+    DIGITS,
+    OrderStatistics,
+    find_order_statistics,
+    leading_digits,
+)
 
 UNTIMED = settings(deadline=None)  # a loaded machine is no fault
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -26,7 +31,9 @@ def statistics(values: np.ndarray, ranks: list[int]) -> OrderStatistics:
 def test_order_statistics_are_those_of_sorting(parts, most_collected):
     values = np.concatenate([np.array(part, float) for part in parts])
     own = statistics(values, list(range(len(values))))
-    settle_all({"x": own}, lambda: ({"x": np.array(part, float)} for part in reversed(parts)), most_collected)
+    find_order_statistics(
+        {"x": own}, lambda: ({"x": np.array(part, float)} for part in reversed(parts)), most_collected
+    )
     assert list(own.values().values()) == np.sort(values).tolist()
 
 
@@ -41,7 +48,7 @@ def test_values_that_are_tied_and_negative_have_their_ranks(most_collected, deci
     sought = {name: statistics(own, ranks) for name, own in values.items()}
     firsts = range(0, 20_000, 999)
     parts = [{name: own[i : i + 999] for name, own in values.items()} for i in firsts]
-    settle_all(sought, lambda: parts, most_collected)
+    find_order_statistics(sought, lambda: parts, most_collected)
     for name, own in sought.items():
         assert own.values() == {rank: np.sort(values[name])[rank] for rank in ranks}
 
@@ -54,9 +61,9 @@ def test_few_numbers_are_in_memory_and_are_looked_at_again_only_where_they_are_t
         def look(numbers, collect, own=own, looks=looks, most=most_collected):
             looks.append(collect)
             assert not collect or own.candidates <= most
-            OrderStatistics.look(own, numbers, collect)
+            OrderStatistics.add(own, numbers, collect)
 
-        own.look = look  # type: ignore[method-assign]
-        settle_all({"x": own}, lambda: iter([{"x": values}]), most_collected)
+        own.add = look  # type: ignore[method-assign]
+        find_order_statistics({"x": own}, lambda: iter([{"x": values}]), most_collected)
         assert looks == [False] * (passes - 1) + [True]
         assert own.values() == {95_000: np.sort(values)[95_000]}

@@ -1,4 +1,4 @@
-"""Commands about a site: from its profile to an embankment that holds. Part of `rock2d.cli`."""
+"""Arguments, options and help of the commands about a site: `run`, `profile`, `design`, `soils`."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from rock2d.scene.cross_section import CrossSection
 WIDE_IN, AXIS_IN = 7.5, 6.85
 
 
-def section_figure(cross_section: CrossSection, title: str = "") -> Figure:
+def cross_section_figure(cross_section: CrossSection, title: str = "") -> Figure:
     """The cross-section with its zones and measure lines, to scale."""
     points = cross_section.points_m
     limits = motion_limits(cross_section, points[:, 0], points[:, 1], 0.0)

@@ -1,4 +1,4 @@
-"""A release that is held on its way and goes on with the memory of its contacts is the release that was never held."""
+"""A release that is suspended on its way and goes on with the memory of its contacts is the whole release."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rock2d.design.shared_descents import OVERSHOOT
 from rock2d.engines.batch import BATCH_STEP_FRACTION, BatchResult, run_batch
 from rock2d.engines.energy_balance import unclosed
 from rock2d.laws.contact import ContactParameters
-from rock2d.records.columns import AT, AT_VX, AT_X, E_ELASTIC, STOP_REACHED, STOPS, TIME
+from rock2d.records.columns import E_ELASTIC, INSTANT_STATE, INSTANT_VX, INSTANT_X, STOP_REACHED, STOPS, TIME
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from tests.laboratory import ensemble
@@ -25,7 +25,7 @@ BLOCKS = {
     "slab": make_block("slab", "rectangle", mass_kg=600, length_m=1.0, height_m=0.5),
 }
 ENSEMBLES = {name: ensemble(block, GROUND, SOIL) for name, block in BLOCKS.items()}
-HELD_AT_M, LIMIT_S = 15.0, 60.0
+SUSPEND_X_M, LIMIT_S = 15.0, 60.0
 
 
 def starts(n: int) -> np.ndarray:
@@ -34,12 +34,15 @@ def starts(n: int) -> np.ndarray:
     return np.column_stack([*(rng.uniform(low, high, n) for low, high in ranges), np.zeros((n, 2))])
 
 
-def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, BatchResult]:
+def whole_and_suspended(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, BatchResult]:
     whole = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S)
-    first = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S, until_m=HELD_AT_M)
+    first = run_batch(ENSEMBLES[name], starts(n), time_limit_s=LIMIT_S, suspend_x_m=SUSPEND_X_M)
     on = first.stop == STOP_REACHED
     rest = run_batch(
-        ENSEMBLES[name], first.ends[on, AT], time_limit_s=LIMIT_S - first.ends[on, TIME], held=first.held[on]
+        ENSEMBLES[name],
+        first.ends[on, INSTANT_STATE],
+        time_limit_s=LIMIT_S - first.ends[on, TIME],
+        saved_contacts=first.saved_contacts[on],
     )
     return whole, first, rest
 
@@ -48,20 +51,22 @@ def whole_and_held(name: str, n: int = 200) -> tuple[BatchResult, BatchResult, B
 def test_it_goes_on_as_if_it_had_not_been_held(name):
     """Steps fall elsewhere: nine of ten speeds at the next line change by less than a thousandth of the speed, and by
     less than half the step changes the median."""
-    whole, first, rest = whole_and_held(name)
+    whole, first, rest = whole_and_suspended(name)
     on = first.stop == STOP_REACHED
     assert on.mean() > 0.9
-    x = first.ends[on, AT_X]
-    assert (x < HELD_AT_M + OVERSHOOT * BLOCKS[name].radius_m).all()
+    x = first.ends[on, INSTANT_X]
+    assert (x < SUSPEND_X_M + OVERSHOOT * BLOCKS[name].radius_m).all()
     now, then = rest.crossings[:, 0].copy(), whole.crossings[on, 0]
     now[:, TIME] += first.ends[on, TIME]
     assert np.array_equal(np.isfinite(now[:, TIME]), np.isfinite(then[:, TIME]))
     fine = run_batch(
         ENSEMBLES[name], starts(200), time_limit_s=LIMIT_S, step_fraction=0.5 * BATCH_STEP_FRACTION
     )
-    apart, of_a_step = (np.abs(found[:, AT_VX] - then[:, AT_VX]) for found in (now, fine.crossings[on, 0]))
+    apart, of_a_step = (
+        np.abs(found[:, INSTANT_VX] - then[:, INSTANT_VX]) for found in (now, fine.crossings[on, 0])
+    )
     most = np.nanpercentile(apart, 90)
-    assert most < 1e-3 * np.nanmedian(then[:, AT_VX])
+    assert most < 1e-3 * np.nanmedian(then[:, INSTANT_VX])
     assert most < np.nanmedian(of_a_step)
     assert [np.mean(whole.stop[on] == k) for k in range(len(STOPS))] == pytest.approx(
         [np.mean(rest.stop == k) for k in range(len(STOPS))], abs=0.02
@@ -70,8 +75,8 @@ def test_it_goes_on_as_if_it_had_not_been_held(name):
 
 @pytest.mark.parametrize("name", BLOCKS)
 def test_both_parts_of_its_way_keep_their_energy(name):
-    """Some are held while springs are pressed: what they hold is given back in the second part."""
-    _, first, rest = whole_and_held(name)
+    """Some are suspended while springs are pressed: what they store is given back in the second part."""
+    _, first, rest = whole_and_suspended(name)
     assert not unclosed(first.energy_J).any() and not unclosed(rest.energy_J).any()
     on = first.stop == STOP_REACHED
     pressed = first.energy_J[on, E_ELASTIC] > 0.0
@@ -79,6 +84,6 @@ def test_both_parts_of_its_way_keep_their_energy(name):
 
 
 def test_a_release_that_begins_beyond_is_held_at_once():
-    found = run_batch(ENSEMBLES["ball"], starts(3), until_m=-1.0)
+    found = run_batch(ENSEMBLES["ball"], starts(3), suspend_x_m=-1.0)
     assert (found.stop == STOP_REACHED).all() and (found.ends[:, TIME] == 0.0).all()
-    assert np.array_equal(found.ends[:, AT], starts(3))
+    assert np.array_equal(found.ends[:, INSTANT_STATE], starts(3))

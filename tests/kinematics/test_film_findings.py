@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.film_findings import FilmFindings, film_findings, write_film_findings
 from rock2d.kinematics.film_segments import FilmSegments
-from rock2d.kinematics.film_statement import FilmStatement, film_statement, write_statement
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.blocks import make_block
@@ -34,9 +34,9 @@ def tossed(gravity: float = 9.81, *, fps: float = 120.0, rest_m: float | None = 
     return Experiment("toss", 9.81, fps, 1e-4, 0.0, FLOOR, {"ball": BALL}, trajectories=table)
 
 
-def stated(experiment: Experiment) -> FilmStatement:
+def stated(experiment: Experiment) -> FilmFindings:
     world = setup_world(experiment)
-    return film_statement(FilmSegments.of(load_film(experiment), world), world, experiment.fps)
+    return film_findings(FilmSegments.of(load_film(experiment), world), world, experiment.fps)
 
 
 def test_one_flight_names_scale_and_frame_rate_as_one_set_with_size_and_interval():
@@ -73,7 +73,7 @@ def test_the_height_at_rest_is_stated_against_the_size_of_the_block(tmp_path):
     assert rest.height_m == pytest.approx(0.003, abs=2e-4)
     assert rest.height_radii == pytest.approx(0.1, abs=0.01)
     assert rest.error_m is None and rest.rests == 1
-    write_statement(tmp_path, stated(tossed(rest_m=0.003)))
+    write_film_findings(tmp_path, stated(tossed(rest_m=0.003)))
     content = json.loads((tmp_path / "film.json").read_text(encoding="utf-8"))
     assert content["rests"][0]["block"] == "ball" and content["gravity"]["flights"] == 1
 

@@ -1,4 +1,4 @@
-"""Gravity as a film shows it: the acceleration of blocks in free flight."""
+"""Gravity of a film that is not segmented yet: acceleration in windows of frames in which a block surely falls."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _Mode(NamedTuple):
     releases: int
 
 
-def recorded_gravity(experiment: Experiment, film: Film) -> Array | None:
+def window_gravity(experiment: Experiment, film: Film) -> Array | None:
     """(2,) acceleration in m/s² of blocks in free flight; None if too few fly, or if their accelerations disagree.
 
     A short window may be the smooth turn of an impact. So the mode over the windows of one length counts, and of all

@@ -14,11 +14,11 @@ from rock2d.wording import number, plain, point
 
 Array = np.ndarray
 
-AGAIN = "Track the film again and diagnose again."
+TRACK_AGAIN = "Track the film again and diagnose again."
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedEffect:
     """An effect with its fitted parameters, and the set-up that it was fitted to.
 
     Attributes
@@ -49,7 +49,7 @@ class Fitted:
         setup: World,
         fps: float,
         impacts_only: bool,
-    ) -> Fitted:
+    ) -> FittedEffect:
         """From the `parameters` of an effect as diagnosis.json has them."""
         values = {p.name: p.neutral for p in effect.parameters if p.may_be_missing}
         values |= {key: float(entry["value"]) for key, entry in parameters.items()}

@@ -20,8 +20,8 @@ from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
-from rock2d.kinematics.recorded_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.kinematics.rest_heights import LEAST_HEIGHT_RADII, RestHeight, rest_heights
+from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.world import World
@@ -37,7 +37,7 @@ CLEAR_HEIGHT = 4.0  # standard errors
 
 
 @dataclass(frozen=True)
-class FilmStatement:
+class FilmFindings:
     """What a film says of itself.
 
     Attributes
@@ -210,7 +210,7 @@ class FilmStatement:
         )
 
 
-def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatement:
+def film_findings(data: FilmSegments, world: World, fps: float) -> FilmFindings:
     """What a film says of itself, from its segments in a `world`; `fps`: the stated frame rate."""
     film, flights = data.film, data.segmentation.flights
     gravity = flight_gravity(film, flights, world.gravity_m_s2) if world.gravity_m_s2 > 0 else None
@@ -221,15 +221,15 @@ def film_statement(data: FilmSegments, world: World, fps: float) -> FilmStatemen
     if gravity is not None:  # lift acts across the velocity and may be as strong as drag: Mehta (1985)
         lift = gravity.weight * drag * ~film.angle_known[flights.release]
         spin = float(lift @ np.abs(gravity.pull[:, X])) / world.gravity_m_s2
-    return FilmStatement(
+    return FilmFindings(
         world.gravity_m_s2, fps, gravity, int(used.sum()), len(np.unique(flights.release[used])), int((~used).sum()),
-        air, spin, rest_heights(film, world), film.blind,
+        air, spin, rest_heights(film, world), film.blocks_without_angle,
     )  # fmt: skip
 
 
-def write_statement(folder: Path, statement: FilmStatement) -> None:
+def write_film_findings(folder: Path, findings: FilmFindings) -> None:
     """Write `film.json` into an experiment folder."""
-    text = json.dumps(statement.content(), indent=1, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(findings.content(), indent=1, allow_nan=False, ensure_ascii=False)
     write_whole(folder / FILM_FILE, text + "\n")
 
 

@@ -51,10 +51,15 @@ class Checked(BaseModel):
         if cls.model_config.get("extra") != "forbid":
             return data
         free = [key for key in cls.model_fields if key not in data]
-        for key in data:
+        before: Any = None
+        for key, value in data.items():
             if key not in cls.model_fields:
-                message = f"unknown key{did_you_mean(key, free)}; known keys: {', '.join(cls.model_fields)}"
+                known = f"known keys: {', '.join(cls.model_fields)}"
+                if str(key).isdigit() and isinstance(before, (int, float)):  # {height_m: 4,5} has two keys
+                    known = f"is this a decimal comma? Write {before}.{key}, not {before},{key}"
+                message = f"unknown key{did_you_mean(key, free)}; {known}"
                 raise mistake(message, key, at="key", code="unknown_key", key=key)
+            before = value
         return data
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.files.checked_yaml import did_you_mean, shown
-from rock2d.files.places import number_at
+from rock2d.files.places import number_at, place_of, value_at
 from rock2d.files.scatter_keys import SCATTERED
 from rock2d.scene.cross_section import CrossSectionError
 from rock2d.scene.earthworks import EarthworkError
@@ -225,9 +225,21 @@ def _check_scatter(scenario: Scenario) -> None:
         if place.partition(".")[0] not in SCATTERED:
             message = f"only numbers under {' and '.join(SCATTERED)} vary from release to release"
         elif scenario.document is None or number_at(scenario.document.data, place) is None:
-            message = "there is no number at this place of the file"
+            message = _no_number(scenario, place)
         if message:
             raise scenario.error(message, "scatter", place, at="key", code="unknown_name", name=place)
+
+
+def _no_number(scenario: Scenario, place: str) -> str:
+    """Why a place cannot vary, and what to write where a soil class stands."""
+    data = scenario.document.data if scenario.document is not None else {}
+    path = place_of(data, place)
+    found = None if path is None else value_at(data, path)
+    message = "there is no number at this place of the file"
+    if path is not None and path[:2] == ("model", "soils") and isinstance(found, str):
+        zone = f"{path[-1]}: {{like: {found}, stiffness: ...}}"
+        return f"{message}, but the soil class {found}. Write {zone} there, and vary {place}.stiffness"
+    return message if found is None else f"{message}, but {shown(found)}"
 
 
 def _check_uncertainty(scenario: Scenario) -> None:
@@ -259,7 +271,7 @@ def _check_uncertainty(scenario: Scenario) -> None:
                 raise scenario.error(message, "uncertainty", "posterior", code="unknown_name", name=place)
     for place in scenario.uncertainty.site:
         if number_at(scenario.document.data, place) is None:
-            message = "there is no number at this place of the file"
+            message = _no_number(scenario, place)
             raise scenario.error(
                 message, "uncertainty", "site", place, at="key", code="unknown_name", name=place
             )

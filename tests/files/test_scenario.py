@@ -216,6 +216,14 @@ def test_a_block_without_an_incident_state_is_refused(write):
     assert "block 'cube' has no incident state" in refused(write(SMALL[:start]))
 
 
+def test_where_a_soil_class_stands_the_message_says_what_to_write(write):
+    text = (SHIPPED / "rough_slope.yaml").read_text(encoding="utf-8")
+    assert "    rock: bedrock\n" in text
+    varied = "scatter:\n  model.soils.rock: {times: {uniform: {low: 0.5, high: 2}}}\n"
+    message = refused(write(re.sub(r"scatter:.*\n", varied, text, count=1)))
+    assert "Write rock: {like: bedrock, stiffness: ...} there, and vary model.soils.rock.stiffness" in message
+
+
 def test_the_engine_of_the_scenario_needs_its_law(write):
     start, end = SMALL.index("  probabilistic:"), SMALL.index("incident:")
     only_deterministic = SMALL[:start] + SMALL[end:]
@@ -341,6 +349,7 @@ def test_an_embankment_and_a_ditch_bring_points_zones_and_measure_lines(write):
         ("x_m: 2.5", "x_m: 99", "embankment.x_m: the foot lies beside"),
         ("downhill_deg: 34", "downhill_deg: 1", "embankment.downhill_deg: the downhill face does not meet"),
         ("uphill_deg: 60", "uphill_deg: 91", "embankment.uphill_deg: expected"),
+        ("x_m: 2.5", "x_m: 2,5", "a decimal comma? Write 2.5, not 2,5"),
         ("width_m: 0.2", "width_m: 200", "ditch.uphill_deg: the uphill wall does not meet"),
         ("embankment: {x_m: 2.5, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}", "",
          "ditch: a ditch lies before an embankment"),

@@ -125,7 +125,7 @@ def answer_text(answer: Answer, search: Search) -> str:
     if answer.least is None:
         head = f"no {answer.place} up to {answer.judgements[-1].size:.4g} meets the target: {aim}"
     else:
-        head = f"least {answer.place}: {answer.least:.4g} (to within {answer.tolerance:.2g}): {aim}"
+        head = f"least {answer.place}: {answer.least_text}: {aim}"
     notes = (
         [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
     )

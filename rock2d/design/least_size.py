@@ -79,7 +79,8 @@ class Answer:
     Attributes
     ----------
     place : of the number that was varied
-    least : the least size that meets the target, to within `tolerance`; None if the largest does not
+    least : the least size that meets the target, to within `tolerance`; the smallest of the range if that meets it,
+        then smaller ones may, too; None if the largest does not
     judgements : every size that was tried, in ascending order
     """
 
@@ -90,8 +91,17 @@ class Answer:
     judgements: tuple[Judgement, ...]
 
     def __repr__(self) -> str:
-        least = "no size meets" if self.least is None else f"{self.least:.4g} ± {self.tolerance:.2g} meets"
+        least = "no size meets" if self.least is None else f"{self.least_text} meets"
         return f"<Answer for {self.place}: {least} {self.target}; {len(self.judgements)} sizes tried>"
+
+    @property
+    def least_text(self) -> str:
+        """The least size in words; where the smallest size of the range meets the target, it is a bound."""
+        if self.least is None:
+            return f"none up to {self.judgements[-1].size:.4g}"
+        if self.least == self.judgements[0].size:
+            return f"at most {self.least:.4g} (the range begins there)"
+        return f"{self.least:.4g} (to within {self.tolerance:.2g})"
 
     @property
     def monotone(self) -> bool:

@@ -205,7 +205,7 @@ def _headline(content: ReportContent) -> str:
     if answer is not None and answer.least is None:
         return f"No {answer.place} up to {answer.judgements[-1].size:.4g} meets the target"
     if answer is not None:
-        return f"Least {answer.place}: {answer.least:.4g}"
+        return f"Least {answer.place}: {answer.least_text}"
     if content.remarks:
         return "Not resolved"
     if worst is None:

@@ -41,13 +41,20 @@ def test_bisection_finds_the_least_size_with_few_questions(tmp_path):
     assert answer.least is not None and 3.3 <= answer.least <= 3.35 and answer.monotone
     assert len(asked) == 2 + 7  # 4 m halved seven times are less than 0.05 m
     assert [j.size for j in answer.judgements] == sorted(asked)
+    assert answer.least_text == f"{answer.least:.4g} (to within 0.05)"
 
 
 def test_a_range_without_an_answer_and_one_that_is_met_everywhere(tmp_path):
     scenario = small_site(tmp_path)
-    assert least_size(search(scenario), bound_at(6.0)[0]).least is None
+    unmet = least_size(search(scenario), bound_at(6.0)[0])
+    assert unmet.least is None and unmet.least_text == "none up to 5"
     judged, asked = bound_at(0.5)
-    assert least_size(search(scenario), judged).least == 1.0 and len(asked) == 2
+    met = least_size(search(scenario), judged)
+    assert met.least == 1.0 and len(asked) == 2
+    assert met.least_text == "at most 1 (the range begins there)"
+    assert "least embankment.height_m: at most 1 (the range begins there)" in answer_text(
+        met, search(scenario)
+    )
 
 
 def test_the_bound_holds_with_the_stated_confidence():

@@ -14,6 +14,7 @@ code                    meaning; fields beside file, line and column
 ``duplicate``           a key, column or file that is given twice (``key``)
 ``unknown_name``        a name of a zone, block, engine, table ... that does not exist (``name``)
 ``bad_cross_section``   points, zones or measure lines that make no cross-section (``facet`` where one is at fault)
+``implausible``         a density, a size or an extent that no site has
 ``bad_block``           sizes, mass or inertia that make no block (``key``)
 ``bad_parameter``       a parameter for which a law makes no sense (``key``)
 ``bad_state``           a release that would start below the ground or beside the cross-section (``key``)
@@ -45,7 +46,7 @@ from pathlib import Path
 from typing import Any
 
 CODES = (
-    "bad_value", "unknown_key", "missing_key", "duplicate", "unknown_name", "bad_cross_section", "bad_block",
+    "bad_value", "unknown_key", "missing_key", "duplicate", "unknown_name", "bad_cross_section", "implausible", "bad_block",
     "bad_parameter", "bad_state", "not_yaml", "not_json", "not_text", "empty", "bad_table", "missing_file",
     "unreadable", "outside_folder", "not_writable", "not_a_result", "results_exist", "missing_data", "wrong_kind",
     "missing_package", "no_cluster", "not_diagnosed",

@@ -46,8 +46,8 @@ from pathlib import Path
 from typing import Any
 
 CODES = (
-    "bad_value", "unknown_key", "missing_key", "duplicate", "unknown_name", "bad_cross_section", "implausible", "bad_block",
-    "bad_parameter", "bad_state", "not_yaml", "not_json", "not_text", "empty", "bad_table", "missing_file",
+    "bad_value", "unknown_key", "missing_key", "duplicate", "unknown_name", "bad_cross_section", "implausible",
+    "bad_block", "bad_parameter", "bad_state", "not_yaml", "not_json", "not_text", "empty", "bad_table", "missing_file",
     "unreadable", "outside_folder", "not_writable", "not_a_result", "results_exist", "missing_data", "wrong_kind",
     "missing_package", "no_cluster", "not_diagnosed",
 )  # fmt: skip

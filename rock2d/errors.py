@@ -1,4 +1,4 @@
-"""The one error that a user's input can cause, with its codes, and the warning about old files.
+"""The one error that a user's input can cause, with its codes, and the warnings about old files and unusual numbers.
 
 A failure of the machine, for example a full disk, is an OSError; the command line exits with code 3.
 

@@ -78,7 +78,7 @@ def run_scenarios(
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What `run_scenarios` is request for."""
+    """What a call of `run_scenarios` asks for."""
 
     out: Path
     options: CampaignOptions

@@ -48,7 +48,7 @@ def design_figure(answer: Answer) -> Figure:
     if answer.least is not None:
         axis.axvline(answer.least, color=LINE_INK, lw=1.4)
         axis.annotate(
-            f" {'≤ ' if answer.least == answer.judgements[0].size else ''}{answer.least:.4g}",
+            f" {'≤ ' if answer.is_bound else ''}{answer.least:.4g}",
             (answer.least, axis.get_ylim()[1]),
             color=LINE_INK,
             va="top",

@@ -95,11 +95,16 @@ class Answer:
         return f"<Answer for {self.place}: {least} {self.target}; {len(self.judgements)} sizes tried>"
 
     @property
+    def is_bound(self) -> bool:
+        """Whether the smallest size of the range meets the target, so that smaller ones may, too."""
+        return self.least == self.judgements[0].size
+
+    @property
     def least_text(self) -> str:
         """The least size in words; where the smallest size of the range meets the target, it is a bound."""
         if self.least is None:
             return f"none up to {self.judgements[-1].size:.4g}"
-        if self.least == self.judgements[0].size:
+        if self.is_bound:
             return f"at most {self.least:.4g} (the range begins there)"
         return f"{self.least:.4g} (to within {self.tolerance:.2g})"
 

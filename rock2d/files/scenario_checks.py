@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.files.places import number_at, place_of, value_at
 from rock2d.files.scatter_keys import SCATTERED
-from rock2d.scene.cross_section import CrossSectionError
+from rock2d.scene.cross_section import CrossSectionError, by_zone
 from rock2d.scene.earthworks import EarthworkError
 from rock2d.scene.plausibility import (
     Doubt,
     block_doubts,
     contact_doubts,
+    earthwork_doubts,
     highest_speed_m_s,
     site_doubts,
     start_doubts,
@@ -61,23 +63,24 @@ def _check_earthworks(scenario: Scenario) -> None:
 
 def _check_plausible(scenario: Scenario) -> None:
     """Refuse what no site has."""
-    for doubt in _site_and_blocks(scenario):
+    for doubt in _site_and_blocks(scenario, scenario.make_cross_section()):
         if doubt.impossible:
             raise scenario.error(doubt.text, *doubt.key, at="key", code="implausible")
 
 
-def _site_and_blocks(scenario: Scenario) -> list[Doubt]:
-    ground = scenario.make_cross_section()
-    found = list(site_doubts(ground, scenario.gravity_m_s2))
+def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt]:
+    """All that may be impossible; every variant of a site passes here, so it is cheap."""
+    yield from site_doubts(ground, scenario.gravity_m_s2)
     for block in scenario.make_blocks().values():
-        found += block_doubts(block, ground)
-    return found
+        yield from block_doubts(block, ground)
 
 
 def doubts(scenario: Scenario) -> list[Doubt]:
     """What is unusual in a scenario: its site, its blocks, the contacts of its fastest blocks, its starts."""
-    found, ground, gravity = _site_and_blocks(scenario), scenario.make_cross_section(), scenario.gravity_m_s2
+    ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
+    found = list(_site_and_blocks(scenario, ground))
     for name, block in scenario.make_blocks().items():
+        found += earthwork_doubts(block, ground)
         incident = scenario.incident_of(name)
         if incident.from_experiment is not None:
             continue
@@ -85,10 +88,9 @@ def doubts(scenario: Scenario) -> list[Doubt]:
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(name, states, ground, gravity, key)
         if scenario.engine != "point_mass":
-            soils = scenario.contact_parameters(block)
-            stiffness = {zone: soils.get(zone, soils.get("default")) for zone in ground.zone_names}
-            springs = {zone: own.k_l_N_m for zone, own in stiffness.items() if own is not None}
-            found += contact_doubts(block, springs, highest_speed_m_s(states, ground, gravity))
+            soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
+            stiffness = {zone: own.k_l_N_m for zone, own in zip(ground.zone_names, soils, strict=True)}
+            found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
     return found
 
 

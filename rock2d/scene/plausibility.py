@@ -66,7 +66,7 @@ def site_doubts(ground: CrossSection, gravity_m_s2: float) -> Iterator[Doubt]:
 
 
 def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
-    """About the density of a block, and its size beside that of the site, the ditch and the embankment."""
+    """About the density of a block, and its size beside that of the site."""
     key, (low, high) = ("blocks", block.name), USUAL_DENSITY_KG_M3
     lightest, heaviest = density_kg_m3(block)
     if heaviest < low or lightest > high:
@@ -84,6 +84,11 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
     if block.size_m > LARGEST_BLOCK * extent:
         text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
         yield Doubt(f"{text}; usual: less than a fifth", key, impossible=block.size_m > extent)
+
+
+def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
+    """About the size of a block beside that of the ditch and of the embankment."""
+    key = ("blocks", block.name)
     if (bank := ground.embankment) is not None:
         ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_facets(ground)].sum())
         if 0.0 < ditch < block.size_m:

@@ -57,3 +57,20 @@ def plain(value: float, half_width: float | None = None) -> str:
 def point(values: Array, half_widths: Array) -> str:
     """A point for a file, "[x, y]"."""
     return f"[{', '.join(plain(v, h or None) for v, h in zip(values, half_widths, strict=True))}]"
+
+
+def three_digits(value: float) -> str:
+    """A number with three significant digits, without exponent where it is neither huge nor tiny."""
+    if not np.isfinite(value):
+        return "-"
+    rounded = float(f"{value:.3g}")
+    if rounded == 0.0:
+        return "0"
+    if not 1e-3 <= abs(rounded) < 1e6:
+        return f"{rounded:.2e}"
+    return f"{rounded:.{max(2 - int(np.floor(np.log10(abs(rounded)))), 0)}f}"
+
+
+def with_interval(value: float, low: float, high: float, factor: float = 1.0) -> str:
+    """ "12.3 [11.0, 14.2]"; a bound that is not known is a dash."""
+    return f"{three_digits(factor * value)} [{three_digits(factor * low)}, {three_digits(factor * high)}]"

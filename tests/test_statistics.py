@@ -2,8 +2,16 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rock2d.statistics import percentile_estimate, percentile_interval, wilson_interval
+from rock2d.statistics import (
+    Estimate,
+    least_count,
+    percentile_estimate,
+    percentile_interval,
+    wilson_interval,
+)
 
 
 @pytest.mark.parametrize(
@@ -31,8 +39,18 @@ def test_too_few_passings_leave_the_upper_bound_open():
     assert np.isnan(percentile_interval(values[:1], 5)[0])
 
 
-@pytest.mark.parametrize("percentile", [1.0, 5.0, 50.0, 95.0, 99.0])
-def test_a_percentile_lies_in_its_interval(percentile):
-    for n in range(1, 400):
-        value, low, high = percentile_estimate(dict(enumerate(map(float, range(n)))), n, percentile)
-        assert not (value < low or value > high), n
+@pytest.mark.parametrize(("percentile", "least"), [(50.0, 6), (95.0, 72), (99.0, 368)])
+def test_a_percentile_is_given_from_the_count_on_that_its_interval_needs(percentile, least):
+    """P(no value above the percentile) = p^n, and P(none below), must each be at most 2.5 %."""
+    p = percentile / 100
+    assert least_count(percentile) == least == np.ceil(np.log(0.025) / np.log(max(p, 1 - p)))
+    for n in range(1, 2 * least):
+        estimate = percentile_estimate(dict(enumerate(map(float, range(n)))), n, percentile)
+        assert np.isnan(estimate).all() if n < least else estimate.low <= estimate.value <= estimate.high
+
+
+@given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), st.floats(0, 1e9))
+def test_an_estimate_lies_in_its_interval(value, low, width):
+    found = Estimate.within(value, low, low + width)
+    assert found.low <= found.value <= found.high
+    assert Estimate.within(value, np.nan, np.nan).value == value

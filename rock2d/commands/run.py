@@ -16,7 +16,7 @@ from rock2d.files.scenario_checks import check_engine
 from rock2d.runs.before_after import before_after, campaign_before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.resolution import unresolved_remarks
+from rock2d.runs.resolution import source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
@@ -144,7 +144,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
-            for remark in remarks:
+            for remark in (*remarks, *(f"warning: {text}" for text in source_remarks(tables))):
                 request.report(remark)
         request.report(f"written: {request.folder(scenario, engine)}")
     return resolved

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from rock2d.design.norms import (
     CHARACTERISTIC_PERCENTILE,
-    Estimate,
     OnrFactors,
     UniFactors,
     onr_24810,
@@ -15,6 +14,7 @@ from rock2d.design.norms import (
 from rock2d.files.scenario import Scenario
 from rock2d.runs.indicators.percentiles import QUANTITIES
 from rock2d.scene.earthworks import ARRIVAL_LINE
+from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,24 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from rock2d.statistics import Estimate
+
 CHARACTERISTIC_PERCENTILE = 95.0
 LEAST_FREEBOARD_M = 0.5
-
-
-class Estimate(NamedTuple):
-    """A value with its 95 % interval; a bound that is not known is NaN."""
-
-    value: float
-    low: float
-    high: float
-
-    def times(self, factor: float) -> Estimate:
-        """The estimate times a number."""
-        return Estimate(*(factor * each for each in self))
-
-    def plus(self, term: float) -> Estimate:
-        """The estimate plus a number."""
-        return Estimate(*(each + term for each in self))
 
 
 class DesignValue(NamedTuple):

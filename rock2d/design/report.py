@@ -22,9 +22,7 @@ from rock2d.design.report_tables import (
     percentile_rows,
     quantity_text,
     stop_rows,
-    three_digits,
     uncertain_rows,
-    with_interval,
 )
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.folders import write_whole
@@ -33,9 +31,11 @@ from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
 from rock2d.runs.tables import table_note
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -135,6 +135,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
         "about": scenario.about, "tiles": _tiles(content),
         "remarks": [
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
+            *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
             *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
         ],

@@ -13,7 +13,9 @@ from rock2d.files.scenario import Scenario
 from rock2d.graphics.downloads import Download, download
 from rock2d.runs.engines import engine_named
 from rock2d.runs.resolution import stop_counts
+from rock2d.runs.tables import PASSING_HEAD, passing_cells
 from rock2d.scene.soils import SOIL_CLASSES
+from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,23 +37,6 @@ class TextTable:
     title: str = ""
     note: str = ""
     data: Download | None = None
-
-
-def three_digits(value: float) -> str:
-    """A number with three significant digits, without exponent where it is neither huge nor tiny."""
-    if not np.isfinite(value):
-        return "-"
-    rounded = float(f"{value:.3g}")
-    if rounded == 0.0:
-        return "0"
-    if not 1e-3 <= abs(rounded) < 1e6:
-        return f"{rounded:.2e}"
-    return f"{rounded:.{max(2 - int(np.floor(np.log10(abs(rounded)))), 0)}f}"
-
-
-def with_interval(value: float, low: float, high: float, factor: float = 1.0) -> str:
-    """ "12.3 [11.0, 14.2]"; a bound that is not known is a dash."""
-    return f"{three_digits(factor * value)} [{three_digits(factor * low)}, {three_digits(factor * high)}]"
 
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
@@ -76,15 +61,11 @@ def data_of(name: str, table: pd.DataFrame) -> Download:
 
 
 def passing_rows(passing: pd.DataFrame) -> TextTable:
-    """Passing frequencies in %."""
-    rows = [
-        (r.line, r.block, f"{r.passed} of {r.releases}", with_interval(r.frequency, r.low95, r.high95, 100.0),
-         str(r.unresolved))
-        for r in _rows(passing)
-    ]  # fmt: skip
+    """Passing frequencies in %, of the released and of the arriving blocks."""
     return TextTable(
-        ("line", "block", "passed", "% [95 % interval]", "unresolved"), rows,
-        note="Intervals: sampling only (Wilson). Unresolved releases count as passed in the upper bound.",
+        PASSING_HEAD, passing_cells(passing),
+        note="Left: ended more than 5 block sizes from the start. Arrived: came to the arrival line. Intervals: 95 %, "
+        "sampling only (Wilson). Unresolved releases count as passed in the upper bound.",
         data=data_of("passing.csv", passing),
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ from rock2d.runs.campaigns.job import job_of
 from rock2d.runs.engines import engine_named
 from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
-from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
+from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
 from rock2d.runs.indicators.percentiles import QUANTITIES, percentile_table
 from rock2d.runs.run import run
 
@@ -82,10 +82,10 @@ def _of_ensemble(scenario: Scenario, engine: str, seed: int, count: int) -> tupl
     for b, block in enumerate(job.blocks):
         group = job.conditions.group(b, 0, count)
         found = chosen.ensemble(job, group)
-        passed, cut = found.passed(len(lines)), found.unresolved(len(lines))
+        passed = found.passed(len(lines))
+        passing += passing_rows(block.name, list(lines), count, float("nan"), found.passing(job.cross_section))
         for k, (line, ends) in enumerate(lines.items()):
             own = passed[:, k]
-            passing.append(passing_row(block.name, line, count, int(own.sum()), int(cut[:, k].sum())))
             values = crossing_values(found.crossings[own, k], ends, job.cross_section, group.masses()[own])
             table = pd.DataFrame(values, columns=list(CROSSING_VALUES))[list(QUANTITIES)]
             crossings.append(table.assign(block=block.name, line=line))

@@ -14,6 +14,7 @@ from rock2d.records.columns import UNRESOLVED_STOPS
 if TYPE_CHECKING:
     import pandas as pd
 
+FEWEST_LEFT = 0.5  # share of a block's releases that leave their source in a usual run
 LARGEST_UNRESOLVED = 0.01  # share of a block's releases up to which a run counts as resolved
 REASONS = {
     "time": "ran out of time (time_limit_s is {time_limit_s:.3g})",
@@ -52,3 +53,15 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
                 why = f"{unresolved} were cut short (time_limit_s is {time_limit_s:.3g}) or buried"
                 remarks.append(f"NOT RESOLVED: of {releases} releases of {block} {why}")
     return remarks
+
+
+def source_remarks(tables: Mapping[str, Any]) -> list[str]:
+    """A sentence on each block of which most releases stay where they start."""
+    if "passing" not in tables:
+        return []
+    return [
+        f"{own.releases - own.left_source:.0f} of {own.releases} releases of {own.block} stay where they start: read "
+        "the shares of the arriving blocks, or start blocks where they come loose (incident)"
+        for own in tables["passing"].drop_duplicates("block").itertuples()
+        if own.left_source < FEWEST_LEFT * own.releases
+    ]

@@ -5,12 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rock2d.runs.resolution import stop_counts
+from rock2d.wording import with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.files.scenario import Scenario
     from rock2d.runs.results import RunResult
+
+PASSING_HEAD = (
+    "line", "block", "released", "left source", "arrived", "passed", "% of released", "% of arriving", "unresolved",
+)  # fmt: skip
 
 
 def print_tables(result: RunResult) -> None:
@@ -20,7 +25,7 @@ def print_tables(result: RunResult) -> None:
     print(f"\n{result.scenario.name}: {result.scenario.about} [{result.engine}, seed {result.seed}]")
     passing = result.to_pandas("passing")
     if len(passing):
-        print(passing_text(passing, note=table_note(result.scenario)))
+        print(passing_text(passing, table_note(result.scenario)))
     print(stops_text(result.to_pandas("stops"), table_note(result.scenario)))
     if "energy" in result.table_names():
         energy = result.to_pandas("energy")
@@ -38,7 +43,7 @@ def print_campaign(scenario: Scenario, engine: str, tables: dict[str, pd.DataFra
     """Passing frequencies and stops of a campaign."""
     print(f"\n{scenario.name}: {scenario.about} [{engine}]")
     if len(tables.get("passing", ())):
-        print(passing_text(tables["passing"], digits=2, note=table_note(scenario)))
+        print(passing_text(tables["passing"], table_note(scenario)))
     if "stops" in tables:
         print(stops_text(tables["stops"], table_note(scenario)))
     for sentence in scenario.assumed:
@@ -55,20 +60,26 @@ def stops_text(stops: pd.DataFrame, note: str = "") -> str:
     return "how releases ended" + (f"; {note}" if note else "") + f"\n{stop_counts(stops).to_string()}"
 
 
-def passing_text(passing: pd.DataFrame, digits: int = 0, note: str = "") -> str:
-    """Passing frequency in % with its 95 % interval, one row a block."""
-    cells = passing.assign(
-        cell=[
-            f"{100 * f:.{digits}f} [{100 * lo:.{digits}f}, {100 * hi:.{digits}f}]"
-            for f, lo, hi in zip(passing["frequency"], passing["low95"], passing["high95"], strict=True)
-        ]
-    )
-    table = cells.pivot(index="block", columns="line", values="cell")
+def passing_text(passing: pd.DataFrame, note: str = "") -> str:
+    """Passing frequencies as a person reads them, one row for each line and block."""
+    import pandas as pd
+
     head = "passing frequency in % [95 % interval]"
     if passing["unresolved"].any():
         head += "; the upper bound counts all releases as passed that were cut short or buried"
     head += f"; {note}" if note else ""
-    return f"{head}\n{table.to_string()}"
+    cells = pd.DataFrame(passing_cells(passing), columns=list(PASSING_HEAD))
+    return f"{head}\n{cells.to_string(index=False)}"
+
+
+def passing_cells(passing: pd.DataFrame) -> list[tuple[str, ...]]:
+    """Rows of PASSING_HEAD from a table of `indicators.passing`."""
+    return [
+        (r.line, r.block, str(r.releases), f"{r.left_source:.0f}".replace("nan", "-"), str(r.arrived),
+         str(r.passed), with_interval(r.frequency, r.low95, r.high95, 100.0),
+         with_interval(r.per_arriving, r.per_arriving_low95, r.per_arriving_high95, 100.0), str(r.unresolved))
+        for r in passing.itertuples()
+    ]  # fmt: skip
 
 
 def residual_text(summary: pd.DataFrame) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rock2d.commands.run import run_scenarios
-from rock2d.design.report_tables import quantity_text, three_digits, with_interval
+from rock2d.design.report_tables import quantity_text
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from tests.diagnosis.test_report import Page

@@ -23,6 +23,7 @@ from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
 from rock2d.runs.engines import ENGINES, Engine, engine_named
+from rock2d.runs.indicators.passing import PASSING_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -178,6 +179,7 @@ def _prepare(scenario: Scenario, folder: Path, options: CampaignOptions) -> tupl
         "releases": options.releases or scenario.releases,
         "chunk_releases": _chunk_releases(scenario, options),
         "keep": list(keep),
+        "passing": list(PASSING_COLUMNS),
         **({"fps": fps} if "samples" in keep else {}),
         "versions": versions(),
         **({"diagnosis": scenario.diagnosed.fingerprint} if scenario.diagnosed else {}),

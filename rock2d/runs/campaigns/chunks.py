@@ -22,6 +22,7 @@ from rock2d.runs.conditions import Group
 from rock2d.runs.engines import ENGINES
 from rock2d.runs.incident_states import DRAW_GROUP
 from rock2d.runs.indicators.crossings import CROSSING_COLUMNS, CROSSING_VALUES, crossing_rows
+from rock2d.runs.indicators.passing import left_source
 from rock2d.runs.indicators.stops import STOP_COLUMNS
 from rock2d.runs.recording import FRAME_TOLERANCE
 from rock2d.scene.nearest_facet import nearest_facets
@@ -204,7 +205,8 @@ def _simulate(
         named = dict(zip(SAMPLE_VALUES, found.samples[release, at].T, strict=True))
         out["samples"] = columns(SAMPLE_COLUMNS, release, t_s=times[at], **named)
     counts.unclosed[...] += found.unclosed
-    counts.unresolved[...] += found.unresolved_counts(len(job.cross_section.measure_lines))
+    for total, own in zip(counts.passing, found.passing(job.cross_section), strict=True):
+        total += own
     return out
 
 
@@ -214,6 +216,9 @@ def _ends(job: Job, group: Group, found: Outcome, counts: Counts) -> dict[str, A
     zone[found.stop == STOP_EXIT] = -1
     runout = x - group.states[:, 0]
     counts.add_ends(found.stop, zone, runout)
+    sizes = np.array([own.block.size_m for own in group.conditions])
+    left = left_source(group.states[:, 0], x, found.stop == STOP_EXIT, sizes)
+    counts.left_source[...] += np.count_nonzero(left)
     stop, zones = _text(STOPS, found.stop), _text(ground.zone_names, zone)
     return {"stop": stop, "zone": zones, "runout_m": runout, "t_s": t, "x_m": x, "y_m": y}
 

@@ -11,6 +11,7 @@ from rock2d.records.columns import STOPS
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.campaigns.order_statistics import DIGITS, leading_digits
 from rock2d.runs.indicators.crossings import CROSSING_VALUES
+from rock2d.runs.indicators.passing import PassingCounts
 from rock2d.runs.indicators.percentiles import QUANTITIES
 
 Array = np.ndarray
@@ -23,14 +24,19 @@ class Counts:
     Attributes
     ----------
     unclosed : () releases whose energy audit does not close
-    unresolved : (lines,) releases that were cut short or buried before they crossed a measure line
+    left_source : () releases that left their source, if ends are kept
+    passed, unresolved, arrived, arrived_unresolved : (lines,) see `PassingCounts`
     stops : (STOPS, zones + 1) releases by how and in which zone they ended; last: outside
     runouts : (DIGITS,) distances from start to end
     crossings : (lines, QUANTITIES, DIGITS) values at a line
     """
 
     unclosed: Array
+    left_source: Array
+    passed: Array
     unresolved: Array
+    arrived: Array
+    arrived_unresolved: Array
     stops: Array
     runouts: Array
     crossings: Array
@@ -39,13 +45,16 @@ class Counts:
     def none(job: Job) -> Counts:
         """Counts of nothing."""
         lines, zones = len(job.cross_section.measure_lines), len(job.cross_section.zone_names)
-        shapes = (), (lines,), (len(STOPS), zones + 1), (DIGITS,), (lines, len(QUANTITIES), DIGITS)
+        shapes = (
+            (), (), (lines,), (lines,), (lines,), (lines,),
+            (len(STOPS), zones + 1), (DIGITS,), (lines, len(QUANTITIES), DIGITS),
+        )  # fmt: skip
         return Counts(*(np.zeros(shape, np.int64) for shape in shapes))
 
     @property
-    def passed(self) -> Array:
-        """(lines,) releases that crossed each line."""
-        return self.crossings[:, 0].sum(axis=-1)
+    def passing(self) -> PassingCounts:
+        """At each line."""
+        return PassingCounts(self.passed, self.unresolved, self.arrived, self.arrived_unresolved)
 
     def add_ends(self, stop: Array, zone: Array, runout_m: Array) -> None:
         """Count ends (n,): index into STOPS, index of the zone or -1, distance from the start."""

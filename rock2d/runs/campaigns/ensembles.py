@@ -12,6 +12,8 @@ from rock2d.records.columns import I_TIME, I_ZONE, INSTANT_THETA, N_INSTANT, STO
 from rock2d.runs.campaigns.job import Job
 from rock2d.runs.conditions import Condition, Group
 from rock2d.runs.incident_states import DRAW_GROUP
+from rock2d.runs.indicators.passing import PassingCounts, arrivals, count_passing
+from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     from rock2d.engines.batch import Ensemble
@@ -52,10 +54,10 @@ class Outcome:
         """(n, lines) bool, which were cut short or buried before they crossed it."""
         return ~self.passed(lines) & UNRESOLVED[self.stop][:, None]
 
-    def unresolved_counts(self, lines: int) -> Array:
-        """(lines,) how many."""
-        cut = np.flatnonzero(UNRESOLVED[self.stop])  # mostly none
-        return np.count_nonzero(np.isnan(self.crossings[cut, :lines, 0]), axis=0)
+    def passing(self, ground: CrossSection) -> PassingCounts:
+        """How many passed, arrived at and were unresolved at each measure line."""
+        passed = self.passed(len(ground.measure_lines))
+        return count_passing(passed, UNRESOLVED[self.stop], arrivals(ground))
 
 
 def batch_outcome(job: Job, group: Group, suspend_x_m: float = np.inf) -> Outcome:

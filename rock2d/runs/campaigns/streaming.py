@@ -17,7 +17,7 @@ from rock2d.runs.campaigns.chunks import add_counts, chunk_path
 from rock2d.runs.campaigns.counts import Counts
 from rock2d.runs.campaigns.job import Chunk, Job
 from rock2d.runs.campaigns.order_statistics import OrderStatistics, find_order_statistics
-from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_row
+from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
 from rock2d.runs.indicators.percentiles import PERCENTILE_COLUMNS, PERCENTILES, QUANTITIES
 from rock2d.statistics import percentile_estimate, percentile_ranks
 
@@ -90,11 +90,8 @@ class _Block:
 
     def passing(self) -> list[Any]:
         """Rows of PASSING_COLUMNS."""
-        found = zip(self.lines, self.counts.passed.tolist(), self.counts.unresolved.tolist(), strict=True)
-        return [
-            passing_row(self.name, line, self.releases, passed, unresolved)
-            for line, passed, unresolved in found
-        ]
+        left = int(self.counts.left_source) if "ends" in self.job.keep else float("nan")
+        return passing_rows(self.name, self.lines, self.releases, left, self.counts.passing)
 
     def percentiles(self) -> list[Any]:
         """Rows of PERCENTILE_COLUMNS."""
@@ -103,12 +100,15 @@ class _Block:
             (line, quantity): OrderStatistics(_ranks(passed[line], PERCENTILES), self.counts.crossings[k, q])
             for k, line in enumerate(self.lines)
             for q, quantity in enumerate(QUANTITIES)
-            if passed[line]
+            if _ranks(passed[line], PERCENTILES)
         }
         find_order_statistics(sought, self._values_at_lines)
+        ranked = {key: own.values() for key, own in sought.items()}
         return [
-            (self.name, *key, p, passed[key[0]], *percentile_estimate(own.values(), passed[key[0]], p))
-            for key, own in sought.items()
+            (self.name, line, quantity, p, n, *percentile_estimate(ranked.get((line, quantity), {}), n, p))
+            for line, n in passed.items()
+            if n
+            for quantity in QUANTITIES
             for p in PERCENTILES
         ]
 

@@ -12,7 +12,7 @@ from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.statistics import percentile_estimate, percentile_ranks
+from rock2d.statistics import least_count, percentile_estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +26,6 @@ QUANTITIES = ("height_m", "speed_m_s", "kinetic_J")
 PERCENTILES = (50.0, 95.0, 99.0)
 STATIONS = 61
 INSTANTS = 400  # instants of a track, beside its knots, between which positions are taken as straight lines
-FEWEST_PASSED = 5  # at a station, for percentiles
 
 
 def envelope_table(
@@ -37,9 +36,9 @@ def envelope_table(
 ) -> pd.DataFrame:
     """Percentiles over the blocks that come past each station, in the direction of x; ENVELOPE_COLUMNS.
 
-    - x_m: stations, evenly spread over the cross-section; those that fewer than 5 blocks pass are left out
+    - x_m: stations, evenly spread over the cross-section; a percentile is left out where it needs more blocks to pass
     - height_m: vertical height of the centroid above the ground, at its first passing; speed_m_s and kinetic_J likewise
-    - low95, high95: distribution-free interval of the percentile; a bound that so few passings cannot give is NaN
+    - low95, high95: distribution-free interval of the percentile
     """
     import pandas as pd
 
@@ -55,13 +54,11 @@ def envelope_table(
         stacked = np.stack(found)  # (releases, stations, quantities)
         for s, x in enumerate(stations.tolist()):
             for q, quantity in enumerate(QUANTITIES):
-                ranked = np.sort(stacked[np.isfinite(stacked[:, s, q]), s, q])
-                if len(ranked) < FEWEST_PASSED:
-                    continue
+                ranked = np.sort(stacked[np.isfinite(stacked[:, s, q]), s, q]).tolist()
                 for percentile in PERCENTILES:
-                    at = {rank: float(ranked[rank]) for rank in percentile_ranks(len(ranked), percentile)}
-                    estimate = percentile_estimate(at, len(ranked), percentile)
-                    rows.append((block, x, quantity, percentile, len(ranked), *estimate))
+                    if len(ranked) >= least_count(percentile):
+                        estimate = percentile_estimate(dict(enumerate(ranked)), len(ranked), percentile)
+                        rows.append((block, x, quantity, percentile, len(ranked), *estimate))
     return pd.DataFrame(rows, columns=list(ENVELOPE_COLUMNS))
 
 

@@ -29,7 +29,7 @@ def percentile_table(
 ) -> pd.DataFrame:
     """Percentiles over the blocks that passed, from `crossings_table`; PERCENTILE_COLUMNS.
 
-    The intervals are those of `percentile_interval`: a bound that so few passings cannot give is NaN.
+    The intervals are those of `statistics.percentile_estimate`: of too few passings there is no percentile, but NaN.
     """
     import pandas as pd
 

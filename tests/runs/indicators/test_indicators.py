@@ -67,7 +67,7 @@ def test_only_the_first_crossing_counts():
 
 def test_passing_frequencies_count_every_release():
     tracks = [flight(i, 0, 1, 4.0 if i < 43 else 0.5, 2.0) for i in range(50)]
-    table = passing_table(tracks, GROUND).set_index("line")
+    table = passing_table(tracks, GROUND, {"cube": CUBE}, {}).set_index("line")
     assert table.loc["upright", ["releases", "passed", "frequency"]].tolist() == [50, 43, 0.86]
     assert table.loc["across_face", "passed"] == 0
     assert table.loc["across_face", ["low95", "high95"]].tolist() == pytest.approx([0, 0.0713], abs=5e-5)
@@ -78,9 +78,24 @@ def test_what_was_cut_short_could_have_passed_or_not():
     over, short, cut = (4.0, "exit"), (0.5, "rest"), (0.5, "time")
     kinds = [over] * 10 + [short] * 80 + [cut] * 10
     tracks = [flight(i, 0, 1, vx, 2.0, stop=stop) for i, (vx, stop) in enumerate(kinds)]
-    row = passing_table(tracks, GROUND).set_index("line").loc["upright"]
+    row = passing_table(tracks, GROUND, {"cube": CUBE}, {}).set_index("line").loc["upright"]
     assert row[["passed", "unresolved", "frequency"]].tolist() == [10, 10, 0.1]
     assert row["low95"] == wilson_interval(10, 100)[0] and row["high95"] == wilson_interval(20, 100)[1]
+
+
+def test_shares_of_the_blocks_that_arrive_leave_out_those_that_stay():
+    """60 of 100 blocks come to the first line, 15 of them to the second: 15 % of the released, 25 % of the arriving;
+    of the 40 others 30 stay where they start."""
+    ground = CrossSection([[0, 0], [20, 0]], ["floor"], {"far": [[9, 0], [9, 9]], "near": [[4, 0], [4, 9]]})
+    ends = [0.2] * 30 + [2.0] * 10 + [6.0] * 45 + [12.0] * 15
+    tracks = [flight(i, 0.0, 1.0, x, 5.0, stop="rest") for i, x in enumerate(ends)]
+    table = passing_table(tracks, ground, {"cube": CUBE}, {}).set_index("line")
+    assert table.loc["far", ["releases", "left_source", "arrived", "passed"]].tolist() == [100, 70, 60, 15]
+    assert table.loc["far", ["frequency", "per_arriving"]].tolist() == [0.15, 0.25]
+    assert table.loc["far", ["per_arriving_low95", "per_arriving_high95"]].tolist() == list(wilson_interval(15, 60))
+    assert table.loc["near", ["arrived", "passed", "per_arriving"]].tolist() == [60, 60, 1.0]
+    gone = passing_table(tracks[:40], ground, {"cube": CUBE}, {})
+    assert gone["arrived"].tolist() == [0, 0] and gone["per_arriving"].isna().all()
 
 
 def test_percentiles_of_those_that_passed():

@@ -109,6 +109,12 @@ def profile(file, out, **options) -> None:
 @click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
 @click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
               help="Largest share of the releases of each block that may pass.")  # fmt: skip
+@click.option("--per", type=click.Choice(["released", "arriving"]), default="released", show_default=True,
+              help="Of which blocks the share is taken.")  # fmt: skip
+@click.option("--above-kj", type=click.FloatRange(min=0), metavar="KJ",
+              help="Only blocks that pass with more energy count, for example what a fence behind can take.")  # fmt: skip
+@click.option("--above-m", type=float, metavar="M",
+              help="Only blocks that pass higher above the foot of the line count.")  # fmt: skip
 @click.option("--confidence", type=float, default=95.0, show_default=True, metavar="PERCENT",
               help="With which the target is met, over sampling and all that is not known.")  # fmt: skip
 @click.option("--tolerance", type=click.FloatRange(min=0, min_open=True),
@@ -121,7 +127,8 @@ def profile(file, out, **options) -> None:
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def design(scenario, *, place, bounds, others, line, target, confidence, out, quiet, **options) -> None:
+def design(scenario, *, place, bounds, others, line, target, per, above_kj, above_m, confidence, out, quiet,
+           **options) -> None:
     """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
 
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no
@@ -133,7 +140,7 @@ def design(scenario, *, place, bounds, others, line, target, confidence, out, qu
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target
 
-    aim = Target(line, target / 100.0, confidence / 100.0)
+    aim = Target(line, target / 100.0, confidence / 100.0, per, 1e3 * (above_kj or 0.0), above_m)
     if others:
         found = run_combinations(scenario, place, bounds, others, aim, out, progress=not quiet,
                                  command=command_line(), report=click.echo, **options)  # fmt: skip

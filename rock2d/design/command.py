@@ -121,11 +121,10 @@ def answer_text(answer: Answer, search: Search) -> str:
             f"  {judged.size:10.4g}  {100 * judged.median[block]:8.3g}  {100 * judged.high[block]:8.3g}"
             f"  {'yes' if judged.meets else 'no':5s}  {block}"
         )
-    aim = f"at most {100 * target.frequency:.3g} % pass {target.line} at {100 * target.confidence:.3g} % confidence"
     if answer.least is None:
-        head = f"no {answer.place} up to {answer.judgements[-1].size:.4g} meets the target: {aim}"
+        head = f"no {answer.place} up to {answer.judgements[-1].size:.4g} meets the target: {target.text}"
     else:
-        head = f"least {answer.place}: {answer.least_text}: {aim}"
+        head = f"least {answer.place}: {answer.least_text}: {target.text}"
     notes = (
         [] if answer.monotone else ["a larger size fails above one that meets the target: look at design.png"]
     )

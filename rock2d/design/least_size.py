@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.progress import Bar, Bars
+from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,11 +45,38 @@ class Target:
     ----------
     line : name of a measure line
     frequency, confidence : shares from 0 to 1
+    per : "released" or "arriving": the share of all releases, or of those that come to the arrival line
+    above_J, above_m : only blocks that pass with more than this kinetic energy, and higher than this above the line's
+        foot, count
     """
 
     line: str
     frequency: float
     confidence: float
+    per: Literal["released", "arriving"] = "released"
+    above_J: float = 0.0
+    above_m: float | None = None
+
+    @property
+    def text(self) -> str:
+        """The target in words."""
+        limits = [f"with more than {1e-3 * self.above_J:.4g} kJ"] if self.above_J > 0.0 else []
+        limits += [f"higher than {self.above_m:.4g} m"] if self.above_m is not None else []
+        with_what = "".join(f", {limit}" for limit in limits)
+        blocks = f"at most {100 * self.frequency:.3g} % of the {self.per} blocks"
+        return f"{blocks} pass {self.line}{with_what}, at {100 * self.confidence:.3g} % confidence"
+
+    def counts(self, results: SiteResults, block: int) -> tuple[Array, Array, Array]:
+        """(sites, releases) bool each, of the block with that index: passed as the target forbids, could have done so,
+        and the releases of which the share is taken."""
+        k = results.lines.index(self.line)
+        passed, most = results.passed[:, block, k], results.unresolved[:, block, k]
+        limits = {"kinetic_J": self.above_J or None, "passing_height_m": self.above_m}
+        for quantity, least in limits.items():
+            if least is not None:  # values are NaN where not passed
+                passed = passed & (results.crossings[quantity][:, block, k] > least)
+        of = results.arrived[:, block, k] if self.per == "arriving" else np.ones_like(passed)
+        return passed & of, (passed | most) & of, of
 
 
 @dataclass(frozen=True)
@@ -92,7 +120,7 @@ class Answer:
 
     def __repr__(self) -> str:
         least = "no size meets" if self.least is None else f"{self.least_text} meets"
-        return f"<Answer for {self.place}: {least} {self.target}; {len(self.judgements)} sizes tried>"
+        return f"<Answer for {self.place}: {least}: {self.target.text}; {len(self.judgements)} sizes tried>"
 
     @property
     def is_bound(self) -> bool:
@@ -115,11 +143,12 @@ class Answer:
         return meets == sorted(meets)
 
     def to_pandas(self) -> pd.DataFrame:
-        """Every size that was tried, a row for each block: size, block, median, low, high (shares), meets."""
+        """Every size that was tried, a row for each block: size, block, median, low, high (shares), and whether this
+        block meets the target; a size meets it if all blocks do."""
         import pandas as pd
 
         rows = [
-            (j.size, block, j.median[block], j.low[block], j.high[block], j.meets)
+            (j.size, block, j.median[block], j.low[block], j.high[block], j.high[block] <= self.target.frequency)
             for j in self.judgements
             for block in j.median
         ]
@@ -217,23 +246,33 @@ class Search:
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:
-    """Judge a size by what blocks do at all sites."""
+    """Judge a size by what blocks do at all sites. A block of which no release counts, since none arrives, can not
+    meet the target."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     k = results.lines.index(target.line)
-    median: dict[str, float] = {}
-    low: dict[str, float] = {}
-    high: dict[str, float] = {}
+    bands: dict[str, Estimate] = {}
     unresolved: dict[str, float] = {}
     for b, block in enumerate(results.blocks):
-        passed = results.passed[:, b, k]
-        most = passed | results.unresolved[:, b, k]
-        n = passed.shape[1]
         unresolved[block] = float(results.unresolved[:, b, k].mean())
-        median[block] = float(np.median(passed.mean(axis=1)))
-        share, _ = variance_shares(most)
-        for bound, counts, level in ((low, passed, 1.0 - target.confidence), (high, most, target.confidence)):
-            bound[block] = further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
-    return Judgement(size, median, low, high, max(high.values()) <= target.frequency, unresolved)
+        passed, most, of = target.counts(results, b)
+        some = of.any(axis=1)
+        if not some.any():
+            bands[block] = Estimate(0.0, 0.0, 1.0)
+            continue
+        passed, most, of = passed[some], most[some], of[some]
+        n = of.sum(axis=1)
+        share, _ = variance_shares(most, of)
+        low, high = (
+            further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
+            for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
+        )
+        bands[block] = Estimate.within(float(np.median(passed.sum(axis=1) / n)), low, high)
+    median, low_of, high_of = (
+        {block: band[i] for block, band in bands.items()} for i in range(3)
+    )
+    return Judgement(
+        size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved
+    )
 
 
 def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:

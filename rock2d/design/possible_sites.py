@@ -23,6 +23,7 @@ from rock2d.files.scenario_variants import variant
 from rock2d.runs.campaigns.job import job_of
 from rock2d.runs.engines import engine_named
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
+from rock2d.runs.indicators.passing import arrivals
 from rock2d.runs.indicators.percentiles import QUANTITIES
 
 Array = np.ndarray
@@ -94,6 +95,7 @@ class SiteResults:
     Attributes
     ----------
     passed, unresolved : (s, b, l, n) bool, of each line: passed, or cut short or buried before it
+    arrived : (s, b, l, n) bool, came to the arrival line of each line
     crossings : quantity (of `percentiles.QUANTITIES`) -> (s, b, l, n), NaN where not passed
     """
 
@@ -101,6 +103,7 @@ class SiteResults:
     lines: tuple[str, ...]
     passed: Array
     unresolved: Array
+    arrived: Array
     crossings: dict[str, Array]
 
 
@@ -120,7 +123,7 @@ def simulate_sites(
     first = scenarios[0]
     blocks, lines = tuple(first.make_blocks()), tuple(first.make_cross_section().measure_lines)
     shape = (len(scenarios), len(blocks), len(lines), releases)
-    passed, unresolved = np.zeros(shape, bool), np.zeros(shape, bool)
+    passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
     chosen = engine_named(SAME_LAW.get(engine, engine))
     assert chosen.ensemble is not None
@@ -136,13 +139,14 @@ def simulate_sites(
                 found = chosen.ensemble(job, group)
             own = found.passed(len(lines))
             passed[s, b], unresolved[s, b] = own.T, found.unresolved(len(lines)).T
+            arrived[s, b] = [own[:, here].any(axis=1) for here in arrivals(job.cross_section)]
             for k, ends in enumerate(job.cross_section.measure_lines.values()):
                 masses = group.masses()[own[:, k]]
                 values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
                 for quantity, of in crossings.items():
                     of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
         on_progress(1)
-    return SiteResults(blocks, lines, passed, unresolved, crossings)
+    return SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
 
 
 def variants_of(scenario: Scenario, sites: PossibleSites) -> list[Scenario]:

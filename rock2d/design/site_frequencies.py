@@ -16,25 +16,26 @@ MEAN_VALUES = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jef
 LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
-def frequency_draws(passed: Array, releases: int, rng: np.random.Generator) -> Array:
-    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all; `passed` (sites,) of `releases`.
+def frequency_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
+    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all; `passed` (sites,) releases `of` (sites,),
+    or of the same number at each.
 
     With a single site: the posterior with Jeffreys' prior.
     """
-    k = np.asarray(passed, float)
+    k, n = np.broadcast_arrays(np.asarray(passed, float), np.asarray(of, float))
     if len(k) == 1:
-        return rng.beta(k + 0.5, releases - k + 0.5, (DRAWS, 1))
+        return rng.beta(k + 0.5, n - k + 0.5, (DRAWS, 1))
     angle = (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES * 0.5 * np.pi
-    grid = _finer(k, releases, angle)
-    a, b, weight = _posterior(k, releases, np.sin(grid) ** 2)
+    grid = _finer(k, n, angle)
+    a, b, weight = _posterior(k, n, np.sin(grid) ** 2)
     chosen = rng.choice(len(weight), DRAWS, p=weight)
-    return rng.beta(a[chosen, None] + k, b[chosen, None] + releases - k)
+    return rng.beta(a[chosen, None] + k, b[chosen, None] + n - k)
 
 
-def _finer(k: Array, releases: int, angle: Array) -> Array:
+def _finer(k: Array, n: Array, angle: Array) -> Array:
     """Angles, evenly spread where the posterior of mu has its weight."""
     for _ in range(2):
-        _, _, weight = _posterior(k, releases, np.sin(angle) ** 2)
+        _, _, weight = _posterior(k, n, np.sin(angle) ** 2)
         own = weight.reshape(-1, STRENGTH_VALUES).sum(axis=1)
         support = np.flatnonzero(own > 1e-6 * own.max())
         step = angle[1] - angle[0]
@@ -43,14 +44,14 @@ def _finer(k: Array, releases: int, angle: Array) -> Array:
     return angle
 
 
-def _posterior(k: Array, releases: int, mu: Array) -> tuple[Array, Array, Array]:
+def _posterior(k: Array, n: Array, mu: Array) -> tuple[Array, Array, Array]:
     """a, b and weight (sum 1) on the grid of mu and nu, flat."""
     from scipy.special import betaln
 
     nu = np.geomspace(LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES)
     a, b = (np.outer(share, nu).reshape(-1) for share in (mu, 1.0 - mu))
-    counts, number = np.unique(k, return_counts=True)
-    each = betaln(a[:, None] + counts, b[:, None] + releases - counts) - betaln(a, b)[:, None]
+    (counts, of), number = np.unique(np.stack([k, n]), axis=1, return_counts=True)
+    each = betaln(a[:, None] + counts, b[:, None] + of - counts) - betaln(a, b)[:, None]
     log_weight = each @ number
     weight = np.exp(log_weight - log_weight.max())
     return a, b, weight / weight.sum()

@@ -8,6 +8,7 @@ import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults
 from rock2d.design.site_frequencies import frequency_draws
+from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,15 +22,15 @@ UNCERTAIN_COLUMNS = (
 SENSITIVITY_COLUMNS = (
     "block", "line", "quantity", "parameter", "first_order", "first_order_error95", "total", "total_error95",
 )  # fmt: skip
-FREQUENCY = "frequency"
+FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"  # share of the released, and of the arriving blocks
 DESIGN_PERCENTILE = 95.0
 FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
 DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites
 
 
 def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:
-    """Passing frequencies and 95th percentiles of energy and passing height over all possible sites;
-    UNCERTAIN_COLUMNS.
+    """Passing frequencies of the released and of the arriving blocks, and 95th percentiles of energy, passing height
+    and speed over all possible sites; UNCERTAIN_COLUMNS.
 
     value: median over the sites. low95, high95: bounds of the mixture, over the sites, of what sampling leaves open
     about each. share_not_known and share_sampling: shares of the variance of what is written here. A frequency's upper
@@ -45,35 +46,44 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
             passed, unresolved = results.passed[own, b, k], results.unresolved[own, b, k]
             head, share = (block, line), float(unresolved.mean())
             size = (len(own), passed.shape[1])
-            rows.append((*head, FREQUENCY, *size, *_frequency(passed, unresolved, rng), share))
+            arrived = results.arrived[own, b, k]
+            for quantity, of in ((FREQUENCY, np.ones_like(passed)), (PER_ARRIVING, arrived)):
+                rows.append((*head, quantity, *size, *_frequency(passed, unresolved, of, rng), share))
             for quantity, values in results.crossings.items():
                 found = _percentile(values[own, b, k], rng)
                 rows.append((*head, f"{quantity}_{DESIGN_PERCENTILE:g}", *size, *found, share))
     return pd.DataFrame(rows, columns=list(UNCERTAIN_COLUMNS))
 
 
-def _frequency(passed: Array, unresolved: Array, rng: np.random.Generator) -> tuple[float, ...]:
-    """(median, low, high, share not known, share of sampling) of a passing frequency; arrays (sites, releases).
+def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Generator) -> tuple[float, ...]:
+    """(median, low, high, share not known, share of sampling) of the frequency with which releases `of` a kind pass;
+    arrays (sites, releases) bool. NaN if there are none.
 
     Where no release passes at more than 2.5 % of the sites the lower bound is 0, and where all pass the upper is 1:
     a posterior never reaches either, a site can.
     """
-    n = passed.shape[1]
-    k, k_most = passed.sum(axis=1), (passed | unresolved).sum(axis=1)
-    shares = variance_shares(passed)
+    some = of.any(axis=1)
+    if not some.any():
+        return (np.nan,) * 5
+    passed, unresolved, of = passed[some], unresolved[some], of[some]
+    n = of.sum(axis=1)
+    k, k_most = (passed & of).sum(axis=1), ((passed | unresolved) & of).sum(axis=1)
+    shares = variance_shares(passed, of)
 
     def bound(counts: Array, level: float) -> float:
         return further_site_quantile(frequency_draws(counts, n, rng), level, shares[0])
 
     lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
     highest = 1.0 if (k_most == n).mean() > 0.025 else bound(k_most, 0.975)
-    return float(np.median(k / n)), lowest, highest, *shares
+    return *Estimate.within(float(np.median(k / n)), lowest, highest), *shares
 
 
-def variance_shares(passed: Array) -> tuple[float, float]:
-    """Shares of the variance of a passing frequency that are not known, and that are sampling; (sites, releases)."""
-    frequency = passed.mean(axis=1)
-    return _shares(_between(passed), float((frequency * (1 - frequency)).mean() / passed.shape[1]))
+def variance_shares(passed: Array, of: Array) -> tuple[float, float]:
+    """Shares of the variance of the frequency with which releases `of` a kind pass that are not known, and that are
+    sampling; (sites, releases) bool, some of the kind on every site."""
+    n = of.sum(axis=1)
+    frequency = (passed & of).sum(axis=1) / n
+    return _shares(_between(passed, of), float((frequency * (1 - frequency) / n).mean()))
 
 
 def further_site_quantile(draws: Array, level: float, share_not_known: float) -> float:
@@ -88,12 +98,14 @@ def further_site_quantile(draws: Array, level: float, share_not_known: float) ->
     return float(np.quantile(draws, share_not_known * moved + (1 - share_not_known) * level))
 
 
-def _between(passed: Array) -> float:
+def _between(passed: Array, of: Array) -> float:
     """Variance of the frequency between sites, without the error of sampling: the covariance of two halves of the
     releases."""
-    if len(passed) < 2:
+    counts = [((passed & of)[:, i::2].sum(axis=1), of[:, i::2].sum(axis=1)) for i in (0, 1)]
+    both = np.all([n > 0 for _, n in counts], axis=0)
+    if both.sum() < 2:
         return 0.0
-    halves = passed[:, 0::2].mean(axis=1), passed[:, 1::2].mean(axis=1)
+    halves = [k[both] / n[both] for k, n in counts]
     return max(float(np.cov(*halves)[0, 1]), 0.0)
 
 
@@ -125,8 +137,8 @@ def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
     sampling = float(error.var(axis=1).mean())
     shares = _shares(max(float(np.var(at)) - sampling, 0.0), sampling)
     drawn = at.mean() + np.sqrt(shares[0]) * (at - at.mean()) + error.T / np.sqrt(len(at))
-    bounds = (further_site_quantile(drawn, level, shares[0]) for level in (0.025, 0.975))
-    return float(np.median(at)), *bounds, *shares
+    low, high = (further_site_quantile(drawn, level, shares[0]) for level in (0.025, 0.975))
+    return *Estimate.within(float(np.median(at)), low, high), *shares
 
 
 def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:

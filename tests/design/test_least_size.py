@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 
 from rock2d.design import command
 from rock2d.design.command import answer_text, run_design
@@ -63,9 +64,29 @@ def test_the_bound_holds_with_the_stated_confidence():
     meets = 0
     for trial in range(1000):
         passed = rng.random((1, 1, 1, 300)) < 0.1
-        results = SiteResults(("ball",), ("crest",), passed, passed & False, {})
+        results = SiteResults(("ball",), ("crest",), passed, passed & False, passed, {})
         meets += judge(results, 1.0, TARGET, trial).meets
     assert 0.025 < meets / 1000 < 0.07
+
+
+def test_a_share_of_the_arriving_blocks_and_a_limit_of_energy():
+    """300 releases: 100 arrive, 20 pass, 5 with more than 50 kJ. One site: the bound is that of Jeffreys' posterior."""
+    arrived, passed, energy_J = np.arange(300) < 100, np.arange(300) < 20, np.full(300, np.nan)
+    energy_J[:20] = np.where(np.arange(20) < 5, 60e3, 40e3)
+    shaped = [own.reshape(1, 1, 1, 300) for own in (passed, passed & False, arrived)]
+    crossings = {"kinetic_J": energy_J.reshape(1, 1, 1, 300)}
+    results = SiteResults(("ball",), ("crest",), *shaped, crossings)
+    for aim, hits, of in (
+        (Target("crest", 0.1, 0.95), 20, 300),
+        (Target("crest", 0.1, 0.95, "arriving"), 20, 100),
+        (Target("crest", 0.1, 0.95, "arriving", above_J=50e3), 5, 100),
+    ):
+        judged = judge(results, 1.0, aim, 1)
+        assert judged.median["ball"] == hits / of
+        assert judged.high["ball"] == pytest.approx(beta(hits + 0.5, of - hits + 0.5).ppf(0.95), rel=0.1)
+    none = SiteResults(("ball",), ("crest",), *(own & False for own in shaped), crossings)
+    assert not judge(none, 1.0, Target("crest", 0.1, 0.95, "arriving"), 1).meets
+    assert judge(none, 1.0, Target("crest", 0.1, 0.95), 1).meets
 
 
 @pytest.mark.parametrize(

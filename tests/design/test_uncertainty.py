@@ -32,7 +32,7 @@ def drawn(
     passed = (u[groups] < frequency[:, None])[:, None, None, :]
     energy = energies[groups] * energy_J[:, None]
     crossed = np.where(passed, energy[:, None, None, :], np.nan)
-    return SiteResults(("ball",), ("crest",), passed, np.zeros_like(passed), {"kinetic_J": crossed})
+    return SiteResults(("ball",), ("crest",), passed, np.zeros_like(passed), passed, {"kinetic_J": crossed})
 
 
 def test_sites_are_independent_but_for_those_that_share_all_values_but_one():
@@ -80,7 +80,7 @@ def test_what_is_not_known_and_sampling_are_told_apart(spread):
         sites = saltelli(64, 1, trial)
         frequency = 0.3 + spread * (sites.values[:, 0] - 0.5)
         passed = rng.random((len(frequency), 1, 1, 100)) < frequency[:, None, None, None]
-        results = SiteResults(("ball",), ("crest",), passed, np.zeros_like(passed), {})
+        results = SiteResults(("ball",), ("crest",), passed, np.zeros_like(passed), passed, {})
         shares.append(uncertain_table(sites, results, trial)["share_not_known"][0])
     not_known, sampling = spread**2 / 12.0, (0.3 * 0.7 - spread**2 / 12.0) / 100.0
     assert np.mean(shares) == pytest.approx(not_known / (not_known + sampling), abs=0.06)
@@ -92,7 +92,7 @@ def test_unresolved_releases_widen_the_upper_bound_alone():
     cut = passed.copy()
     cut[..., :20] = True
     sure, unsure = (
-        uncertain_table(sites, SiteResults(("ball",), ("crest",), passed, c, {}), 1).iloc[0]
+        uncertain_table(sites, SiteResults(("ball",), ("crest",), passed, c, passed, {}), 1).iloc[0]
         for c in (passed, cut)
     )
     assert sure["low95"] == 0.0 and sure["high95"] < 0.03 and 0.2 < unsure["high95"] < 0.35
@@ -105,7 +105,7 @@ def test_sobol_indices_of_a_linear_result():
     sites = saltelli(512, 3, 4)
     frequency = 0.5 + 0.3 * (sites.values[:, 0] - 0.5) + 0.1 * (sites.values[:, 1] - 0.5)
     passed = ((np.arange(4000) + 0.5) / 4000 < frequency[:, None])[:, None, None, :]
-    table = sensitivity_table(sites, SiteResults(("ball",), ("crest",), passed, passed & False, {}), 1)
+    table = sensitivity_table(sites, SiteResults(("ball",), ("crest",), passed, passed & False, passed, {}), 1)
     for column in ("first_order", "total"):
         assert table.set_index("parameter")[column].to_numpy() == pytest.approx([0.9, 0.1, 0.0], abs=0.02)
 
@@ -140,12 +140,13 @@ def test_releases_that_are_not_resolved_are_told(tmp_path):
     passed, cut = np.zeros((8, 1, 1, 50), bool), np.zeros((8, 1, 1, 50), bool)
     cut[3, 0, 0, :10] = True
     sites = PossibleSites(("a",), np.zeros((24, 1)))
-    whole = SiteResults(("ball",), ("crest",), np.repeat(passed, 3, axis=0), np.repeat(cut, 3, axis=0), {})
+    passed, cut = np.repeat(passed, 3, axis=0), np.repeat(cut, 3, axis=0)
+    whole = SiteResults(("ball",), ("crest",), passed, cut, passed, {})
     table = uncertain_table(sites, whole, 1)
     assert table["unresolved"].iloc[0] == pytest.approx(10 / 400)
     told = Assessment(table, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()
     assert "2.5 % of the releases of ball were cut short or buried" in told
     none = uncertain_table(
-        sites, SiteResults(("ball",), ("crest",), whole.passed, whole.unresolved & False, {}), 1
+        sites, SiteResults(("ball",), ("crest",), whole.passed, whole.unresolved & False, whole.passed, {}), 1
     )
     assert "buried" not in Assessment(none, sensitivity_table(sites, whole, 1), pd.DataFrame()).text()

@@ -35,6 +35,12 @@ def command_line() -> str:
               help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
 @click.option("--video", is_flag=True, help="Also film the first releases.")
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
+@click.option("--compare", is_flag=True,
+              help="Also run the other law, rough or smooth ground, softer and harder soil, blocks of other shapes: "
+              "how much depends on what nobody knows.")  # fmt: skip
+@click.option("--precision", type=click.FloatRange(0.01, 50), metavar="PERCENT",
+              help="Add releases until the 95 % interval of every passing frequency reaches at most this many "
+              "percentage points to either side.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1),
               help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help=f"Campaign {ON_SCHEDULER}")
@@ -47,7 +53,8 @@ def command_line() -> str:
               "(CSV) to write.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet, **options) -> None:
+def run(scenarios, engines, out, data, video, report, compare, precision, predict, overwrite, quiet,
+        **options) -> None:  # fmt: skip
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
     More than 10,000 releases in all, or --scheduler, make a run a campaign: it is computed in
@@ -67,6 +74,7 @@ def run(scenarios, engines, out, data, video, report, predict, overwrite, quiet,
     workers = Workers(options["workers"], options["scheduler"])
     resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
                              page_of=command_line() if report else None, predict=predict,
+                             compare=compare, precision=precision and precision / 100.0,
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
     if not resolved:
         sys.exit(4)
@@ -112,7 +120,7 @@ def profile(file, out, **options) -> None:
 @click.option("--per", type=click.Choice(["released", "arriving"]), default="released", show_default=True,
               help="Of which blocks the share is taken.")  # fmt: skip
 @click.option("--above-kj", type=click.FloatRange(min=0), metavar="KJ",
-              help="Only blocks that pass with more energy count, for example what a fence behind can take.")  # fmt: skip
+              help="Only blocks that pass with more energy count: more than a fence behind can take, say.")  # fmt: skip
 @click.option("--above-m", type=float, metavar="M",
               help="Only blocks that pass higher above the foot of the line count.")  # fmt: skip
 @click.option("--confidence", type=float, default=95.0, show_default=True, metavar="PERCENT",
@@ -127,8 +135,22 @@ def profile(file, out, **options) -> None:
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def design(scenario, *, place, bounds, others, line, target, per, above_kj, above_m, confidence, out, quiet,
-           **options) -> None:
+def design(
+    scenario,
+    *,
+    place,
+    bounds,
+    others,
+    line,
+    target,
+    per,
+    above_kj,
+    above_m,
+    confidence,
+    out,
+    quiet,
+    **options,
+) -> None:
     """Find the least embankment that holds: bisection over a number of SCENARIO, by default embankment.height_m.
 
     Every value is judged on the same possible sites (key uncertainty of the scenario) with the same releases. If no

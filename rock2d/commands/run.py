@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.cluster import Workers
-from rock2d.design.report_tables import before_after_text
+from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine
-from rock2d.runs.before_after import before_after, campaign_before_after
+from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks, unresolved_remarks
@@ -41,6 +41,8 @@ def run_scenarios(
     video: bool = False,
     page_of: str | None = None,
     predict: Path | None = None,
+    compare: bool = False,
+    precision: float | None = None,
     overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
@@ -51,7 +53,8 @@ def run_scenarios(
     A scenario with a field test is a study of it, unless `engines` or a number of releases is given; then its blocks
     run on the mean section. `predict` is a table of releases to forecast instead, into the file `out`.
 
-    `page_of` is the command that the page report.html names; None for no page.
+    `page_of` is the command that the page report.html names; None for no page. `compare` runs the other models of
+    `design.model_range`, too. With a `precision`, a run has as many releases as `runs.precision.releases_for` finds.
 
     A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
     earlier one; a campaign continues an earlier one that is determined alike.
@@ -69,7 +72,9 @@ def run_scenarios(
             loaded[0], predict, out, seed=options.seed, overwrite=overwrite, progress=progress, report=report
         )
         return True
-    request = RunRequest(out, options, workers, engines, video, page_of, overwrite, progress, report)
+    request = RunRequest(
+        out, options, workers, engines, video, page_of, compare, precision, overwrite, progress, report
+    )
     for scenario in loaded:  # before any work
         request.check(scenario)
     resolved = [_run_scenario(scenario, request) for scenario in loaded]
@@ -86,6 +91,8 @@ class RunRequest:
     engines: Sequence[str]
     video: bool
     page_of: str | None
+    compare: bool
+    precision: float | None
     overwrite: bool
     progress: bool
     report: Callable[[str], Any]
@@ -115,9 +122,17 @@ class RunRequest:
         if self.video and large:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
-        if self.page_of is not None and scenario.experiment is not None:
-            message = "--report is for sites; releases that restart a film are compared with it instead"
-            raise InputError(message, code="wrong_kind", option="report")
+        asks = {
+            "report": self.page_of is not None,
+            "compare": self.compare,
+            "precision": self.precision is not None,
+        }
+        for option, asked in asks.items():
+            if asked and scenario.experiment is not None:
+                message = (
+                    f"--{option} is for sites; releases that restart a film are compared with it instead"
+                )
+                raise InputError(message, code="wrong_kind", option=option)
         for engine in () if large else self.engines_of(scenario):
             check_replaced(self.folder(scenario, engine), self.overwrite)
         for engine in self.engines_of(scenario):
@@ -140,6 +155,8 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         request.report(remark)
     resolved = True
     for engine in request.engines_of(scenario):
+        if request.precision is not None:
+            request = _precise(scenario, engine, request)
         tables = (_run_campaign if request.large(scenario) else _run_in_memory)(scenario, engine, request)
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
@@ -148,6 +165,21 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
                 request.report(remark)
         request.report(f"written: {request.folder(scenario, engine)}")
     return resolved
+
+
+def _precise(scenario: Scenario, engine: str, request: RunRequest) -> RunRequest:
+    """The request with as many releases as its precision needs."""
+    from rock2d.runs.precision import releases_for
+
+    assert request.precision is not None
+    options = request.options
+    seed = scenario.seed if options.seed is None else options.seed
+    first = options.releases or scenario.releases
+    releases = releases_for(scenario, engine, seed, request.precision, first, request.progress)
+    request.report(
+        f"{releases} releases of each block: every share is known to {100 * request.precision:g} %"
+    )
+    return replace(request, options=replace(options, releases=releases))
 
 
 def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
@@ -163,11 +195,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
         progress=bars,
     )
     print_tables(result)
-    found = Findings(
-        before_after(scenario, result, workers=processes) if scenario.diagnosed is not None else None,
-        _assessed(scenario, result.engine, result.seed, request.progress),
-        table_note(scenario),
-    )
+    found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)
     found.show()
 
     def also(partial: Path) -> None:
@@ -199,14 +227,13 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
         report=request.report,
     )
     print_campaign(scenario, engine, tables)
-    compared = None
-    if scenario.diagnosed is not None:
-        compared = campaign_before_after(scenario, engine, options.seed, options.releases)
-    found = Findings(compared, _assessed(scenario, engine, options.seed, progress), table_note(scenario))
+    releases = options.releases or scenario.releases
+    seed = scenario.seed if options.seed is None else options.seed
+    found = _findings(scenario, engine, seed, releases, request)
     found.show()
     found.write(folder)
     if request.page_of is not None:
-        first = min(options.releases or scenario.releases, SHOWN_OF_A_CAMPAIGN)
+        first = min(releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
         _write_page(sample, tables, found, folder, request.page_of)
     return tables
@@ -214,26 +241,51 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
 
 @dataclass(frozen=True)
 class Findings:
-    """What a scenario's further keys find: design values before and after a diagnosis, and over the possible sites."""
+    """What is found beside the run itself: design values before and after a diagnosis, over the possible sites, and
+    with other models."""
 
     compared: pd.DataFrame | None
     assessment: Assessment | None
+    models: pd.DataFrame | None
     note: str
 
     def show(self) -> None:
         """Print them."""
+        from rock2d.design.model_range import range_remarks
+
         if self.compared is not None:
-            print(before_after_text(self.compared, self.note))
+            print(model_text(self.compared, "before and after the diagnosis", self.note))
         if self.assessment is not None:
             print(self.assessment.text())
+        if self.models is not None:
+            print(model_text(self.models, "with other models", self.note))
+            print("\n".join(["range over the models", *(f"  {line}" for line in range_remarks(self.models))]))
 
     def write(self, folder: Path) -> None:
-        """Write their tables into a folder."""
-        if self.compared is not None:
-            text = self.compared.to_csv(index=False, lineterminator="\n")
-            write_whole(folder / "before_after.csv", text)
+        """Write their tables and figures into a folder."""
+        for name, table in (("before_after", self.compared), ("models", self.models)):
+            if table is not None:
+                write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        if self.models is not None:
+            from rock2d.design.model_range import range_figure
+            from rock2d.graphics.figure_style import save_figure
+
+            save_figure(range_figure(self.models), folder / "models.png")
         if self.assessment is not None:
             self.assessment.write(folder)
+
+
+def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request: RunRequest) -> Findings:
+    """Compute what the keys of the scenario and the request ask for."""
+    compared = before_after(scenario, engine, seed, releases) if scenario.diagnosed is not None else None
+    models = None
+    if request.compare:
+        from rock2d.design.model_range import compared as compared_models
+
+        models = compared_models(scenario, engine, seed, releases)
+    return Findings(
+        compared, _assessed(scenario, engine, seed, request.progress), models, table_note(scenario)
+    )
 
 
 def _write_page(
@@ -243,14 +295,16 @@ def _write_page(
 
     scenario = sample.scenario
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
-    results = ReportContent(scenario, sample, tables, remarks, found.assessment, compared=found.compared)
+    results = ReportContent(
+        scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models
+    )
     write_report(results, folder, command)
 
 
-def _assessed(scenario: Scenario, engine: str, seed: int | None, progress: bool) -> Assessment | None:
+def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:
     """What the possible sites of the scenario say; None if everything is known."""
     if scenario.uncertainty is None:
         return None
     from rock2d.design.assessment import assess
 
-    return assess(scenario, engine, scenario.seed if seed is None else seed, progress)
+    return assess(scenario, engine, seed, progress)

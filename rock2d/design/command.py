@@ -177,8 +177,8 @@ def _write_page(
 
     Returns what the embankment must take, in words.
     """
-    from rock2d.design.possible_sites import SAME_LAW
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
+    from rock2d.runs.engines import compiled_engine
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
@@ -186,7 +186,7 @@ def _write_page(
     size = answer.judgements[-1].size if answer.least is None else answer.least
     chosen = variant(scenario, {answer.place: size}, uncertain=True)
     releases = min(chosen.releases, MOST_SHOWN)
-    sample = run(chosen, engine=SAME_LAW.get(engine, engine), seed=seed, releases=releases)
+    sample = run(chosen, engine=compiled_engine(engine).name, seed=seed, releases=releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
     results = ReportContent(chosen, sample, tables, remarks, answer=answer)

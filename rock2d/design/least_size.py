@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rock2d.design.possible_sites import SAME_LAW, SiteResults, draw_sites, simulate_sites
+from rock2d.design.possible_sites import SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
 from rock2d.design.site_frequencies import frequency_draws
 from rock2d.design.uncertainty import further_site_quantile, variance_shares
@@ -23,6 +23,7 @@ from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.progress import Bar, Bars
+from rock2d.runs.engines import compiled_engine
 from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
@@ -148,7 +149,14 @@ class Answer:
         import pandas as pd
 
         rows = [
-            (j.size, block, j.median[block], j.low[block], j.high[block], j.high[block] <= self.target.frequency)
+            (
+                j.size,
+                block,
+                j.median[block],
+                j.low[block],
+                j.high[block],
+                j.high[block] <= self.target.frequency,
+            )
             for j in self.judgements
             for block in j.median
         ]
@@ -239,7 +247,7 @@ class Search:
     @cached_property
     def _descents(self) -> SharedDescents | None:
         """What the releases of all sizes have in common; None if a size changes more than the ground."""
-        if not shares_descents(self.scenario, self.place, SAME_LAW.get(self.engine, self.engine)):
+        if not shares_descents(self.scenario, self.place, compiled_engine(self.engine).name):
             return None
         smallest, largest = map(self._variants, self.bounds)
         return SharedDescents(smallest, largest, self._seeds, self.releases)
@@ -267,12 +275,8 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
             for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
         )
         bands[block] = Estimate.within(float(np.median(passed.sum(axis=1) / n)), low, high)
-    median, low_of, high_of = (
-        {block: band[i] for block, band in bands.items()} for i in range(3)
-    )
-    return Judgement(
-        size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved
-    )
+    median, low_of, high_of = ({block: band[i] for block, band in bands.items()} for i in range(3))
+    return Judgement(size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved)
 
 
 def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:

@@ -21,7 +21,7 @@ from rock2d.files.posterior_table import FACTOR, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import engine_named
+from rock2d.runs.engines import compiled_engine
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import arrivals
 from rock2d.runs.indicators.percentiles import QUANTITIES
@@ -29,7 +29,6 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 Array = np.ndarray
 
 RELEASES_OF_A_GROUP = 7  # first number of the spawn key
-SAME_LAW = {"pymunk": "batch"}  # the compiled engine of the same law
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def simulate_sites(
     shape = (len(scenarios), len(blocks), len(lines), releases)
     passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
-    chosen = engine_named(SAME_LAW.get(engine, engine))
+    chosen = compiled_engine(engine)
     assert chosen.ensemble is not None
     for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
         job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")

@@ -13,10 +13,10 @@ import numpy as np
 from rock2d.design.design_values import demands, design_table
 from rock2d.design.report_tables import (
     TextTable,
-    before_after_rows,
     block_rows,
     data_of,
     design_value_rows,
+    model_rows,
     parameter_tables,
     passing_rows,
     percentile_rows,
@@ -92,6 +92,7 @@ class ReportContent:
     assessment : over the possible sites, if something is not known
     answer : result of the search for the least size, if there was one
     compared : before and after the scenario's diagnosis
+    models : with other models, see `design.model_range`
     """
 
     scenario: Scenario
@@ -101,6 +102,7 @@ class ReportContent:
     assessment: Assessment | None = None
     answer: Answer | None = None
     compared: pd.DataFrame | None = None
+    models: pd.DataFrame | None = None
 
     @cached_property
     def diagnosis(self) -> list[str]:
@@ -148,6 +150,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
 
 def _figures(content: ReportContent) -> dict[str, Figure]:
     from rock2d.design.design_curve import design_figure
+    from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
     from rock2d.graphics.trajectories import trajectories_figure
 
@@ -164,6 +167,8 @@ def _figures(content: ReportContent) -> dict[str, Figure]:
         found["tornado"] = content.assessment.plot()
     if content.answer is not None:
         found["design"] = design_figure(content.answer)
+    if content.models is not None:
+        found["models"] = range_figure(content.models)
     return found
 
 
@@ -262,7 +267,8 @@ def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Secti
         noted(_answer_section(content, figures)), _site_section(content, figures), _assumption_section(content),
         noted(_passing_section(content, figures)), noted(_slope_section(content, figures)),
         noted(_line_section(content, figures)), noted(_design_section(content)),
-        noted(_certainty_section(content, figures)), noted(_diagnosis_section(content)),
+        noted(_model_section(content, figures)), noted(_certainty_section(content, figures)),
+        noted(_diagnosis_section(content)),
         Section("Limits", points=LIMITS),
     ]  # fmt: skip
 
@@ -387,10 +393,25 @@ def _without_assessment(content: ReportContent) -> str:
     )
 
 
+def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
+    from rock2d.design.model_range import BASE, range_remarks
+
+    title = "How much depends on the model"
+    if content.models is None:
+        text = "Not computed: `rock2d run SCENARIO --compare --report` runs the other law, rough or smooth ground, "
+        return Section(title, texts=[text + "softer and harder soil, and blocks of other shapes."])
+    text = "One change at a time, the same releases. None of these models is known to be the right one."
+    alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
+    return Section(
+        title, [text], _picture(figures, "models", alt), [model_rows(content.models, "models.csv")],
+        range_remarks(content.models),
+    )  # fmt: skip
+
+
 def _diagnosis_section(content: ReportContent) -> Section | None:
     if content.compared is None:
         return None
-    shown = before_after_rows(content.compared)
+    shown = model_rows(content.compared, "before_after.csv")
     return Section("Before and after the diagnosis", texts=content.diagnosis, tables=[shown])
 
 

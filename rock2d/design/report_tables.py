@@ -125,33 +125,34 @@ def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
     )  # fmt: skip
 
 
-def before_after_rows(compared: pd.DataFrame) -> TextTable:
-    """Design values with each model of a diagnosis."""
+def model_rows(compared: pd.DataFrame, name: str) -> TextTable:
+    """Design values with each of several models; `name` is that of the file with the full numbers."""
     rows = []
     for r in _rows(compared):
         energy = (r.kinetic_p95_J, r.kinetic_p95_low95_J, r.kinetic_p95_high95_J)
         height = (r.passing_height_p95_m, r.passing_height_p95_low95_m, r.passing_height_p95_high95_m)
         share = with_interval(r.frequency, r.low95, r.high95, 100.0)
+        arriving = with_interval(r.per_arriving, r.per_arriving_low95, r.per_arriving_high95, 100.0)
         rows.append(
-            (r.line, r.block, r.model, f"{share} %", quantity_text("kinetic_J", *energy),
+            (r.line, r.block, r.model, share, arriving, quantity_text("kinetic_J", *energy),
              quantity_text("passing_height_m", *height))
         )  # fmt: skip
     return TextTable(
-        ("line", "block", "model", "passing", "energy, 95 %", "passing height, 95 %"), rows,
-        note="The same releases with every model. Intervals: sampling only.",
-        data=data_of("before_after.csv", compared),
+        ("line", "block", "model", "% of released", "% of arriving", "energy, 95 %", "passing height, 95 %"), rows,
+        note="The same releases with every model. Intervals: sampling only. A dash: too few blocks pass.",
+        data=data_of(name, compared),
     )  # fmt: skip
 
 
-def before_after_text(table: pd.DataFrame, note: str = "") -> str:
-    """The table as a person reads it, in the units of the report; a bound that is not known is a dash."""
+def model_text(table: pd.DataFrame, what: str, note: str = "") -> str:
+    """The table as a person reads it, in the units of the report."""
     import pandas as pd
 
     if not len(table):
-        return "before and after the diagnosis: no measure line to compare at"
-    shown = before_after_rows(table)
+        return f"{what}: no measure line to compare at"
+    shown = model_rows(table, "")
     text = pd.DataFrame(list(shown.rows), columns=list(shown.head)).to_string(index=False)
-    head = "before and after the diagnosis, same releases: value [95 % interval of sampling]"
+    head = f"{what}, same releases: value [95 % interval of sampling]"
     return f"{head}{f'; {note}' if note else ''}\n{text}"
 
 

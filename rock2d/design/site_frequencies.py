@@ -17,8 +17,8 @@ LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and
 
 
 def frequency_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all; `passed` (sites,) releases `of` (sites,),
-    or of the same number at each.
+    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all: `passed` (sites,) releases `of`
+    (sites,), or of the same number at each.
 
     With a single site: the posterior with Jeffreys' prior.
     """

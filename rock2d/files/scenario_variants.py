@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rock2d.errors import InputError
@@ -62,6 +62,18 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
         raise InputError(
             f"{error.message}; that is with {drawn}", error.file, error.line, error.column, code=error.code
         ) from None
+
+
+def with_data(scenario: Scenario, change: Callable[[dict[str, Any]], Any]) -> Scenario:
+    """The scenario whose data `change` has changed, checked. Raises InputError as `variant` does."""
+    document = scenario.document
+    if document is None:
+        raise InputError("a scenario that was not read from a file has no variants", code="wrong_kind")
+    data = copy.deepcopy(document.data)
+    change(data)
+    return checked_scenario(
+        document.with_data(data), scenario.experiment, diagnosed=scenario.diagnosed, terrain=scenario.terrain
+    )
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, float]) -> Scenario:

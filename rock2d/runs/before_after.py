@@ -1,24 +1,22 @@
-"""Design values before and after a diagnosis: the same releases with the paper's law and with the effects found."""
+"""The same releases with several models: design values before and after a diagnosis, or with other laws and soils."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rock2d.files.diagnosed_model import DiagnosedModel, FittedModel
 from rock2d.files.scenario import Scenario
 from rock2d.runs.campaigns.job import job_of
-from rock2d.runs.engines import engine_named
+from rock2d.runs.engines import compiled_engine
 from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
 from rock2d.runs.indicators.percentiles import QUANTITIES, percentile_table
-from rock2d.runs.run import run
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from rock2d.runs.results import RunResult
 
 DESIGN_PERCENTILE = 95.0
 MOST_RELEASES = 10_000  # releases of each block of a campaign that are simulated with each model
@@ -26,10 +24,29 @@ COLUMNS_OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),
     "passing_height_m": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m"),
 }
-BEFORE_AFTER_COLUMNS = (
-    "block", "line", "model", "p", "releases", "passed", "unresolved", "frequency", "low95", "high95",
+MODEL_COLUMNS = (
+    "block", "line", "model", "p", *(name for name in PASSING_COLUMNS if name not in ("block", "line", "left_source")),
     *(name for names in COLUMNS_OF_QUANTITY.values() for name in names),
 )  # fmt: skip
+
+
+class Model(NamedTuple):
+    """A scenario with an engine, its name in tables, and its probability if it has one."""
+
+    name: str
+    scenario: Scenario
+    engine: str
+    p: float = float("nan")
+
+
+def before_after(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
+    """MODEL_COLUMNS with each of `compared_models`, of the first releases of each block, at most MOST_RELEASES."""
+    diagnosed = _diagnosed(scenario)
+    models = [
+        Model(found.name, scenario.with_diagnosed(diagnosed.using(found)), engine, found.p)
+        for found in compared_models(scenario)
+    ]
+    return model_table(models, seed, releases)
 
 
 def compared_models(scenario: Scenario) -> list[FittedModel]:
@@ -46,89 +63,47 @@ def compared_models(scenario: Scenario) -> list[FittedModel]:
     return models
 
 
-def before_after(scenario: Scenario, result: RunResult, *, workers: int | None = None) -> pd.DataFrame:
-    """BEFORE_AFTER_COLUMNS: passing frequency, and 95th percentiles of energy and height of what passes, of each block
-    at each line with each model; `result` is the run itself, whose releases all models share."""
-
-    rows = []
-    for model in compared_models(scenario):
-        own = result if _same(model, _diagnosed(scenario).model) else _with(scenario, model, result, workers)
-        rows += _rows(own.to_pandas("passing"), own.to_pandas("percentiles"), model)
-    return _table(rows)
-
-
-def campaign_before_after(
-    scenario: Scenario, engine: str, seed: int | None = None, releases: int | None = None
-) -> pd.DataFrame:
-    """BEFORE_AFTER_COLUMNS of the first MOST_RELEASES releases of each block of a campaign."""
-    count = min(releases or scenario.releases, MOST_RELEASES)
-    rows = []
-    for model in compared_models(scenario):
-        other = scenario.with_diagnosed(_diagnosed(scenario).using(model))
-        passing, crossings = _of_ensemble(other, engine, scenario.seed if seed is None else seed, count)
-        rows += _rows(passing, percentile_table(crossings), model)
-    return _table(rows)
-
-
-def _of_ensemble(scenario: Scenario, engine: str, seed: int, count: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Passing table, and of each crossing block, line and QUANTITIES, of `count` releases of each block."""
-    import pandas as pd
-
-    chosen = engine_named(engine)
-    assert chosen.ensemble is not None  # a campaign's engine
-    job = job_of(scenario, engine, seed, ("crossings",), Path(), "")
-    lines = job.cross_section.measure_lines
-    passing, crossings = [], [pd.DataFrame(columns=["block", "line", *QUANTITIES])]
-    for b, block in enumerate(job.blocks):
-        group = job.conditions.group(b, 0, count)
-        found = chosen.ensemble(job, group)
-        passed = found.passed(len(lines))
-        passing += passing_rows(block.name, list(lines), count, float("nan"), found.passing(job.cross_section))
-        for k, (line, ends) in enumerate(lines.items()):
-            own = passed[:, k]
-            values = crossing_values(found.crossings[own, k], ends, job.cross_section, group.masses()[own])
-            table = pd.DataFrame(values, columns=list(CROSSING_VALUES))[list(QUANTITIES)]
-            crossings.append(table.assign(block=block.name, line=line))
-    own_rows = [table for table in crossings if len(table)] or crossings[:1]
-    return pd.DataFrame(passing, columns=list(PASSING_COLUMNS)), pd.concat(own_rows)
-
-
-def _table(rows: list[tuple[object, ...]]) -> pd.DataFrame:
-    """Rows of all models, those of a block and line together."""
-    import pandas as pd
-
-    table = pd.DataFrame(rows, columns=list(BEFORE_AFTER_COLUMNS))
-    order = {name: i for i, name in enumerate(dict.fromkeys(zip(table["block"], table["line"], strict=True)))}
-    place = [order[key] for key in zip(table["block"], table["line"], strict=True)]
-    return table.iloc[pd.Series(place, dtype=int).argsort(kind="stable")].reset_index(drop=True)
-
-
 def _diagnosed(scenario: Scenario) -> DiagnosedModel:
     assert scenario.diagnosed is not None
     return scenario.diagnosed
 
 
-def _same(model: FittedModel, other: FittedModel) -> bool:
-    return model.soil == other.soil and model.effects == other.effects
+def model_table(models: Sequence[Model], seed: int, releases: int) -> pd.DataFrame:
+    """MODEL_COLUMNS: passing frequencies, and 95th percentiles of energy and height of what passes, of each block at
+    each line with each model, whose releases have the same random numbers; those of pymunk run on the compiled engine
+    of the same law."""
+    import pandas as pd
+
+    rows = [row for model in models for row in _rows(model, seed, min(releases, MOST_RELEASES))]
+    table = pd.DataFrame(rows, columns=list(MODEL_COLUMNS))
+    order = {name: i for i, name in enumerate(dict.fromkeys(zip(table["block"], table["line"], strict=True)))}
+    place = [order[key] for key in zip(table["block"], table["line"], strict=True)]
+    return table.iloc[pd.Series(place, dtype=int).argsort(kind="stable")].reset_index(drop=True)
 
 
-def _with(scenario: Scenario, model: FittedModel, result: RunResult, workers: int | None) -> RunResult:
-    """The same releases with another model."""
-    releases = max(sum(track.block == name for track in result.tracks) for name in result.blocks)
-    other = scenario.with_diagnosed(_diagnosed(scenario).using(model))
-    return run(other, engine=result.engine, seed=result.seed, releases=releases, workers=workers)
+def _rows(model: Model, seed: int, count: int) -> list[tuple[object, ...]]:
+    import pandas as pd
 
-
-def _rows(passing: pd.DataFrame, percentiles: pd.DataFrame, model: FittedModel) -> list[tuple[object, ...]]:
-    own = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE].set_index(["block", "line", "quantity"])
-    rows: list[tuple[object, ...]] = []
-    for row in passing.itertuples():
-        values: list[float] = []
-        for quantity in COLUMNS_OF_QUANTITY:
-            key = (row.block, row.line, quantity)
-            found = own.loc[[key]].iloc[0] if key in own.index else None
-            names = ("value", "low95", "high95")
-            values += [float("nan") if found is None else float(found[name]) for name in names]
-        head = (row.block, row.line, model.name, model.p, row.releases, row.passed, row.unresolved)
-        rows.append((*head, row.frequency, row.low95, row.high95, *values))
+    chosen = compiled_engine(model.engine)
+    assert chosen.ensemble is not None
+    job = job_of(model.scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job.conditions.check_starts(count)
+    lines, rows = job.cross_section.measure_lines, list[tuple[object, ...]]()
+    for b, block in enumerate(job.blocks):
+        group = job.conditions.group(b, 0, count)
+        found = chosen.ensemble(job, group)
+        passed = found.passed(len(lines))
+        counts = found.passing(job.cross_section)
+        for k, own in enumerate(passing_rows(block.name, list(lines), count, float("nan"), counts)):
+            which, ends = passed[:, k], lines[own[1]]
+            values = crossing_values(
+                found.crossings[which, k], ends, job.cross_section, group.masses()[which]
+            )
+            crossings = pd.DataFrame(values, columns=list(CROSSING_VALUES))[list(QUANTITIES)]
+            percentiles = percentile_table(crossings.assign(block=block.name, line=own[1]))
+            at_95 = percentiles[percentiles["percentile"] == DESIGN_PERCENTILE].set_index("quantity")
+            named = dict(zip(PASSING_COLUMNS, own, strict=True))
+            shares = [value for name, value in named.items() if name in MODEL_COLUMNS[4:]]
+            estimates = at_95.reindex(list(COLUMNS_OF_QUANTITY))[["value", "low95", "high95"]]
+            rows.append((*own[:2], model.name, model.p, *shares, *estimates.to_numpy(float).ravel()))
     return rows

@@ -87,6 +87,11 @@ def engine_named(name: str) -> Engine:
     return ENGINES[name]
 
 
+def compiled_engine(name: str) -> Engine:
+    """The engine with the same law that simulates many releases at once."""
+    return engine_named(SAME_LAW.get(name, name))
+
+
 def _contact_parameters(scenario: Scenario, block: Block) -> Mapping[str, Any]:
     return scenario.contact_parameters(block)
 
@@ -168,3 +173,4 @@ _ALL = (
     ),
 )
 ENGINES: Mapping[str, Engine] = MappingProxyType({engine.name: engine for engine in _ALL})
+SAME_LAW = {"pymunk": "batch"}  # the compiled engine of the same law

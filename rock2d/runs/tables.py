@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rock2d.runs.resolution import stop_counts
 from rock2d.wording import with_interval
@@ -74,11 +74,12 @@ def passing_text(passing: pd.DataFrame, note: str = "") -> str:
 
 def passing_cells(passing: pd.DataFrame) -> list[tuple[str, ...]]:
     """Rows of PASSING_HEAD from a table of `indicators.passing`."""
+    rows: list[Any] = list(passing.itertuples())
     return [
-        (r.line, r.block, str(r.releases), f"{r.left_source:.0f}".replace("nan", "-"), str(r.arrived),
-         str(r.passed), with_interval(r.frequency, r.low95, r.high95, 100.0),
+        (r.line, r.block, str(r.releases), f"{r.left_source:.0f}".replace("nan", "-"), str(r.arrived), str(r.passed),
+         with_interval(r.frequency, r.low95, r.high95, 100.0),
          with_interval(r.per_arriving, r.per_arriving_low95, r.per_arriving_high95, 100.0), str(r.unresolved))
-        for r in passing.itertuples()
+        for r in rows
     ]  # fmt: skip
 
 

@@ -6,12 +6,17 @@ the numbers and says which of them are assumed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 ROCKYFOR3D = "Dorren (2016), Rockyfor3D (v5.2) revealed, soil type {}"
 PAPER = "the paper, Tables 3 and 4"
+
+ROUGHNESS_LENGTH_M = (
+    0.5  # length of a piece of rough ground: the radius of the block of 1 m that the α of a class fits
+)
 
 Range = tuple[float, float]
 
@@ -47,6 +52,17 @@ class SoilClass:
     rolling_share: float
     source: str
     assumed: str
+
+    @property
+    def roughness_sd_deg(self) -> float:
+        """Standard deviation σ = α / √3 of the local slope of rough ground, whose pieces are ROUGHNESS_LENGTH_M
+        long: the root mean square of U(0, α). It stands in place of `slope_reduction_deg`, not beside it."""
+        return self.slope_reduction_deg / 3.0**0.5
+
+    @property
+    def obstacle_height_m(self) -> float:
+        """Height of the obstacles that α stands for: tan α = height / ROUGHNESS_LENGTH_M."""
+        return ROUGHNESS_LENGTH_M * math.tan(math.radians(self.slope_reduction_deg))
 
 
 _ALL = (

@@ -8,6 +8,7 @@ from rock2d.commands.run import run_scenarios
 from rock2d.design.report_tables import quantity_text
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
+from rock2d.wording import three_digits, with_interval
 from tests.diagnosis.test_report import Page
 from tests.scenarios_of_tests import UNKNOWN, scenario_file
 

@@ -105,7 +105,9 @@ def test_sobol_indices_of_a_linear_result():
     sites = saltelli(512, 3, 4)
     frequency = 0.5 + 0.3 * (sites.values[:, 0] - 0.5) + 0.1 * (sites.values[:, 1] - 0.5)
     passed = ((np.arange(4000) + 0.5) / 4000 < frequency[:, None])[:, None, None, :]
-    table = sensitivity_table(sites, SiteResults(("ball",), ("crest",), passed, passed & False, passed, {}), 1)
+    table = sensitivity_table(
+        sites, SiteResults(("ball",), ("crest",), passed, passed & False, passed, {}), 1
+    )
     for column in ("first_order", "total"):
         assert table.set_index("parameter")[column].to_numpy() == pytest.approx([0.9, 0.1, 0.0], abs=0.02)
 

@@ -13,11 +13,11 @@ import rock2d
 from rock2d.commands.run import run_scenarios
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Target
-from rock2d.design.report_tables import before_after_text
+from rock2d.design.report_tables import model_text
 from rock2d.effects import catalogue
 from rock2d.effects.columns import column
 from rock2d.errors import InputError
-from rock2d.runs.before_after import before_after, campaign_before_after, compared_models
+from rock2d.runs.before_after import before_after, compared_models
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.runs.conditions import Conditions, starts
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -188,7 +188,7 @@ def test_the_point_mass_engine_is_refused(tmp_path):
 def test_before_and_after_share_their_releases(tmp_path):
     scenario = diagnosed(tmp_path, drag(0.05))
     result = rock2d.run(scenario)
-    table = before_after(scenario, result)
+    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
     assert [m.name for m in compared_models(scenario)] == ["before", "soil", "after"]
     after = table[table["model"] == "after"].set_index(["block", "line"])
     passing = result.to_pandas("passing").set_index(["block", "line"])
@@ -198,7 +198,7 @@ def test_before_and_after_share_their_releases(tmp_path):
     )
     assert table[table["model"] == "before"].set_index(["block", "line"])["passed"].equals(before["passed"])
     assert before["passed"].sum() > after["passed"].sum()  # or the comparison says nothing
-    assert "before and after" in before_after_text(table)
+    assert "before and after" in model_text(table, "before and after the diagnosis")
 
 
 def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, capsys):
@@ -209,19 +209,12 @@ def test_a_run_says_on_every_table_that_it_leaves_learnt_changes_out(tmp_path, c
     result = rock2d.run(scenario)
     print_tables(result)
     note = "without the learnt changes of d.json"
-    shown = [*capsys.readouterr().out.splitlines(), before_after_text(before_after(scenario, result), note)]
+    table = before_after(scenario, "batch", scenario.seed, scenario.releases)
+    shown = [*capsys.readouterr().out.splitlines(), model_text(table, "before and after", note)]
     assert sum(note in line for line in shown) == 3  # passing, stops, before and after
     rock2d.write_report(result, tmp_path / "page")
     page = (tmp_path / "page" / "report.html").read_text(encoding="utf-8")
     assert page.count(note) >= 5 and "flight of height (closes 93 %" in page
-
-
-def test_a_campaign_compares_as_a_run_does(tmp_path):
-    scenario = diagnosed(tmp_path, drag(0.05))
-    table, other = before_after(scenario, rock2d.run(scenario)), campaign_before_after(scenario, "batch")
-    # a track is interpolated where it crosses in contact
-    pd.testing.assert_frame_equal(table, other, rtol=0.01)
-    assert table["kinetic_p95_J"].notna().any()
 
 
 def test_the_least_embankment_brings_its_diagnosis_along(tmp_path):

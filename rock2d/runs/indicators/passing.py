@@ -51,9 +51,7 @@ class PassingCounts(NamedTuple):
 def arrivals(cross_section: CrossSection) -> Array:
     """(lines, lines) bool: a block that passes line j arrives at line i."""
     names = list(cross_section.measure_lines)
-    x = np.array(
-        [cross_section.foot_and_head(ends)[0][0] for ends in cross_section.measure_lines.values()]
-    )
+    x = np.array([cross_section.foot_and_head(ends)[0][0] for ends in cross_section.measure_lines.values()])
     own = np.array([name.rstrip("_0123456789") == ARRIVAL_LINE for name in names], bool)
     candidates = x[own] if own.any() else x[:0] if not len(x) else np.array([x.min()])
     first = [candidates[candidates <= at].max(initial=-np.inf) for at in x]

@@ -92,7 +92,9 @@ def test_shares_of_the_blocks_that_arrive_leave_out_those_that_stay():
     table = passing_table(tracks, ground, {"cube": CUBE}, {}).set_index("line")
     assert table.loc["far", ["releases", "left_source", "arrived", "passed"]].tolist() == [100, 70, 60, 15]
     assert table.loc["far", ["frequency", "per_arriving"]].tolist() == [0.15, 0.25]
-    assert table.loc["far", ["per_arriving_low95", "per_arriving_high95"]].tolist() == list(wilson_interval(15, 60))
+    assert table.loc["far", ["per_arriving_low95", "per_arriving_high95"]].tolist() == list(
+        wilson_interval(15, 60)
+    )
     assert table.loc["near", ["arrived", "passed", "per_arriving"]].tolist() == [60, 60, 1.0]
     gone = passing_table(tracks[:40], ground, {"cube": CUBE}, {})
     assert gone["arrived"].tolist() == [0, 0] and gone["per_arriving"].isna().all()

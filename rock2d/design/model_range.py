@@ -1,0 +1,200 @@
+"""How much the answer depends on what nobody knows: the law, the roughness, the soil and the shape of the blocks.
+
+`rock2d run --compare` runs the same releases with each of these changed, one at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import Scenario
+from rock2d.files.scenario_variants import with_data
+from rock2d.runs.before_after import Model, model_table
+from rock2d.runs.engines import ENGINES, compiled_engine
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES
+from rock2d.wording import three_digits
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Data = dict[str, Any]
+
+BASE = "as in the file"
+NATURAL = tuple(
+    name for name in SOIL_CLASSES if name not in ("asphalt", "compacted_fill")
+)  # from soft to hard
+SHAPES = ("circle", "square", "rectangle")
+RECTANGLE_ASPECT = 2.0
+SHOWN = {
+    "frequency": ("frequency", "low95", "high95", 100.0, "passes, % of released"),
+    "per_arriving": ("per_arriving", "per_arriving_low95", "per_arriving_high95", 100.0, "passes, % of arriving"),
+    "kinetic": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J", 1e-3, "energy, 95 %, kJ"),
+    "height": ("passing_height_p95_m", "passing_height_p95_low95_m", "passing_height_p95_high95_m", 1.0,
+               "passing height, 95 %, m"),
+}  # fmt: skip
+
+
+def compared(scenario: Scenario, engine: str, seed: int, releases: int) -> pd.DataFrame:
+    """`before_after.MODEL_COLUMNS` of the scenario and of each `alternative`."""
+    return model_table([Model(BASE, scenario, engine), *alternatives(scenario, engine)], seed, releases)
+
+
+def alternatives(scenario: Scenario, engine: str) -> Iterator[Model]:
+    """The scenario with the other law, on rough or smooth ground, with soil one class softer and harder, and with
+    blocks of other profiles of the same mass and area; those that make sense for this file."""
+    own = compiled_engine(engine)
+    for other in ENGINES.values():
+        if (
+            other.law != own.law
+            and other.name == compiled_engine(other.name).name
+            and _has_law(scenario, other.name)
+        ):
+            yield Model(f"{other.law} law", scenario, other.name)
+    for name, change in _changes(scenario, own.law):
+        yield Model(name, with_data(scenario, change), engine)
+
+
+def _has_law(scenario: Scenario, engine: str) -> bool:
+    try:
+        for block in scenario.make_blocks().values():
+            ENGINES[engine].parameters(scenario, block)
+    except InputError:
+        return False
+    return scenario.diagnosed is None  # a diagnosis is about one law
+
+
+def _changes(scenario: Scenario, law: str) -> Iterator[tuple[str, Callable[[Data], None]]]:
+    """Name and change of the data of the file."""
+
+    def without_roughness(data: Data) -> None:
+        del data["roughness"]
+
+    def shift(step: int) -> Callable[[Data], None]:
+        return lambda data: data["model"].update(soils=_shifted(data["model"]["soils"], step))
+
+    def reshape(shape: str) -> Callable[[Data], None]:
+        return lambda data: _reshape(data, scenario, shape)
+
+    soils = scenario.model.soils or {}
+    if law == "deterministic":
+        rough = _roughness(scenario)
+        if scenario.roughness:
+            yield "smooth ground", without_roughness
+        elif rough:
+            yield "rough ground", lambda data: data.update(roughness=rough)
+    for name, step in (("softer soil", -1), ("harder soil", 1)):
+        if soils:
+            yield name, shift(step)
+    profiles = {block.shape for block in scenario.make_blocks().values()}
+    profiles |= {family.shape for own in scenario.populations.values() for family in own.families}
+    if law == "deterministic" and scenario.diagnosed is None:
+        for shape in SHAPES:
+            if profiles != {shape}:
+                yield f"{shape} blocks", reshape(shape)
+
+
+def _roughness(scenario: Scenario) -> Data:
+    """The roughness of each zone with a soil class."""
+    zones, soils = scenario.make_cross_section().zone_names, scenario.model.soils or {}
+    found = {zone: soils.get(zone, soils.get("default")) for zone in zones}
+    sd_deg = {
+        zone: SOIL_CLASSES[own if isinstance(own, str) else own.like].roughness_sd_deg
+        for zone, own in found.items()
+        if own is not None
+    }
+    return {zone: {"sd_deg": sd, "length_m": ROUGHNESS_LENGTH_M} for zone, sd in sd_deg.items() if sd > 0.0}
+
+
+def _shifted(soils: Data, step: int) -> Data:
+    """Soils one class softer or harder; a class at the end stays. Numbers of the file's own stay."""
+    return {
+        zone: {**own, "like": _neighbour(own["like"], step)}
+        if isinstance(own, dict)
+        else _neighbour(own, step)
+        for zone, own in soils.items()
+    }
+
+
+def _neighbour(name: str, step: int) -> str:
+    """The natural class with the next lower or higher restitution."""
+    own = SOIL_CLASSES[name].restitution
+    further = [n for n in NATURAL if step * (SOIL_CLASSES[n].restitution - own) > 0.0]
+    return min(further, key=lambda n: abs(SOIL_CLASSES[n].restitution - own), default=name)
+
+
+def _reshape(data: Data, scenario: Scenario, shape: str) -> None:
+    """Blocks of another profile with the same mass and area."""
+    aspect = {"aspect": RECTANGLE_ASPECT} if shape == "rectangle" else {}
+    for name in data.get("blocks", {}):
+        block = scenario.make_blocks()[name]
+        side = float(np.sqrt(block.area_m2))
+        sizes: dict[str, Data] = {
+            "circle": {"diameter_m": block.size_m, "inertia": "solid_sphere"},
+            "square": {"side_m": side},
+            "rectangle": {"length_m": side * RECTANGLE_ASPECT**0.5, "height_m": side / RECTANGLE_ASPECT**0.5},
+        }
+        data["blocks"][name] = {"shape": shape, "mass_kg": block.mass_kg, **sizes[shape]}
+    for population in data.get("populations", {}).values():
+        population["families"] = [{"shape": shape, **aspect}]
+
+
+def shown_lines(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
+    """Line and quantities (keys of SHOWN) that a designer asks for: what arrives, and what passes the crest; without
+    an embankment at the last line of the file."""
+    lines = list(table["line"].unique())
+    arriving = [line for line in lines if line.startswith(ARRIVAL_LINE)] or lines[-1:]
+    crests = [line for line in lines if line.startswith(CREST_LINE)] or lines[-1:]
+    shares, loads = ["frequency", "per_arriving"], ["kinetic", "height"]
+    return [*((line, shares) for line in crests), *((line, loads) for line in arriving)]
+
+
+def range_remarks(table: pd.DataFrame) -> list[str]:
+    """A sentence on each block and quantity: from least to most over the models, and with which."""
+    found = []
+    for line, quantities in shown_lines(table):
+        for block, own in table[table["line"] == line].groupby("block", sort=False):
+            for key in quantities:
+                column, *_, factor, words = SHOWN[key]
+                values = own.set_index("model")[column].dropna()
+                if len(values) > 1:
+                    least, most = (
+                        f"{three_digits(factor * value)} ({name})"
+                        for value, name in ((values.min(), values.idxmin()), (values.max(), values.idxmax()))
+                    )
+                    found.append(f"{block} at {line}, {words}: {least} to {most}")
+    return found
+
+
+def range_figure(table: pd.DataFrame) -> Figure:
+    """Each model with its 95 % interval of sampling: shares at the crest, energy and height on arrival."""
+    from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
+    from rock2d.graphics.palette import block_colours
+
+    panels = [(line, key) for line, keys in shown_lines(table) for key in keys]
+    models = list(table["model"].unique())[::-1]
+    blocks = list(table["block"].unique())
+    figure = blank_figure(2.0 + 2.4 * len(panels), 1.0 + 0.34 * len(models))
+    axes = figure.subplots(1, len(panels), squeeze=False, sharey=True)[0]
+    for axis, (line, key) in zip(axes, panels, strict=True):
+        column, low, high, factor, words = SHOWN[key]
+        for i, (block, colour) in enumerate(block_colours(blocks).items()):
+            own = (
+                table[(table["line"] == line) & (table["block"] == block)].set_index("model").reindex(models)
+            )
+            at = np.arange(len(models)) + 0.16 * (0.5 * (len(blocks) - 1) - i)
+            value = factor * own[column].to_numpy(float)
+            errors = np.abs(factor * own[[low, high]].to_numpy(float).T - value)
+            axis.errorbar(value, at, xerr=errors, fmt="o", ms=4, lw=1.2, color=colour, label=block)
+        axis.set_yticks(np.arange(len(models)), models)
+        axis.set_xlim(left=0)
+        axis.set_xlabel(f"{line}: {words}", fontsize=SMALL_PT)
+        axis.grid(axis="x", color="#e4e4e4", lw=0.6)
+    axes[0].legend(frameon=False, fontsize=SMALL_PT)
+    finish(figure, "How much depends on the model")
+    return figure

@@ -1,0 +1,64 @@
+"""How many releases make the intervals of the passing frequencies narrow enough."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from rock2d.errors import InputError
+from rock2d.files.scenario import Scenario
+from rock2d.progress import Bars
+from rock2d.runs.campaigns.job import job_of
+from rock2d.runs.engines import compiled_engine
+from rock2d.runs.incident_states import DRAW_GROUP
+from rock2d.statistics import wilson_interval
+
+MOST_RELEASES = 1_000_000  # of each block
+LARGEST_STEP = 10.0  # times as many releases as before
+
+
+def releases_for(
+    scenario: Scenario, engine: str, seed: int, half_width: float, first: int, progress: bool = False
+) -> int:
+    """The number of releases of each block, at least `first`, with which every 95 % interval of a passing frequency, of
+    the released blocks at every line, reaches at most `half_width` (a share) to either side of its middle.
+
+    A release is the same however many there are, so they are added to those before. Raises InputError if the scenario
+    has no measure line, or if MOST_RELEASES are not enough.
+    """
+    chosen = compiled_engine(engine)
+    assert chosen.ensemble is not None
+    job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
+    if not job.cross_section.measure_lines:
+        raise scenario.error(
+            "no measure line, whose passing frequency could be precise", "cross_section", at="key"
+        )
+    counts = np.zeros((len(job.blocks), len(job.cross_section.measure_lines)), int)
+    most_counts, done, wanted = counts.copy(), 0, first
+    with Bars(progress).stage("precision", 0, "releases") as bar:
+        while True:
+            job.conditions.check_starts(wanted)
+            for b in range(len(job.blocks)):
+                for start in range(done, wanted, DRAW_GROUP):
+                    stop = min(start + DRAW_GROUP, wanted)
+                    found = chosen.ensemble(job, job.conditions.group(b, start, stop)).passing(
+                        job.cross_section
+                    )
+                    counts[b] += found.passed
+                    most_counts[b] += found.passed + found.unresolved
+                    bar.update(stop - start)
+            done = wanted
+            widest = max(
+                0.5 * (wilson_interval(most, done)[1] - wilson_interval(least, done)[0])
+                for least, most in zip(counts.ravel().tolist(), most_counts.ravel().tolist(), strict=True)
+            )
+            if widest <= half_width:
+                return done
+            if done >= MOST_RELEASES:
+                raise InputError(
+                    f"with {done} releases of each block an interval still reaches {100 * widest:.2g} % to either side"
+                )
+            wanted = math.ceil(done * min(1.05 * (widest / half_width) ** 2, LARGEST_STEP))
+            wanted = min(max(wanted, done + 1), MOST_RELEASES)

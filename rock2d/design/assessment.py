@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rock2d.design.possible_sites import draw_sites, simulate_sites, variants_of
-from rock2d.design.uncertainty import FREQUENCY, sensitivity_table, uncertain_table
+from rock2d.design.uncertainty import FREQUENCY, SHARES, sensitivity_table, uncertain_table
 from rock2d.errors import counted, listed
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
+from rock2d.wording import with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,22 +63,24 @@ class Assessment:
 
     def text(self) -> str:
         """Passing frequencies with their intervals, as a person reads them."""
-        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
-        cells = own.assign(
-            cell=[
-                f"{100 * v:.3g} [{100 * low:.3g}, {100 * high:.3g}], {100 * share:.0f} % not known"
-                for v, low, high, share in zip(
-                    own["value"], own["low95"], own["high95"], own["share_not_known"], strict=True
+        own = self.uncertain.dropna(subset="value")
+        tables = []
+        for key, words in SHARES.items():
+            rows = own[own["quantity"] == key]
+            records: list[Any] = list(rows.itertuples())
+            cells = rows.assign(
+                cell=[
+                    f"{with_interval(r.value, r.low95, r.high95, 100.0)}, {100 * r.share_not_known:.0f} % not known"
+                    for r in records
+                ]
+            )
+            table = cells.pivot(index="line", columns="block", values="cell").loc[rows["line"].unique()]
+            if len(rows):
+                tables.append(
+                    f"{words}, in % over {rows['sites'].iloc[0]} possible sites: median [95 % interval], share of the "
+                    f"variance that is not known rather than sampling\n{table.fillna('-').to_string()}"
                 )
-            ]
-        )
-        table = cells.pivot(index="line", columns="block", values="cell").loc[own["line"].unique()]
-        sites = own["sites"].iloc[0] if len(own) else 0
-        head = (
-            f"passing frequency in % over {sites} possible sites: median [95 % interval], share of the variance that "
-            f"is not known rather than sampling\n{table.to_string()}"
-        )
-        return "\n".join([head, *self.remarks()])
+        return "\n".join([*tables, *self.remarks()])
 
     def remarks(self) -> list[str]:
         """A sentence on each block of which releases were cut short or buried on the possible sites."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.design.uncertainty import FREQUENCY
+from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
 from rock2d.graphics.downloads import Download, download
 from rock2d.runs.engines import engine_named
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 NAMES = {
     "kinetic_J": "energy", "energy_J": "energy", "passing_height_m": "passing height", "height_m": "height",
-    "speed_m_s": "speed", "mass_kg": "mass", FREQUENCY: "passing frequency",
+    "speed_m_s": "speed", "mass_kg": "mass", **SHARES,
 }  # fmt: skip
 UNITS = {"_m_s": "m/s", "_J": "J", "_kg": "kg", "_m": "m"}
 LARGE_J = 1000.0
@@ -112,11 +112,11 @@ def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
         base = str(r.quantity).removesuffix("_95")
         shown = (
             f"{with_interval(r.value, r.low95, r.high95, 100.0)} %"
-            if base == FREQUENCY
+            if base in SHARES
             else quantity_text(base, r.value, r.low95, r.high95)
         )
         share = f"{100 * r.share_not_known:.0f} %"
-        rows.append((r.line, r.block, NAMES[base] + ("" if base == FREQUENCY else ", 95 %"), shown, share))
+        rows.append((r.line, r.block, NAMES[base] + ("" if base in SHARES else ", 95 %"), shown, share))
     return TextTable(
         ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,
         note="Not known: the share of the variance that comes from what is not known about the site; the rest is "

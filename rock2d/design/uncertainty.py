@@ -22,7 +22,8 @@ UNCERTAIN_COLUMNS = (
 SENSITIVITY_COLUMNS = (
     "block", "line", "quantity", "parameter", "first_order", "first_order_error95", "total", "total_error95",
 )  # fmt: skip
-FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"  # share of the released, and of the arriving blocks
+FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"
+SHARES = {FREQUENCY: "passing frequency", PER_ARRIVING: "passing, of arriving blocks"}
 DESIGN_PERCENTILE = 95.0
 FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
 DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites

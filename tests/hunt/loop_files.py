@@ -69,14 +69,25 @@ def page_faults(folder: Path) -> list[str]:
             faults += _differing(name, pd.read_csv(folder / name), _table(base64.b64decode(data).decode()))
     rows = [tuple(_words(cell) for cell in CELL.findall(row)) for row in ROW.findall(page)]
     for own in pd.read_csv(folder / "passing.csv").itertuples():
-        said = [row for row in rows if row[:3] == (own.line, own.block, f"{own.passed} of {own.releases}")]
-        numbers = [float(word) for word in re.findall(r"[\d.e+-]+", said[0][3])] if said else []
-        stated = [100.0 * value for value in (own.frequency, own.low95, own.high95)]
-        if len(numbers) != 3 or not np.allclose(numbers, stated, rtol=ROUNDED, atol=1e-9):
-            faults.append(
-                f"passing of {own.block} at {own.line}: {stated} in the table, {numbers} on the page"
+        said = [row for row in rows if row[:3] == (own.line, own.block, str(own.releases)) and len(row) > 7]
+        shares = {
+            "passing": (6, own.frequency, own.low95, own.high95),
+            "per arriving": (7, own.per_arriving, own.per_arriving_low95, own.per_arriving_high95),
+        }
+        for what, (cell, *values) in shares.items():
+            numbers = (
+                [float(word) for word in re.findall(r"[\d.e+-]*\d[\d.e+-]*", said[0][cell])] if said else []
             )
+            stated = [100.0 * value for value in values if np.isfinite(value)]
+            if not said or not _alike(numbers, stated):
+                faults.append(
+                    f"{what} of {own.block} at {own.line}: {stated} in the table, {numbers} on the page"
+                )
     return faults
+
+
+def _alike(numbers: list[float], stated: list[float]) -> bool:
+    return len(numbers) == len(stated) and np.allclose(numbers, stated, rtol=ROUNDED, atol=1e-9)
 
 
 def diagnosis_page_faults(folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import pandas as pd
 import pytest
 
 from rock2d.commands.run import run_scenarios
@@ -98,7 +98,8 @@ def test_a_campaign_counts_what_was_cut_short_as_a_run_does(site, tmp_path, engi
         assert (tables["passing"]["unresolved"] <= same["unresolved"]).all()
         assert tables["passing"]["passed"].tolist() == same["passed"].tolist()
     else:
-        assert np.array_equal(tables["passing"], same)
+        unknown = ["left_source"] if keep else []  # without ends nobody knows how far blocks went
+        pd.testing.assert_frame_equal(tables["passing"].drop(columns=unknown), same.drop(columns=unknown))
     assert unresolved_remarks(tables, 7.0)
 
 

@@ -112,8 +112,8 @@ def profile(file, out, **options) -> None:
 @click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
               help="Least and greatest value, in the unit of the number.")  # fmt: skip
 @click.option("--over", "others", nargs=3, type=(str, float, float), multiple=True, metavar="PLACE LOW HIGH",
-              help="Search for low, middle and high of another number, too, for example "
-              "embankment.uphill_deg 60 90; may be given several times.")  # fmt: skip
+              help="Seek the least volume of earth, with another number between LOW and HIGH, too, for example "
+              "embankment.uphill_deg 60 90; may be given up to three times.")  # fmt: skip
 @click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
 @click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
               help="Largest share of the releases of each block that may pass.")  # fmt: skip
@@ -158,17 +158,16 @@ def design(
 
     Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
     """
-    from rock2d.design.combinations import run_combinations
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target
+    from rock2d.design.least_volume import run_least_volume
 
     aim = Target(line, target / 100.0, confidence / 100.0, per, 1e3 * (above_kj or 0.0), above_m)
+    question = {"progress": not quiet, "command": command_line(), "report": click.echo, **options}
     if others:
-        found = run_combinations(scenario, place, bounds, others, aim, out, progress=not quiet,
-                                 command=command_line(), report=click.echo, **options)  # fmt: skip
-        sys.exit(0 if any(answer.least is not None for _, answer in found) else 4)
-    answer = run_design(scenario, place, bounds, aim, out, progress=not quiet, command=command_line(),
-                        report=click.echo, **options)  # fmt: skip
+        answer = run_least_volume(scenario, place, bounds, others, aim, out, **question).answer
+    else:
+        answer = run_design(scenario, place, bounds, aim, out, **question)
     if answer.least is None:
         sys.exit(4)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
@@ -18,6 +18,9 @@ from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
+
+if TYPE_CHECKING:
+    from rock2d.progress import Bar, Bars
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
 MOST_SHOWN = 1000  # releases of each block on the page
@@ -37,79 +40,92 @@ def run_design(
     overwrite: bool = False,
     progress: bool = True,
     command: str = "rock2d.design in Python",
-    changed: Mapping[str, float] = MappingProxyType({}),
     report: Callable[[str], Any] = print,
 ) -> Answer:
     """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
 
     The page, report.html, shows the least size, or the largest if none meets the target; it names the `command`.
-    `changed` are numbers of the scenario (place -> value) that are other than in its file.
 
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
-    import numpy as np
-
     from rock2d.progress import Bars
 
     scenario = load_scenario(path)
-    if changed:
-        scenario = variant(scenario, changed, uncertain=True)
-    engine, seed = engine or scenario.engine, scenario.seed if seed is None else seed
-    stages = out.parent / f".{out.name}.judged"
-    diagnosis = scenario.diagnosed.fingerprint if scenario.diagnosed else ""
-    drawn = fingerprint(scenario.posterior.draws) if scenario.posterior else ""
-    text = json.dumps([scenario_text(scenario), place, asdict(target), engine, seed, diagnosis, drawn])
-    key = fingerprint(np.frombuffer(text.encode(), np.uint8))
-    question = f"{key} {bounds} {tolerance}"
-    if changed and not overwrite and (known := _known_answer(out, question)) is not None:
-        report(f"known from an earlier search: {out}")
-        return known
     check_replaced(out, overwrite)
     for remark in diagnosis_remarks(scenario):
         report(remark)
-    search = Search(scenario, place, bounds, target, engine, seed)
+    own_seed = scenario.seed if seed is None else seed
+    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
     search.check()
-    sites, bars = len(search.sites), Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
-    make_folder(stages)
-    try:
+    bars = Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
+    with KeptSizes(search, out) as kept:
         with size_bars(search, bars, tolerance) as bar_of:
-
-            def judged(size: float) -> Judgement:
-                file, bar = stages / f"{key}_{size:.12g}.json", bar_of(size)
-                if file.is_file():
-                    bar.omit(sites)
-                    return Judgement(**read_json(file))
-                found = search.judge(size, bar.update)
-                write_whole(file, json.dumps(asdict(found)))
-                return found
-
-            answer = least_size(search, judged, tolerance)
-    except KeyboardInterrupt:
-        done = len(list(stages.glob(f"{key}_*.json")))
-        raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
-    with atomic_folder(out) as partial:
-        _write(
-            partial, scenario, answer, {"question": question, "engine": engine, "seed": seed, "sites": sites}
-        )
-        with bars.stage(PAGE, 1, "step") as bar:
-            taken = _write_page(partial, scenario, answer, (engine, seed), command)
-            bar.update()
-    shutil.rmtree(stages, ignore_errors=True)
-    report("\n".join([answer_text(answer, search), *taken]))
+            answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
+        with atomic_folder(out) as partial:
+            said = conclude(partial, search, answer, command, bars)
+    report(said)
     report(f"written: {out}")
     return answer
 
 
-def _known_answer(folder: Path, question: str) -> Answer | None:
-    """The answer that a folder holds, if it is that to this question."""
-    file = folder / "design.json"
-    if not file.is_file():
-        return None
-    found = read_json(file)
-    if found.get("question") != question:
-        return None
-    judgements = tuple(Judgement(**own) for own in found["judgements"])
-    return Answer(found["place"], Target(**found["target"]), found["least"], found["tolerance"], judgements)
+class KeptSizes:
+    """The sizes of a search that are judged, kept beside its folder until the search ends; after an interruption the
+    same search finds them again."""
+
+    def __init__(self, search: Search, out: Path) -> None:
+        import numpy as np
+
+        self._search, self._folder = search, out.parent / f".{out.name}.judged"
+        scenario = search.scenario
+        diagnosis = scenario.diagnosed.fingerprint if scenario.diagnosed else ""
+        drawn = fingerprint(scenario.posterior.draws) if scenario.posterior else ""
+        text = json.dumps(
+            [scenario_text(scenario), search.place, asdict(search.target), search.engine, search.seed, diagnosis,
+             drawn, search.over]
+        )  # fmt: skip
+        self._key = fingerprint(np.frombuffer(text.encode(), np.uint8))
+
+    def __enter__(self) -> KeptSizes:
+        make_folder(self._folder)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
+        if kind is None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        elif kind is KeyboardInterrupt:
+            done = len(list(self._folder.glob(f"{self._key}_*.json")))
+            raise KeyboardInterrupt(f"{done} sizes are judged, the same command goes on from there") from None
+
+    def judged(self, size: float, bar: Bar, others: Mapping[str, float] = MappingProxyType({})) -> Judgement:
+        """The judgement of a size, with these values of `Search.over`."""
+        name = "_".join(f"{value:.12g}" for value in (*others.values(), size))
+        file = self._folder / f"{self._key}_{name}.json"
+        if file.is_file():
+            bar.omit(len(self._search.sites))
+            return Judgement(**read_json(file))
+        found = self._search.judge(size, bar.update, others)
+        write_whole(file, json.dumps(asdict(found)))
+        return found
+
+
+def conclude(
+    folder: Path,
+    search: Search,
+    answer: Answer,
+    command: str,
+    bars: Bars,
+    others: Mapping[str, float] = MappingProxyType({}),
+) -> str:
+    """Write design.json, design.csv, least.yaml and the page of an answer with these values of `Search.over`, and say
+    it."""
+    if others:
+        search = replace(search, scenario=variant(search.scenario, others, uncertain=True), over={})
+    about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
+    _write(folder, search.scenario, answer, about)
+    with bars.stage(PAGE, 1, "step") as bar:
+        taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command)
+        bar.update()
+    return "\n".join([answer_text(answer, search), *taken])
 
 
 def answer_text(answer: Answer, search: Search) -> str:

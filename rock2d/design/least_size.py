@@ -6,11 +6,13 @@ their effect and not by chance.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -185,6 +187,7 @@ class Search:
     bounds : smallest and largest size
     target : what must be kept
     engine, seed : of the simulation
+    over : other numbers of the file that may vary beside it, with their bounds
     """
 
     scenario: Scenario
@@ -193,15 +196,16 @@ class Search:
     target: Target
     engine: str
     seed: int
+    over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Raises InputError if the place, the line or the bounds make no sense."""
-        low, high = self.bounds
-        if not low < high:
-            raise InputError(f"the range of {self.place} must rise, found {low:g} to {high:g}")
-        if self.scenario.uncertainty is not None and self.place in self.scenario.unknown():
-            message = f"{self.place} is sought and stands under uncertainty: take it away from one of them"
-            raise self.scenario.error(message, "uncertainty", "site", self.place, at="key", code="wrong_kind")
+        """Raises InputError if the places, the line or the bounds make no sense."""
+        for place, (low, high) in self.ranges.items():
+            if not low < high:
+                raise InputError(f"the range of {place} must rise, found {low:g} to {high:g}")
+            if self.scenario.uncertainty is not None and place in self.scenario.unknown():
+                message = f"{place} is sought and stands under uncertainty: take it away from one of them"
+                raise self.scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
         lines = self.scenario.make_cross_section().measure_lines
         if self.target.line not in lines:
             known = ", ".join(lines) or "none"
@@ -209,6 +213,11 @@ class Search:
             raise self.scenario.error(message, "cross_section", code="unknown_name")
         if not (0.0 < self.target.frequency < 1.0 and 0.5 <= self.target.confidence < 1.0):
             raise InputError("the target must lie between 0 and 100 %, the confidence between 50 and 100 %")
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Bounds of each number that varies, the sought one last."""
+        return {**self.over, self.place: self.bounds}
 
     @cached_property
     def sites(self) -> list[tuple[dict[str, float], int]]:
@@ -225,10 +234,16 @@ class Search:
         uncertain = self.scenario.uncertainty
         return DEFAULT_RELEASES if uncertain is None else uncertain.releases
 
-    def judge(self, size: float, on_progress: Callable[[int], Any] = lambda count: None) -> Judgement:
-        """Simulate all possible sites with this size, and judge it."""
+    def judge(
+        self,
+        size: float,
+        on_progress: Callable[[int], Any] = lambda count: None,
+        others: Mapping[str, float] = MappingProxyType({}),
+    ) -> Judgement:
+        """Simulate all possible sites with this size, and with these values of `over`, and judge it."""
+        variants = self._variants({**others, self.place: size})
         results = simulate_sites(
-            self._variants(size), self.engine, self._seeds, self.releases, on_progress, self._descents
+            variants, self.engine, self._seeds, self.releases, on_progress, self._descents
         )
         return judge(results, size, self.target, self.seed)
 
@@ -236,8 +251,8 @@ class Search:
     def _seeds(self) -> list[int]:
         return [seed for _, seed in self.sites]
 
-    def _variants(self, size: float) -> list[Scenario]:
-        return [variant(self.scenario, {**values, self.place: size}) for values, _ in self.sites]
+    def _variants(self, sizes: Mapping[str, float]) -> list[Scenario]:
+        return [variant(self.scenario, {**values, **sizes}) for values, _ in self.sites]
 
     @property
     def shares(self) -> bool:
@@ -247,10 +262,13 @@ class Search:
     @cached_property
     def _descents(self) -> SharedDescents | None:
         """What the releases of all sizes have in common; None if a size changes more than the ground."""
-        if not shares_descents(self.scenario, self.place, compiled_engine(self.engine).name):
+        engine = compiled_engine(self.engine).name
+        if not all(shares_descents(self.scenario, place, engine) for place in self.ranges):
             return None
-        smallest, largest = map(self._variants, self.bounds)
-        return SharedDescents(smallest, largest, self._seeds, self.releases)
+        corners = [
+            dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())
+        ]
+        return SharedDescents(list(map(self._variants, corners)), self._seeds, self.releases)
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:

@@ -75,29 +75,30 @@ class SharedDescents:
 
     Parameters
     ----------
-    smallest, largest : the scenario of each site with the smallest and the largest size
+    extremes : scenarios of each site, with the smallest sizes first and with the largest last; between them, where
+        several sizes vary, the other corners of their ranges
     seeds : seeds of the releases of each site
     releases : number of releases of each block on each site
     """
 
-    def __init__(
-        self, smallest: Sequence[Scenario], largest: Sequence[Scenario], seeds: Sequence[int], releases: int
-    ) -> None:
-        self._scenarios, self._seeds, self._releases = (smallest, largest), seeds, releases
+    def __init__(self, extremes: Sequence[Sequence[Scenario]], seeds: Sequence[int], releases: int) -> None:
+        self._extremes, self._seeds, self._releases = extremes, seeds, releases
         self._found: dict[int, list[Descent]] = {}
 
     def of(self, site: int, block: int) -> Descent:
         """The descent of a block on a site."""
         if site not in self._found:
-            seed = self._seeds[site]
-            small, large = (
-                job_of(own[site], SHARING_ENGINE, seed, ("crossings",), Path(), "") for own in self._scenarios
+            largest = job_of(
+                self._extremes[-1][site], SHARING_ENGINE, self._seeds[site], ("crossings",), Path(), ""
             )
-            grounds = small.cross_section, large.cross_section
-            limits = parting_m(*grounds), min(map(_first_line_m, grounds))
-            blocks = range(len(large.blocks))
+            grounds = [own[site].make_cross_section() for own in self._extremes]
+            limits = (
+                min(parting_m(own, largest.cross_section) for own in grounds),
+                min(map(_first_line_m, grounds)),
+            )
+            blocks = range(len(largest.blocks))
             self._found[site] = [
-                _descent(large, large.conditions.group(b, 0, self._releases), limits) for b in blocks
+                _descent(largest, largest.conditions.group(b, 0, self._releases), limits) for b in blocks
             ]
         return self._found[site][block]
 

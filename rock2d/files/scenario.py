@@ -180,12 +180,13 @@ class Scenario(Checked):
 
     def make_cross_section(self) -> CrossSection:
         """The cross-section: the scenario's own, else the experiment's; with the embankment and the ditch."""
-        ground = self._natural_ground()
+        ground = self.natural_ground()
         if self.embankment is None:
             return ground
         return with_earthworks(ground, self.embankment.make(), self.ditch.make() if self.ditch else None)
 
-    def _natural_ground(self) -> CrossSection:
+    def natural_ground(self) -> CrossSection:
+        """The cross-section without embankment and ditch."""
         if self.cross_section is not None:
             return self.cross_section.make()
         if self._terrain is not None:

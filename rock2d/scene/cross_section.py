@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -177,12 +177,18 @@ class CrossSection:
         if not possible.any():
             return possible
         lowest = np.min(points_m[:, 1], initial=outline[:, 1].min())
-        floor = float(lowest - np.ptp(outline, axis=0).max())
-        ground = shapely.make_valid(
-            shapely.Polygon([*outline, (outline[-1, 0], floor), (outline[0, 0], floor)])
-        )
+        ground = self.body(float(lowest - np.ptp(outline, axis=0).max()))
         shapely.prepare(ground)
         return np.asarray(shapely.covers(ground, shapely.points(points_m)))
+
+    def body(self, floor_m: float) -> Any:
+        """The ground between the surface and this level, a shapely geometry."""
+        import shapely
+
+        outline = self.points_m
+        return shapely.make_valid(
+            shapely.Polygon([*outline, (outline[-1, 0], floor_m), (outline[0, 0], floor_m)])
+        )
 
     def highest_m(self, low_m: float, high_m: float) -> float:
         """The highest y of the surface between two x; beside the cross-section as at its end."""

@@ -101,6 +101,18 @@ def with_earthworks(
     return CrossSection(points, zones, lines)
 
 
+def earth_moved_m2(natural: CrossSection, built: CrossSection) -> tuple[float, float]:
+    """Fill above the natural ground and cut below it, in m² of the section: m³ per metre of embankment."""
+    import shapely
+
+    floor_m = float(min(ground.points_m[:, 1].min() for ground in (natural, built))) - 1.0
+    before, after = (ground.body(floor_m) for ground in (natural, built))
+    return (
+        float(shapely.area(shapely.difference(after, before))),
+        float(shapely.area(shapely.difference(before, after))),
+    )
+
+
 def _run(height: float, slope_deg: float) -> float:
     """Horizontal length of a face."""
     return 0.0 if slope_deg == 90.0 else height / float(np.tan(np.deg2rad(slope_deg)))

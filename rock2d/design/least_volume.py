@@ -1,0 +1,227 @@
+"""`rock2d design --over`: the earthworks of least volume that meet a target, over several of their numbers.
+
+For given values of the other numbers the least size is found by bisection, and with it the volume of earth that is
+moved. That volume is minimised over the others: first at the corners and in the middle of their ranges, then from the
+best of these with COBYQA, a method without derivatives that holds bounds (Ragonneau & Zhang 2024, in scipy). All
+combinations are judged on the same possible sites with the same releases, so two of them differ by their effect and
+not by chance.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rock2d.design.command import KeptSizes, conclude
+from rock2d.design.least_size import Answer, Search, Target, least_size, most_sizes
+from rock2d.design.shared_descents import EARTHWORKS
+from rock2d.errors import InputError
+from rock2d.files.folders import atomic_folder, check_replaced
+from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_variants import variant
+from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.scene.earthworks import earth_moved_m2
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+MOST_OTHERS = 3
+MOST_COMBINATIONS = 40
+FIRST_STEP, LAST_STEP = 0.25, 0.02  # parts of a range
+TABLE, FIGURE = "combinations.csv", "combinations.png"
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Values of the other numbers, the answer with them, and what the earthworks of its least size (of the largest, if
+    none meets the target) move, in m³ per metre of embankment."""
+
+    values: Mapping[str, float]
+    answer: Answer
+    fill_m2: float
+    cut_m2: float
+
+    @property
+    def earth_m2(self) -> float:
+        """Fill and cut together."""
+        return self.fill_m2 + self.cut_m2
+
+    @property
+    def objective(self) -> float:
+        """What is minimised: the volume; without a size that meets the target it grows with the bound's excess."""
+        if self.answer.least is not None:
+            return self.earth_m2
+        target, largest = self.answer.target, self.answer.judgements[-1]
+        return self.earth_m2 * (2.0 + math.log10(max(largest.high.values()) / target.frequency))
+
+
+def run_least_volume(
+    path: Path,
+    place: str,
+    bounds: tuple[float, float],
+    others: Sequence[tuple[str, float, float]],
+    target: Target,
+    out: Path,
+    *,
+    engine: str | None = None,
+    seed: int | None = None,
+    tolerance: float | None = None,
+    overwrite: bool = False,
+    progress: bool = True,
+    command: str = "rock2d.design in Python",
+    report: Callable[[str], Any] = print,
+) -> Combination:
+    """Find the earthworks of least volume over `place` and the `others` (place, low, high).
+
+    Writes the folder `out`: that of `run_design` for the best combination, with combinations.csv and
+    combinations.png beside it. An interrupted search goes on where it was.
+
+    Raises InputError for a mistake in the scenario or the question.
+    """
+    from rock2d.graphics.figure_style import save_figure
+    from rock2d.progress import Bars
+
+    scenario = load_scenario(path)
+    over = {name: (low, high) for name, low, high in others}
+    _check(scenario, place, over)
+    check_replaced(out, overwrite)
+    for remark in diagnosis_remarks(scenario):
+        report(remark)
+    own_seed = scenario.seed if seed is None else seed
+    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over)
+    search.check()
+    for corner in itertools.product(*search.ranges.values()):
+        variant(scenario, dict(zip(search.ranges, corner, strict=True)))  # refused before any work
+    bars = Bars(progress)
+    sizes = MOST_COMBINATIONS * most_sizes(bounds, tolerance)
+    with KeptSizes(search, out) as kept:
+        with bars.stage("combinations", sizes * len(search.sites), "sites") as bar:
+
+            def found(values: Mapping[str, float]) -> Combination:
+                answer = least_size(search, lambda size: kept.judged(size, bar, values), tolerance)
+                return _combination(scenario, values, answer)
+
+            combinations = minimised(found, over)
+        best = min(combinations, key=lambda own: own.objective)
+        with atomic_folder(out) as partial:
+            table = combination_table(combinations)
+            table.to_csv(partial / TABLE, index=False, lineterminator="\n")
+            save_figure(volume_figure(combinations), partial / FIGURE)
+            said = conclude(partial, search, best.answer, command, bars, best.values)
+    report(f"{volume_text(combinations)}\n\n{said}\nwritten: {out}")
+    return best
+
+
+def _check(scenario: Scenario, place: str, over: Mapping[str, tuple[float, float]]) -> None:
+    if place in over:
+        raise InputError(f"{place} is sought and varied over, too")
+    if len(over) > MOST_OTHERS:
+        raise InputError(f"{len(over)} numbers are too many: vary up to {MOST_OTHERS} beside {place}")
+    for name in (place, *over):
+        if name.split(".")[0] not in EARTHWORKS:
+            raise InputError(
+                f"{name} is no number of the earthworks; --over seeks the least volume over numbers of embankment and "
+                "ditch. What is not known stands under uncertainty"
+            )
+
+
+def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer) -> Combination:
+    size = answer.judgements[-1].size if answer.least is None else answer.least
+    built = variant(scenario, {**values, answer.place: size}).make_cross_section()
+    return Combination(values, answer, *earth_moved_m2(scenario.natural_ground(), built))
+
+
+def minimised(
+    found: Callable[[Mapping[str, float]], Combination], over: Mapping[str, tuple[float, float]]
+) -> list[Combination]:
+    """Every combination that was tried, in order: corners and middle, then steps of COBYQA from the best of these."""
+    from scipy.optimize import minimize
+
+    low, high = np.array(list(over.values())).T
+    known: dict[tuple[float, ...], Combination] = {}
+
+    def at(part: np.ndarray) -> float:
+        values = tuple(float(f"{value:.6g}") for value in low + np.round(part, 3) * (high - low))
+        if values not in known:
+            known[values] = found(dict(zip(over, values, strict=True)))
+        return known[values].objective
+
+    starts = [np.array(corner) for corner in itertools.product((0.0, 1.0), repeat=len(over))]
+    starts.append(np.full(len(over), 0.5))
+    best = min(starts, key=at)
+    options = {
+        "maxfev": MOST_COMBINATIONS - len(starts), "initial_tr_radius": FIRST_STEP, "final_tr_radius": LAST_STEP,
+    }  # fmt: skip
+    minimize(at, best, method="COBYQA", bounds=[(0.0, 1.0)] * len(over), options=options)
+    return list(known.values())
+
+
+def combination_table(combinations: Sequence[Combination]) -> pd.DataFrame:
+    """A row for each combination, the least volume first: the values, the least size (NaN if none of the range holds),
+    fill, cut and both together in m³ per metre of embankment."""
+    import pandas as pd
+
+    rows = [
+        {**own.values, f"least {own.answer.place}": own.answer.least, "fill_m3_m": own.fill_m2,
+         "cut_m3_m": own.cut_m2, "earth_m3_m": own.earth_m2}
+        for own in sorted(combinations, key=lambda own: own.objective)
+    ]  # fmt: skip
+    return pd.DataFrame(rows).astype(float)
+
+
+def volume_text(combinations: Sequence[Combination]) -> str:
+    """The best combination in words, and the table."""
+    best = min(combinations, key=lambda own: own.objective)
+    table = combination_table(combinations).to_string(
+        index=False, na_rep="none", float_format=lambda v: f"{v:.4g}"
+    )
+    if best.answer.least is None:
+        return f"no combination meets the target: {best.answer.target.text}\n{table}"
+    values = {**best.values, best.answer.place: best.answer.least}
+    head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
+    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + f"\n{table}"
+
+
+def volume_figure(combinations: Sequence[Combination]) -> Figure:
+    """The volume against each number, and over each pair of the others the surface through what was tried."""
+    from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
+    from rock2d.graphics.palette import INK, LINE_INK
+
+    best = min(combinations, key=lambda own: own.objective)
+    meets = np.array([own.answer.least is not None for own in combinations])
+    earth = np.array([own.earth_m2 for own in combinations])
+    names = list(best.values)
+    pairs = list(itertools.combinations(names, 2))
+    figure = blank_figure(3.2 * (len(names) + 1 + len(pairs)), 3.4)
+    axes = figure.subplots(1, len(names) + 1 + len(pairs), squeeze=False)[0]
+
+    def of(name: str) -> np.ndarray:
+        return np.array([own.values.get(name, own.answer.least) for own in combinations], float)
+
+    for axis, name in zip(axes, (*names, best.answer.place), strict=False):
+        axis.scatter(of(name)[meets], earth[meets], s=14, color=INK, alpha=0.6, lw=0)
+        axis.set_xlabel(name if name in names else f"least {name}", fontsize=SMALL_PT)
+        axis.set_ylabel("earth moved, m³ per metre", fontsize=SMALL_PT)
+        axis.grid(color="#e4e4e4", lw=0.6)
+        if best.answer.least is not None:
+            axis.plot(
+                best.values.get(name, best.answer.least), best.earth_m2, "o", ms=7, mfc="none", mec=LINE_INK
+            )
+    for axis, (x, y) in zip(axes[len(names) + 1 :], pairs, strict=True):
+        if meets.sum() > 3:  # triangles need three points that are not on a line
+            surface = axis.tricontourf(of(x)[meets], of(y)[meets], earth[meets], levels=10, cmap="cividis")
+            figure.colorbar(surface, ax=axis, label="earth moved, m³ per metre")
+        axis.plot(of(x), of(y), ".", color=INK, ms=3)
+        axis.plot(of(x)[~meets], of(y)[~meets], "x", color=LINE_INK, ms=6)
+        axis.plot(best.values[x], best.values[y], "o", ms=8, mfc="none", mec=LINE_INK)
+        axis.set_xlabel(x, fontsize=SMALL_PT)
+        axis.set_ylabel(y, fontsize=SMALL_PT)
+    finish(figure, "Least volume that meets the target")
+    return figure

@@ -17,7 +17,24 @@ from rock2d.interrupts import answer_signals, ignore_signals
 from rock2d.schemas import SCHEMAS, file_schema
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class Commands(click.Group):
+    """Commands that refuse an option given twice, whose second value would replace the first in silence."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            own = click.Context(command, parent=ctx, info_name=name)
+            given = command.make_parser(own).parse_args(list(rest))[2]
+            for option in given:
+                single = isinstance(option, click.Option) and not (option.multiple or option.is_flag)
+                if single and given.count(option) > 1:
+                    raise click.UsageError(f"{option.opts[0]} is given {given.count(option)} times", own)
+        return name, command, rest
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="rock2d")
 def cli() -> None:
     """Rockfall against embankments in 2D: simulate, film, compare."""
@@ -133,7 +150,7 @@ def compare(a, b, out) -> None:
     run_comparison(a, b, out, report=click.echo)
 
 
-@cli.group()
+@cli.group(cls=Commands)
 def blind() -> None:
     """Test the diagnosis on films with a hidden cause, which an independent engine makes."""
 

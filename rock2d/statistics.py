@@ -15,6 +15,7 @@ import numpy as np
 
 Array = np.ndarray
 
+DESIGN_PERCENTILE = 95.0  # that structures are designed by
 NORMAL_95 = 1.959964  # standard errors of a 95 % interval
 
 

@@ -16,7 +16,7 @@ from rock2d.files.scenario_checks import check_engine
 from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
-from rock2d.runs.resolution import source_remarks, unresolved_remarks
+from rock2d.runs.resolution import few_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
 from rock2d.scene.site_scales import line_remarks
@@ -137,6 +137,10 @@ class RunRequest:
             check_replaced(self.folder(scenario, engine), self.overwrite)
         for engine in self.engines_of(scenario):
             check_engine(scenario, engine)
+        if scenario.uncertainty is not None:
+            from rock2d.design.possible_sites import check_extremes
+
+            check_extremes(scenario)
 
 
 def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
@@ -161,7 +165,10 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         if scenario.experiment is None:  # a restarted release ends with its film
             remarks = unresolved_remarks(tables, scenario.longest_release_s())
             resolved = resolved and not remarks
-            for remark in (*remarks, *(f"warning: {text}" for text in source_remarks(tables))):
+            for remark in (
+                *remarks,
+                *(f"warning: {text}" for text in (*source_remarks(tables), *few_remarks(tables))),
+            ):
                 request.report(remark)
         request.report(f"written: {request.folder(scenario, engine)}")
     return resolved

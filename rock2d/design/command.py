@@ -134,7 +134,7 @@ def answer_text(answer: Answer, search: Search) -> str:
     for judged in answer.judgements:
         block = max(judged.high, key=lambda name: judged.high[name])
         worst.append(
-            f"  {judged.size:10.4g}  {100 * judged.median[block]:8.3g}  {100 * judged.high[block]:8.3g}"
+            f"  {judged.size:10.4g}  {round(100 * judged.median[block], 3):8.3g}  {100 * judged.high[block]:8.3g}"
             f"  {'yes' if judged.meets else 'no':5s}  {block}"
         )
     if answer.least is None:

@@ -186,7 +186,8 @@ def volume_text(combinations: Sequence[Combination]) -> str:
         return f"no combination meets the target: {best.answer.target.text}\n{table}"
     values = {**best.values, best.answer.place: best.answer.least}
     head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
-    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + f"\n{table}"
+    bound = "; the range begins there, so smaller ones may hold, too" if best.answer.is_bound else ""
+    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + f"{bound}\n{table}"
 
 
 def volume_figure(combinations: Sequence[Combination]) -> Figure:

@@ -28,6 +28,7 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 
 Array = np.ndarray
 
+EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # of a distribution
 RELEASES_OF_A_GROUP = 7  # first number of the spawn key
 
 
@@ -146,6 +147,13 @@ def simulate_sites(
                     of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
         on_progress(1)
     return SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
+
+
+def check_extremes(scenario: Scenario) -> None:
+    """Raises InputError if an extreme value of what is not known makes no sense."""
+    for place, quantile in scenario.unknown().items():
+        for value in quantile(EXTREME_SHARES) if place != FACTOR else ():
+            variant(scenario, {place: float(value)})
 
 
 def variants_of(scenario: Scenario, sites: PossibleSites) -> list[Scenario]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults
 from rock2d.design.site_frequencies import frequency_draws
-from rock2d.statistics import Estimate
+from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +24,6 @@ SENSITIVITY_COLUMNS = (
 )  # fmt: skip
 FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"
 SHARES = {FREQUENCY: "passing frequency", PER_ARRIVING: "passing, of arriving blocks"}
-DESIGN_PERCENTILE = 95.0
 FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
 DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites
 

@@ -17,6 +17,7 @@ from rock2d.scene.plausibility import (
     block_doubts,
     contact_doubts,
     earthwork_doubts,
+    friction_doubts,
     highest_speed_m_s,
     site_doubts,
     start_doubts,
@@ -86,11 +87,15 @@ def doubts(scenario: Scenario) -> list[Doubt]:
             continue
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
-        found += start_doubts(name, states, ground, gravity, key)
+        found += start_doubts(block, states, ground, gravity, key)
         if scenario.engine != "point_mass":
             soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
             stiffness = {zone: own.k_l_N_m for zone, own in zip(ground.zone_names, soils, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
+            friction = {
+                zone: own.friction_angle_deg for zone, own in zip(ground.zone_names, soils, strict=True)
+            }
+            found += friction_doubts(friction)
     return found
 
 

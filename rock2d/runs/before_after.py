@@ -14,11 +14,11 @@ from rock2d.runs.found_causes import Causes
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
 from rock2d.runs.indicators.passing import PASSING_COLUMNS, passing_rows
 from rock2d.runs.indicators.percentiles import QUANTITIES, percentile_table
+from rock2d.statistics import DESIGN_PERCENTILE
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DESIGN_PERCENTILE = 95.0
 MOST_RELEASES = 10_000  # releases of each block of a campaign that are simulated with each model
 COLUMNS_OF_QUANTITY = {
     "kinetic_J": ("kinetic_p95_J", "kinetic_p95_low95_J", "kinetic_p95_high95_J"),

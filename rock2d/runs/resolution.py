@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rock2d.records.columns import UNRESOLVED_STOPS
+from rock2d.statistics import DESIGN_PERCENTILE, least_count
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,3 +66,13 @@ def source_remarks(tables: Mapping[str, Any]) -> list[str]:
         for own in tables["passing"].drop_duplicates("block").itertuples()
         if own.left_source < FEWEST_LEFT * own.releases
     ]
+
+
+def few_remarks(tables: Mapping[str, Any]) -> list[str]:
+    """A sentence if there are too few releases for the interval of any 95th percentile."""
+    if "passing" not in tables or not len(tables["passing"]):
+        return []
+    releases = int(tables["passing"]["releases"].max())
+    least = least_count(DESIGN_PERCENTILE)
+    text = f"{releases} releases of a block are too few for design values: the interval of a {DESIGN_PERCENTILE:g}th"
+    return [f"{text} percentile needs {least} passings or more"] if releases < least else []

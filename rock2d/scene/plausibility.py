@@ -20,7 +20,13 @@ USUAL_DENSITY_KG_M3 = (1500.0, 4000.0)  # rock and concrete
 POSSIBLE_DENSITY_KG_M3 = (5.0, 22_600.0)  # the lightest foams; osmium
 USUAL_LENGTH_M, LARGEST_LENGTH_M = (0.2, 5000.0), 50_000.0  # of a cross-section
 LARGEST_RELIEF_M = 9000.0
-LARGEST_BLOCK = 0.2  # size of a block as a share of the extent of the site
+LARGEST_BLOCK, SMALLEST_BLOCK = 0.2, 2e-4  # size of a block as a share of the extent of the site
+NARROWEST_CREST = 0.5  # in sizes of the block
+LEAST_FRICTION_DEG = 5.0  # ice; a smaller one may be in rad
+HIGHEST_START_M, HIGHEST_START = (
+    10.0,
+    10.0,
+)  # above the highest ground, and in sizes of the block: the larger counts
 USUAL_INDENTATION = (0.001, 2.0)  # in sizes of the block, at the highest speed that the site allows
 USUAL_SPEED_M_S = 50.0
 USUAL_GRAVITY_M_S2 = (9.7, 9.9)
@@ -84,6 +90,9 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
     if block.size_m > LARGEST_BLOCK * extent:
         text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
         yield Doubt(f"{text}; usual: less than a fifth", key, impossible=block.size_m > extent)
+    elif block.size_m < SMALLEST_BLOCK * extent:
+        text = f"block {block.name} of {block.size_m:.3g} m on a site of {extent:.3g} m"
+        yield Doubt(f"{text}; usual: more than {SMALLEST_BLOCK:g} of it. Is its size in m?", key)
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
@@ -99,6 +108,20 @@ def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
         if block.size_m > bank.height_m:
             text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment of {bank.height_m:.3g} m"
             yield Doubt(text, key)
+        crest = float(np.ptp(ground.points_m[[bank.crest, bank.crest_end], 0]))
+        if crest < NARROWEST_CREST * block.size_m:
+            text = (
+                f"block {block.name} of {block.size_m:.3g} m meets a crest {crest:.3g} m wide; usual: wider "
+            )
+            yield Doubt(f"{text}than half the block. rock2d does not model that it is knocked away", key)
+
+
+def friction_doubts(friction_angle_deg: Mapping[str, float]) -> Iterator[Doubt]:
+    """About friction angles by zone."""
+    for zone, angle in friction_angle_deg.items():
+        if 0.0 < angle < LEAST_FRICTION_DEG:
+            text = f"the friction angle in {zone} is {angle:.3g} degrees; usual: {LEAST_FRICTION_DEG:g} to 60"
+            yield Doubt(f"{text}. Is it in rad?", ("model",))
 
 
 def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: float) -> Iterator[Doubt]:
@@ -118,13 +141,20 @@ def contact_doubts(block: Block, stiffness_N_m: Mapping[str, float], speed_m_s: 
 
 
 def start_doubts(
-    name: str, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
+    block: Block, states: Array, ground: CrossSection, gravity_m_s2: float, key: tuple[str, ...]
 ) -> Iterator[Doubt]:
     """About possible starts (n, 6) of a block, beside the embankment and the measure lines."""
-    speed = float(np.hypot(states[:, 3], states[:, 4]).max())
+    name, speed = block.name, float(np.hypot(states[:, 3], states[:, 4]).max())
     if speed > USUAL_SPEED_M_S:
         text = f"block {name} starts with up to {speed:.3g} m/s; the fastest blocks on slopes reach {USUAL_SPEED_M_S:g}"
         yield Doubt(text, key)
+    if states[:, 3].mean() < 0.0 and ground.points_m[0, 1] > ground.points_m[-1, 1]:
+        text = f"block {name} starts to the left, with {states[:, 3].mean():.3g} m/s on average"
+        yield Doubt(f"{text}; the ground falls to the right", key)
+    above = float(states[:, 1].max() - ground.points_m[:, 1].max())
+    if above > max(HIGHEST_START_M, HIGHEST_START * block.size_m):
+        text = f"block {name} starts up to {above:.3g} m above the highest ground"
+        yield Doubt(f"{text}; usual: up to {HIGHEST_START_M:g} m. Is y_m its height above the ground?", key)
     bank, x = ground.embankment, ground.points_m[:, 0]
     if bank is not None and states[:, 0].min() > x[bank.crest_end]:
         text = f"block {name} starts behind the crest of the embankment, which ends at x = {x[bank.crest_end]:.4g} m"

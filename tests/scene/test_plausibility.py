@@ -60,6 +60,11 @@ def test_the_shipped_scenarios_are_plausible(name):
         ("default: {k_l_N_m: 1.0e7, k_ul_N_m: 9.0e7", "default: {k_l_N_m: 1.0e14, k_ul_N_m: 9.0e14", "m deep into"),
         ("vx_m_s: {normal: {mean: 1.5, sd: 0.5}}", "vx_m_s: 150", "starts with up to 150 m/s"),
         ("gravity_m_s2: 9.81", "gravity_m_s2: 98.1", "gravity is 98.1"),
+        ("friction_angle_deg: 30", "friction_angle_deg: 0.52", "is 0.52 degrees.*Is it in rad"),
+        ("vx_m_s: {normal: {mean: 1.5, sd: 0.5}}", "vx_m_s: -3", "starts to the left, with -3 m/s"),
+        ("low: 66.0, high: 69.0", "low: 260.0, high: 261.0", "m above the highest ground; usual: up to 10 m"),
+        ("[92.10, 4.5]", "[89.70, 4.5]", "meets a crest 0.1 m wide"),
+        ("diameter_m: 1.0, mass_kg: 1414", "diameter_m: 0.02, mass_kg: 0.0113", "of 0.02 m on a site of 144 m"),
     ],
 )  # fmt: skip
 def test_what_is_unusual_is_told_with_its_place(tmp_path, old, new, words):
@@ -101,4 +106,4 @@ def test_depth_and_reach_follow_from_energy():
     for above, doubts in ((-0.1, 0), (0.1, 1)):
         line = {"line": [[50.0, head + above], [50.0, head + 10.0]]}
         ground = CrossSection(GROUND.points_m, GROUND.zones, line)
-        assert len(list(start_doubts("ball", states, ground, 9.81, ()))) == doubts
+        assert len(list(start_doubts(ball, states, ground, 9.81, ()))) == doubts

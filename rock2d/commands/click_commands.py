@@ -92,6 +92,7 @@ def run(scenarios, engines, out, data, video, report, compare, precision, predic
               metavar="M", help="Leave out points that change the surface by less.")  # fmt: skip
 @click.option("--release", nargs=2, type=float, metavar="LOW HIGH",
               help="Stations between which blocks start. Default: upper half of the highest steep face.")  # fmt: skip
+@click.option("--smooth", is_flag=True, help="Smooth ground, without the roughness of the soil classes.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Scenario file (.yaml) to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 def profile(file, out, overwrite, **options) -> None:

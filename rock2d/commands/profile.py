@@ -32,6 +32,7 @@ class ProfileOptions:
     zones : a table of start, end (stations of the survey in m) and name
     tolerance_m : points that change the surface by less are left out
     release : stations of the survey between which blocks start; None for the face that `release_area` finds
+    smooth : without the roughness of the soil classes
     """
 
     line: Sequence[float] | None = None
@@ -40,6 +41,7 @@ class ProfileOptions:
     zones: Path | None = None
     tolerance_m: float = 0.0
     release: tuple[float, float] | None = None
+    smooth: bool = False
 
 
 def write_profile(
@@ -69,7 +71,7 @@ def write_profile(
     given = options.release
     area = release_area(profile, DIAMETER_M) if given is None else given_area(profile, given)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", out.stem).strip("_-") or "profile"
-    write_whole(out, scenario_of(profile, name, (points, names), area))
+    write_whole(out, scenario_of(profile, name, (points, names), area, options.smooth))
     scenario = load_scenario(out)
     from rock2d.graphics.cross_section_figure import cross_section_figure
     from rock2d.graphics.figure_style import save_figure
@@ -86,6 +88,8 @@ def write_profile(
     report(
         "  elsewhere: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
     )
+    if scenario.roughness:
+        report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")
     report(f"written: {out} and {picture.name}; next: rock2d run {out}")
     return profile
 

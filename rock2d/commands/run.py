@@ -12,10 +12,11 @@ from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
-from rock2d.files.scenario_checks import check_engine
+from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.engines import ENGINES
 from rock2d.runs.resolution import source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
@@ -153,6 +154,9 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         request.report(f"warning: {remark}")
     for remark in diagnosis_remarks(scenario):
         request.report(remark)
+    for engine in dict.fromkeys([*request.engines_of(scenario), *(ENGINES if request.compare else ())]):
+        for remark in engine_remarks(scenario, engine):
+            request.report(f"warning: {engine}: {remark}")
     resolved = True
     for engine in request.engines_of(scenario):
         if request.precision is not None:

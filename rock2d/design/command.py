@@ -14,6 +14,7 @@ from rock2d.design.least_size import Answer, Judgement, Search, Target, least_si
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -54,6 +55,8 @@ def run_design(
     check_replaced(out, overwrite)
     for remark in diagnosis_remarks(scenario):
         report(remark)
+    for remark in engine_remarks(scenario, engine or scenario.engine):
+        report(f"warning: {engine}: {remark}")
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
     search.check()

@@ -139,7 +139,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
-            *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
         ],
         "resolved": not content.remarks,
         "sections": [section for section in _sections(content, figures) if section is not None],

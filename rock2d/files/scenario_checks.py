@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.files.places import number_at, place_of, value_at
 from rock2d.files.scatter_keys import SCATTERED
@@ -18,6 +19,7 @@ from rock2d.scene.plausibility import (
     contact_doubts,
     earthwork_doubts,
     highest_speed_m_s,
+    rough_point_doubts,
     site_doubts,
     start_doubts,
 )
@@ -75,8 +77,10 @@ def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt
         yield from block_doubts(block, ground)
 
 
-def doubts(scenario: Scenario) -> list[Doubt]:
-    """What is unusual in a scenario: its site, its blocks, the contacts of its fastest blocks, its starts."""
+def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
+    """What is unusual in a scenario: its site, its blocks, its starts, and what the law of an engine (default: the
+    scenario's own) meets, the contacts of its fastest blocks or its roughness."""
+    engine = engine or scenario.engine
     ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
     found = list(_site_and_blocks(scenario, ground))
     for name, block in scenario.make_blocks().items():
@@ -87,11 +91,33 @@ def doubts(scenario: Scenario) -> list[Doubt]:
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(name, states, ground, gravity, key)
-        if scenario.engine != "point_mass":
+        if engine != "point_mass":
             soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
             stiffness = {zone: own.k_l_N_m for zone, own in zip(ground.zone_names, soils, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
+    if engine == "point_mass" and scenario.field_test is None:  # which takes its ground without roughness
+        found += rough_point_doubts(_slope_reductions(scenario))
     return found
+
+
+def engine_remarks(scenario: Scenario, engine: str) -> list[str]:
+    """What is unusual with an engine other than the scenario's own, and was not told at loading; nothing if the file
+    lacks the law of that engine."""
+    try:
+        return [found.text for found in doubts(scenario, engine) if found not in doubts(scenario)]
+    except InputError:
+        return []
+
+
+def _slope_reductions(scenario: Scenario) -> dict[str, float]:
+    """Rough zone -> largest slope reduction of the rebound law there, of all blocks."""
+    out = dict.fromkeys(scenario.roughness, 0.0)
+    for block in scenario.make_blocks().values():
+        laws = scenario.rebound_parameters(block)
+        for zone in out:
+            law = laws.get(zone) or laws["default"]
+            out[zone] = max(out[zone], law.slope_reduction_deg)
+    return out
 
 
 def _possible_starts(incident: Incident, ground: CrossSection) -> Array:

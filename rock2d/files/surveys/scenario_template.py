@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rock2d.files.surveys.profile import Profile
 from rock2d.files.surveys.release_area import ReleaseArea
 from rock2d.files.surveys.zones import DEFAULT_ZONE
-from rock2d.scene.soils import SOIL_CLASSES
+from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES, rough_zones
 
 Array = np.ndarray
 
@@ -21,6 +21,13 @@ CLASS_OF_WORD = {
     "soil": "deep_soil", "run_out": "deep_soil", "road": "asphalt", "forest": "shallow_soil",
 }  # fmt: skip
 WORDS_OF_YAML = ("null", "true", "false", "yes", "no", "on", "off", "y", "n")
+ABOUT_ROUGHNESS = f"""\
+# Rough ground: sd_deg is the slope reduction of the soil class over the root of 3, an assumed number (documentation,
+# Soil classes). So the slope reduction is 0 above, or the same obstacles would count twice. Pieces are as long as the
+# radius of a block of 1 m. If you have mapped the heights h of obstacles, as Rockyfor3D asks for (rg70, rg20, rg10),
+# sd_deg is arctan(h / {ROUGHNESS_LENGTH_M:g} m) / 1.73. For the engine point_mass write the file with --smooth: its
+# blocks stop early on rough ground without a slope reduction.
+"""
 DIAMETER_M, DENSITY_KG_M3, DROP_M = 1.0, 2700.0, 1.0
 
 
@@ -31,23 +38,28 @@ def _likely_class(zone: str) -> str:
     return next((soil for word, soil in CLASS_OF_WORD.items() if word in zone.lower()), DEFAULT_CLASS)
 
 
-def scenario_of(profile: Profile, name: str, ground: tuple[Array, Sequence[str]], start: ReleaseArea) -> str:
-    """The text of a scenario file on this profile: a ball of 1 m from the release area. `ground` is the points and the
-    zone of each facet."""
+def scenario_of(
+    profile: Profile,
+    name: str,
+    ground: tuple[Array, Sequence[str]],
+    start: ReleaseArea,
+    smooth: bool = False,
+) -> str:
+    """The text of a scenario file on this profile: a ball of 1 m from the release area, on rough ground unless
+    `smooth`. `ground` is the points and the zone of each facet."""
     points, names = ground
     left, right = points[0, 0], points[-1, 0]
     mass = DENSITY_KG_M3 * np.pi / 6.0 * DIAMETER_M**3
     pairs = ", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in points)
     remarks = "".join(f"# {remark}\n" for remark in profile.remarks)
-    own = "".join(
-        f"    {_key(zone)}: {_likely_class(zone)}\n" for zone in dict.fromkeys(names) if zone != DEFAULT_ZONE
-    )
+    classes = {zone: _likely_class(zone) for zone in dict.fromkeys(names)}
     return f"""# Profile from {profile.source}.
 {remarks}name: {name}
 about: A ball of 1 m on a profile; everything but the profile is a first guess.
 assumed:
   - "Blocks, soil and start are first guesses: replace them."
   - "Soil classes by the names of the zones; rock2d soils lists them."
+  - "{"Smooth ground." if smooth else "Roughness of the ground by soil class."}"
 engine: batch
 releases: 200
 seed: 1
@@ -62,7 +74,7 @@ blocks:
 model:
   soils:
     default: {DEFAULT_CLASS}
-{own}incident:
+{_soils_and_roughness(classes, smooth)}incident:
   default:
     above_ground:
       # {start.why}
@@ -73,6 +85,26 @@ model:
       vy_m_s: 0.0
 outputs: {{fps: 50}}
 """
+
+
+def _soils_and_roughness(classes: Mapping[str, str], smooth: bool) -> str:
+    """The soil of each zone and, unless `smooth`, its roughness, in place of the slope reduction of the class."""
+    rough = {} if smooth else rough_zones(classes)
+    soils = "".join(
+        f"    {_key(zone)}: {{like: {soil}, slope_reduction_deg: 0}}\n"
+        if zone in rough
+        else f"    {_key(zone)}: {soil}\n"
+        for zone, soil in classes.items()
+        if zone in rough or zone != DEFAULT_ZONE
+    )
+    if not rough:
+        return soils
+    lines = "".join(
+        f"  {_key(zone)}: {{sd_deg: {keys['sd_deg']:g}, length_m: {keys['length_m']:g}}}"
+        f"  # obstacles of {SOIL_CLASSES[classes[zone]].obstacle_height_m:.2f} m\n"
+        for zone, keys in rough.items()
+    )
+    return f"{soils}{ABOUT_ROUGHNESS}roughness:\n{lines}"
 
 
 def _key(name: str) -> str:

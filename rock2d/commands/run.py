@@ -156,7 +156,7 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         request.report(remark)
     for engine in dict.fromkeys([*request.engines_of(scenario), *(ENGINES if request.compare else ())]):
         for remark in engine_remarks(scenario, engine):
-            request.report(f"warning: {engine}: {remark}")
+            request.report(remark)
     resolved = True
     for engine in request.engines_of(scenario):
         if request.precision is not None:

@@ -53,10 +53,8 @@ def run_design(
 
     scenario = load_scenario(path)
     check_replaced(out, overwrite)
-    for remark in diagnosis_remarks(scenario):
+    for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
-    for remark in engine_remarks(scenario, engine or scenario.engine):
-        report(f"warning: {engine}: {remark}")
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
     search.check()

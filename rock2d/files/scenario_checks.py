@@ -100,13 +100,16 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
     return found
 
 
-def engine_remarks(scenario: Scenario, engine: str) -> list[str]:
-    """What is unusual with an engine other than the scenario's own, and was not told at loading; nothing if the file
-    lacks the law of that engine."""
+def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
+    """Warnings of what is unusual with an engine other than the scenario's own, which loading did not tell; none if
+    the file lacks the law of that engine."""
+    if engine is None:
+        return []
     try:
-        return [found.text for found in doubts(scenario, engine) if found not in doubts(scenario)]
+        found = [doubt for doubt in doubts(scenario, engine) if doubt not in doubts(scenario)]
     except InputError:
         return []
+    return [f"warning: {engine}: {doubt.text}" for doubt in found]
 
 
 def _slope_reductions(scenario: Scenario) -> dict[str, float]:

@@ -167,6 +167,11 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
             resolved = resolved and not remarks
             for remark in (*remarks, *(f"warning: {text}" for text in source_remarks(tables))):
                 request.report(remark)
+        if request.page_of is not None and len(tables.get("percentiles", ())):
+            from rock2d.design.design_values import norm_remarks
+
+            for remark in norm_remarks(scenario):
+                request.report(remark)
         request.report(f"written: {request.folder(scenario, engine)}")
     return resolved
 

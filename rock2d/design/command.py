@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rock2d.design.design_values import norm_remarks
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
@@ -126,7 +127,7 @@ def conclude(
     with bars.stage(PAGE, 1, "step") as bar:
         taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command)
         bar.update()
-    return "\n".join([answer_text(answer, search), *taken])
+    return "\n".join([answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
 
 
 def answer_text(answer: Answer, search: Search) -> str:

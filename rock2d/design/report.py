@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.design.design_values import demands, design_table
+from rock2d.design.design_values import demands, design_table, norm_remarks
 from rock2d.design.report_tables import (
     TextTable,
     block_rows,
     data_of,
     design_value_rows,
     model_rows,
+    norm_rows,
     parameter_tables,
     passing_rows,
     percentile_rows,
@@ -381,7 +382,8 @@ def _design_section(content: ReportContent) -> Section | None:
         "line. Each block is a design block of its own; the mass is that of the scenario (of a population, the block "
         "that is larger than 95 %)."
     )
-    return Section("Design values", texts=[text], tables=[design_value_rows(values)])
+    tables = [design_value_rows(values), norm_rows(content.scenario)]
+    return Section("Design values", texts=[text, *norm_remarks(content.scenario)], tables=tables)
 
 
 def _without_assessment(content: ReportContent) -> str:

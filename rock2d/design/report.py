@@ -383,7 +383,8 @@ def _design_section(content: ReportContent) -> Section | None:
         "that is larger than 95 %)."
     )
     tables = [design_value_rows(values), norm_rows(content.scenario)]
-    return Section("Design values", texts=[text, *norm_remarks(content.scenario)], tables=tables)
+    texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
+    return Section("Design values", texts=texts, tables=tables)
 
 
 def _without_assessment(content: ReportContent) -> str:

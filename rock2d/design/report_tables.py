@@ -97,13 +97,14 @@ def design_value_rows(values: pd.DataFrame) -> TextTable:
     """Design values by norm."""
     rows = [
         (r.line, r.block, r.norm, NAMES[r.quantity],
-         quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95), r.factors,
-         quantity_text(r.quantity, r.design, r.low95, r.high95), r.not_verified or "-")
+         quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95),
+         quantity_text(r.quantity, r.design, r.low95, r.high95), "not verified" if r.not_verified else "verified",
+         r.factors)
         for r in _rows(values)
     ]  # fmt: skip
     return TextTable(
-        ("line", "block", "norm", "quantity", "characteristic (95 %)", "factors", "design value", "not verified"),
-        rows, data=data_of("design_values.csv", values),
+        ("line", "block", "norm", "quantity", "characteristic (95 %)", "design value", "verified", "factors"), rows,
+        data=data_of("design_values.csv", values),
     )  # fmt: skip
 
 

@@ -156,7 +156,7 @@ def rough_point_doubts(reduction_deg: Mapping[str, float]) -> Iterator[Doubt]:
             f"point masses meet rough ground without a slope reduction in "
             f"{', '.join(zone for zone in reduction_deg if zone not in twice)}: many stop early, because only the "
             "reduction turns their speed away from the ground again. Smooth ground with the slope reduction of the "
-            "soil class is on the safe side", ("roughness",),
+            "soil class lets more of them arrive", ("roughness",),
         )  # fmt: skip
 
 

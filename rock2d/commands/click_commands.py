@@ -90,9 +90,12 @@ def run(scenarios, engines, out, data, video, report, compare, precision, predic
 @click.option("--zones", type=click.Path(path_type=Path), help="Table (CSV) of start, end and name of zones.")
 @click.option("--tolerance", "tolerance_m", type=click.FloatRange(min=0), default=0.0, show_default=True,
               metavar="M", help="Leave out points that change the surface by less.")  # fmt: skip
+@click.option("--release", nargs=2, type=float, metavar="LOW HIGH",
+              help="Stations between which blocks start. Default: upper half of the highest steep face.")  # fmt: skip
+@click.option("--smooth", is_flag=True, help="Smooth ground, without the roughness of the soil classes.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Scenario file (.yaml) to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
-def profile(file, out, **options) -> None:
+def profile(file, out, overwrite, **options) -> None:
     """Write a scenario that runs, and a picture, from the slope profile in FILE.
 
     FILE is a table (CSV: station and height, or x, y, z), a drawing (DXF: its longest polyline) or a terrain model
@@ -100,9 +103,9 @@ def profile(file, out, **options) -> None:
 
     Example: rock2d profile terrain.asc --fall-line 30 235 --tolerance 0.1 --out site.yaml
     """
-    from rock2d.commands.profile import write_profile
+    from rock2d.commands.profile import ProfileOptions, write_profile
 
-    write_profile(file, out, report=click.echo, **options)
+    write_profile(file, out, ProfileOptions(**options), overwrite=overwrite, report=click.echo)
 
 
 @click.command()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +14,45 @@ from rock2d.errors import InputError
 from rock2d.files.folders import check_file, write_whole
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.profile import Profile, simplified
-from rock2d.files.surveys.scenario_template import ZoneRange, scenario_of
+from rock2d.files.surveys.release_area import given_area, release_area
+from rock2d.files.surveys.scenario_template import DIAMETER_M, scenario_of
 from rock2d.files.surveys.terrain import DRIVERS, along_line, down_fall_line, read_terrain
-from rock2d.files.text_files import is_number, read_text
+from rock2d.files.surveys.zones import facets_with_zones, read_zones
+
+
+@dataclass(frozen=True)
+class ProfileOptions:
+    """How a survey is read, and what the scenario takes from it.
+
+    Attributes
+    ----------
+    line : x, y of the first and x, y of the last point of a section through a terrain model
+    start : x, y of the point at which the fall line begins, instead
+    layer : layer of a drawing
+    zones : a table of start, end (stations of the survey in m) and name
+    tolerance_m : points that change the surface by less are left out
+    release : stations of the survey between which blocks start; None for the face that `release_area` finds
+    smooth : without the roughness of the soil classes
+    """
+
+    line: Sequence[float] | None = None
+    start: Sequence[float] | None = None
+    layer: str | None = None
+    zones: Path | None = None
+    tolerance_m: float = 0.0
+    release: tuple[float, float] | None = None
+    smooth: bool = False
 
 
 def write_profile(
     file: Path,
     out: Path,
+    options: ProfileOptions = ProfileOptions(),
     *,
-    line: Sequence[float] | None = None,
-    start: Sequence[float] | None = None,
-    layer: str | None = None,
-    zones: Path | None = None,
-    tolerance_m: float = 0.0,
     overwrite: bool = False,
     report: Callable[[str], Any] = print,
 ) -> Profile:
     """Read a profile, write the scenario `out` and a picture beside it, and report what was done.
-
-    Parameters
-    ----------
-    line : x, y of the first and x, y of the last point of a section through a terrain model
-    start : x, y of the point at which the fall line begins, instead
-    layer : layer of a drawing
-    zones : a table of start, end (stations in m) and name
 
     Raises InputError for what cannot be read, and if `out` exists.
     """
@@ -50,31 +63,40 @@ def write_profile(
             "exists; --overwrite replaces it, --out chooses another file", out, code="results_exist"
         )
     check_file(out)
-    profile = _read(file, line, start, layer)
-    if tolerance_m > 0.0:
-        profile = simplified(profile, tolerance_m)
+    profile = _read(file, options)
+    if options.tolerance_m > 0.0:
+        profile = simplified(profile, options.tolerance_m)
+    points, names, gaps = facets_with_zones(profile, read_zones(options.zones) if options.zones else None)
+    profile = replace(profile, remarks=(*profile.remarks, *gaps))
+    given = options.release
+    area = release_area(profile, DIAMETER_M) if given is None else given_area(profile, given)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", out.stem).strip("_-") or "profile"
-    text = scenario_of(profile, name, _zones(zones) if zones is not None else ())
-    write_whole(out, text)
+    write_whole(out, scenario_of(profile, name, (points, names), area, options.smooth))
     scenario = load_scenario(out)
     from rock2d.graphics.cross_section_figure import cross_section_figure
     from rock2d.graphics.figure_style import save_figure
 
     picture = save_figure(
-        cross_section_figure(scenario.make_cross_section(), profile.source), out.with_suffix(".png")
+        cross_section_figure(scenario.make_cross_section(), profile.source, (area.low_m, area.high_m)),
+        out.with_suffix(".png"),
     )
     length, fall = np.ptp(profile.points_m, axis=0)
     report(f"{profile.source}: {len(profile.points_m)} points, {length:.4g} m long, {fall:.4g} m of height")
     for remark in profile.remarks:
         report(f"  {remark}")
+    report(f"start: {area}; {area.why}")
+    report(
+        "  elsewhere: --release LOW HIGH, in stations of the survey, or x_m under incident in the scenario"
+    )
+    if scenario.roughness:
+        report(f"rough ground in {', '.join(scenario.roughness)}, by soil class; --smooth leaves it out")
     report(f"written: {out} and {picture.name}; next: rock2d run {out}")
     return profile
 
 
-def _read(
-    file: Path, line: Sequence[float] | None, start: Sequence[float] | None, layer: str | None
-) -> Profile:
+def _read(file: Path, options: ProfileOptions) -> Profile:
     kind = file.suffix.lower()
+    line, start, layer = options.line, options.start, options.layer
     if kind in DRIVERS:
         if (line is None) == (start is None):
             raise InputError("a terrain model needs either --line X0 Y0 X1 Y1 or --fall-line X Y", file)
@@ -99,16 +121,3 @@ def _read(
     from rock2d.files.surveys.table import read_table
 
     return read_table(file)
-
-
-def _zones(file: Path) -> list[ZoneRange]:
-    rows = []
-    for n, row in enumerate(csv.reader(read_text(file).splitlines()), 1):
-        cells = [cell.strip() for cell in row]
-        if not any(cells) or (n == 1 and not is_number(cells[0])):
-            continue
-        try:
-            rows.append(ZoneRange(float(cells[0]), float(cells[1]), cells[2]))
-        except (ValueError, IndexError):
-            raise InputError("expected start, end and name of a zone", file, n, 1, code="bad_table") from None
-    return rows

@@ -12,10 +12,11 @@ from rock2d.design.report_tables import model_text
 from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
-from rock2d.files.scenario_checks import check_engine
+from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
+from rock2d.runs.engines import ENGINES
 from rock2d.runs.resolution import few_remarks, source_remarks, unresolved_remarks
 from rock2d.runs.run import run, run_bars
 from rock2d.runs.tables import print_campaign, print_tables, residual_text, table_note
@@ -157,6 +158,9 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
         request.report(f"warning: {remark}")
     for remark in diagnosis_remarks(scenario):
         request.report(remark)
+    for engine in dict.fromkeys([*request.engines_of(scenario), *(ENGINES if request.compare else ())]):
+        for remark in engine_remarks(scenario, engine):
+            request.report(remark)
     resolved = True
     for engine in request.engines_of(scenario):
         if request.precision is not None:
@@ -169,6 +173,11 @@ def _run_scenario(scenario: Scenario, request: RunRequest) -> bool:
                 *remarks,
                 *(f"warning: {text}" for text in (*source_remarks(tables), *few_remarks(tables))),
             ):
+                request.report(remark)
+        if request.page_of is not None and len(tables.get("percentiles", ())):
+            from rock2d.design.design_values import norm_remarks
+
+            for remark in norm_remarks(scenario):
                 request.report(remark)
         request.report(f"written: {request.folder(scenario, engine)}")
     return resolved

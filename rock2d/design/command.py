@@ -10,10 +10,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rock2d.design.design_values import norm_remarks
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -52,7 +54,7 @@ def run_design(
 
     scenario = load_scenario(path)
     check_replaced(out, overwrite)
-    for remark in diagnosis_remarks(scenario):
+    for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
@@ -125,7 +127,7 @@ def conclude(
     with bars.stage(PAGE, 1, "step") as bar:
         taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command)
         bar.update()
-    return "\n".join([answer_text(answer, search), *taken])
+    return "\n".join([answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
 
 
 def answer_text(answer: Answer, search: Search) -> str:

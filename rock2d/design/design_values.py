@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING
 
 from rock2d.design.norms import (
     CHARACTERISTIC_PERCENTILE,
+    NORM_NUMBERS,
+    ONR,
+    UNI,
     OnrFactors,
     UniFactors,
+    not_verified,
     onr_24810,
     uni_11211_4,
 )
@@ -21,7 +25,7 @@ if TYPE_CHECKING:
 
 DESIGN_COLUMNS = (
     "block", "line", "norm", "quantity", "characteristic", "characteristic_low95", "characteristic_high95", "factors",
-    "design", "low95", "high95",
+    "design", "low95", "high95", "not_verified",
 )  # fmt: skip
 
 
@@ -32,22 +36,57 @@ def design_table(
 
     `percentiles` is the table of a run or a campaign, whose intervals are those of sampling. Where there is a table of
     the possible sites (`uncertain`), its values and intervals take their place. The mass is that of
-    `Scenario.design_block`.
+    `Scenario.design_block`. `not_verified` names the numbers of the norm that hardly any source states.
     """
     import pandas as pd
 
     factors = scenario.design_values
     uni, onr = UniFactors(**factors.uni_11211_4.model_dump()), OnrFactors(**factors.onr_24810.model_dump())
-    rows = []
+    open_numbers, rows = {norm: not_verified(norm, given) for norm, given in _given(scenario).items()}, []
     for (name, line), at_line in characteristic_values(percentiles, uncertain).items():
         block = scenario.design_block(name)
         for found in (
             *uni_11211_4(at_line, block.mass_kg, block.size_m, uni), *onr_24810(at_line, onr)
         ):  # fmt: skip
+            unsure = ", ".join(number for number in found.uses if number in open_numbers[found.norm])
             rows.append(
-                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design)
-            )
+                (name, line, found.norm, found.quantity, *found.characteristic, found.factors, *found.design,
+                 unsure)
+            )  # fmt: skip
     return pd.DataFrame(rows, columns=list(DESIGN_COLUMNS))
+
+
+def norm_table(scenario: Scenario) -> list[tuple[str, ...]]:
+    """Norm, number, value of the scenario, values that the norm is said to give, two sources, and whether it is
+    verified; one row a number of NORM_NUMBERS."""
+    given, rows = _given(scenario), []
+    values = {UNI: scenario.design_values.uni_11211_4, ONR: scenario.design_values.onr_24810}
+    for number in NORM_NUMBERS:
+        found = getattr(values[number.norm], number.name, None)
+        value = "" if found is None else f"{found:g}"
+        sources = (*number.sources, "none", "none")[:2]
+        state = "verified" if number.verified else "not verified"
+        state = "set in the scenario" if number.name in given[number.norm] else state
+        rows.append((number.norm, number.name, value, number.values, *sources, state))
+    return rows
+
+
+def norm_remarks(scenario: Scenario) -> list[str]:
+    """One line on the numbers of the norms that are not verified; none if there are none."""
+    unsure = {norm: not_verified(norm, given) for norm, given in _given(scenario).items()}
+    said = "; ".join(f"{norm}: {', '.join(names)}" for norm, names in unsure.items() if names)
+    if not said:
+        return []
+    return [
+        f"design values: not verified by two published sources: {said}. Compare them with the norm; what is set under "
+        "design_values counts as compared"
+    ]
+
+
+def _given(scenario: Scenario) -> dict[str, set[str]]:
+    """Norm -> factors that the scenario gives."""
+    keys = scenario.design_values
+    return {UNI: keys.uni_11211_4.model_fields_set, ONR: keys.onr_24810.model_fields_set}
 
 
 def demands(

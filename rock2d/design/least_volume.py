@@ -24,6 +24,7 @@ from rock2d.design.shared_descents import EARTHWORKS
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_folder, check_replaced
 from rock2d.files.scenario import Scenario, load_scenario
+from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import variant
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.scene.earthworks import earth_moved_m2
@@ -92,7 +93,7 @@ def run_least_volume(
     over = {name: (low, high) for name, low, high in others}
     _check(scenario, place, over)
     check_replaced(out, overwrite)
-    for remark in diagnosis_remarks(scenario):
+    for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over)

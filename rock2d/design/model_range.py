@@ -16,7 +16,7 @@ from rock2d.files.scenario_variants import with_data
 from rock2d.runs.before_after import Model, model_table
 from rock2d.runs.engines import ENGINES, compiled_engine
 from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
-from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES
+from rock2d.scene.soils import SOIL_CLASSES, rough_zones
 from rock2d.wording import three_digits
 
 if TYPE_CHECKING:
@@ -103,12 +103,9 @@ def _roughness(scenario: Scenario) -> Data:
     """The roughness of each zone with a soil class."""
     zones, soils = scenario.make_cross_section().zone_names, scenario.model.soils or {}
     found = {zone: soils.get(zone, soils.get("default")) for zone in zones}
-    sd_deg = {
-        zone: SOIL_CLASSES[own if isinstance(own, str) else own.like].roughness_sd_deg
-        for zone, own in found.items()
-        if own is not None
-    }
-    return {zone: {"sd_deg": sd, "length_m": ROUGHNESS_LENGTH_M} for zone, sd in sd_deg.items() if sd > 0.0}
+    return rough_zones(
+        {zone: own if isinstance(own, str) else own.like for zone, own in found.items() if own is not None}
+    )
 
 
 def _shifted(soils: Data, step: int) -> Data:

@@ -1,13 +1,14 @@
 """Design values by two norms: characteristic percentiles at a measure line times the norm's partial factors.
 
-Sources: UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4; its formulas as in D. Peila and C. Ronco, Nat.
-Hazards Earth Syst. Sci. 9 (2009) 1291. ONR 24810:2017, Technischer Steinschlagschutz. The factors were not
-compared with the text of the norms: compare them before use.
+UNI 11211-4:2012, Opere di difesa dalla caduta massi, part 4, after D. Peila and C. Ronco, Nat. Hazards Earth Syst. Sci.
+9 (2009) 1291; ONR 24810:2017, Technischer Steinschlagschutz. The texts of the norms were not compared, and there are
+later editions, UNI 11211-4:2018 and ONR 24810:2021. NORM_NUMBERS says which published source states which number; it is
+verified if two independent sources do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ class DesignValue(NamedTuple):
     ----------
     quantity : with its unit at the end
     factors : how it follows from the characteristic value, in words and numbers
+    uses : names in NORM_NUMBERS of what it uses
     """
 
     norm: str
@@ -31,6 +33,7 @@ class DesignValue(NamedTuple):
     characteristic: Estimate
     factors: str
     design: Estimate
+    uses: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,59 @@ class OnrFactors:
     gamma_h: float = 1.10
 
 
+UNI, ONR = "UNI 11211-4", "ONR 24810"
+ROCFALL = "RocFall help"
+MARCHELLI = "Marchelli 2022"
+SOURCES = {
+    ROCFALL: "Rocscience, RocFall help, Verification following UNI 11211-4 (UNI11211 Design Page), which cites "
+    "UNI 11211-4:2012; scribd.com/document/615855522",
+    MARCHELLI: "M. Marchelli (2022), A design method for double line of rockfall net fences in the framework of "
+    "probabilistic trajectory analyses, Geoingegneria e attività estrattiva 166, "
+    "doi 10.19199/2022.166.1121-9041.019, on UNI 11211-4:2018 and ONR 24810:2021",
+}
+
+
+class NormNumber(NamedTuple):
+    """A number of a norm, and who states it.
+
+    Attributes
+    ----------
+    name : key of the scenario under design_values, or its name in words if it has none
+    values : what the norm is said to give
+    sources : keys of SOURCES whose text states these values
+    """
+
+    norm: str
+    name: str
+    values: str
+    sources: tuple[str, ...] = ()
+
+    @property
+    def verified(self) -> bool:
+        return len(self.sources) >= FEWEST_SOURCES
+
+
+FEWEST_SOURCES = 2
+PERCENTILE, FREEBOARD = "percentile", "freeboard"
+NORM_NUMBERS = (
+    NormNumber(UNI, PERCENTILE, "95 (Marchelli: 95 or 99)", (ROCFALL, MARCHELLI)),
+    NormNumber(UNI, "gamma_tr", "1.02 calibrated, 1.10 from literature", (ROCFALL,)),
+    NormNumber(UNI, "gamma_dp", "1.02 good survey, 1.10 poor", (ROCFALL,)),
+    NormNumber(UNI, "gamma_vol", "1.02 good survey, 1.10 poor", (ROCFALL,)),
+    NormNumber(UNI, "gamma_gamma", "1.00", (ROCFALL,)),
+    NormNumber(UNI, "gamma_r", "1.00 to 1.20"),
+    NormNumber(UNI, FREEBOARD, "half the block, at least 0.5 m", (ROCFALL,)),
+    NormNumber(ONR, PERCENTILE, "95 (Marchelli: 95 or 99)", (MARCHELLI,)),
+    NormNumber(ONR, "gamma_e", "CC1 1.00, CC2 1.05, CC3 1.15"),
+    NormNumber(ONR, "gamma_h", "CC1 1.05, CC2 1.10, CC3 1.30"),
+)
+
+
+def not_verified(norm: str, given: Collection[str] = ()) -> list[str]:
+    """Names of the numbers of a norm that fewer than FEWEST_SOURCES state, without those that a scenario gives."""
+    return [n.name for n in NORM_NUMBERS if n.norm == norm and not n.verified and n.name not in given]
+
+
 def uni_11211_4(
     at_line: Mapping[str, Estimate], mass_kg: float, size_m: float, factors: UniFactors
 ) -> list[DesignValue]:
@@ -80,7 +136,7 @@ def uni_11211_4(
     v_d = v_95 γTr γDp; m_d = m γVol γγ; E_d = γR ½ m_d v_d²; H_d = H_95 γTr γDp + f, with the freeboard f the radius of
     the block and at least 0.5 m.
     """
-    f, norm = factors, "UNI 11211-4"
+    f, norm = factors, UNI
     paths, masses = f.gamma_tr * f.gamma_dp, f.gamma_vol * f.gamma_gamma
     speed, height = at_line["speed_m_s"], at_line["passing_height_m"]
     fast = speed.times(paths)
@@ -90,17 +146,19 @@ def uni_11211_4(
     freeboard = max(0.5 * size_m, LEAST_FREEBOARD_M)
     on_paths = f"gamma_Tr {f.gamma_tr:g} x gamma_Dp {f.gamma_dp:g}"
     on_mass = f"gamma_Vol {f.gamma_vol:g} x gamma_gamma {f.gamma_gamma:g}"
+    of_paths, of_mass = (PERCENTILE, "gamma_tr", "gamma_dp"), ("gamma_vol", "gamma_gamma")
     return [
-        DesignValue(norm, "speed_m_s", speed, on_paths, fast),
+        DesignValue(norm, "speed_m_s", speed, on_paths, fast, of_paths),
         DesignValue(
-            norm, "mass_kg", Estimate(mass_kg, mass_kg, mass_kg), on_mass, Estimate(heavy, heavy, heavy)
+            norm, "mass_kg", Estimate(mass_kg, mass_kg, mass_kg), on_mass, Estimate(heavy, heavy, heavy), of_mass
         ),
         DesignValue(
-            norm, "energy_J", plain, f"gamma_R {f.gamma_r:g} x {on_mass} x ({on_paths})^2", energy
+            norm, "energy_J", plain, f"gamma_R {f.gamma_r:g} x {on_mass} x ({on_paths})^2", energy,
+            (*of_paths, *of_mass, "gamma_r"),
         ),
         DesignValue(
             norm, "height_m", height, f"{on_paths}, + freeboard {freeboard:.3g} m",
-            height.times(paths).plus(freeboard),
+            height.times(paths).plus(freeboard), (*of_paths, FREEBOARD),
         ),
     ]  # fmt: skip
 
@@ -108,8 +166,10 @@ def uni_11211_4(
 def onr_24810(at_line: Mapping[str, Estimate], factors: OnrFactors) -> list[DesignValue]:
     """Design energy and height at a line: E_d = E_95 γE, H_d = H_95 γH; `at_line` has "kinetic_J" and
     "passing_height_m"."""
-    norm, energy, height = "ONR 24810", at_line["kinetic_J"], at_line["passing_height_m"]
+    norm, energy, height = ONR, at_line["kinetic_J"], at_line["passing_height_m"]
     return [
-        DesignValue(norm, "energy_J", energy, f"gamma_E {factors.gamma_e:g}", energy.times(factors.gamma_e)),
-        DesignValue(norm, "height_m", height, f"gamma_H {factors.gamma_h:g}", height.times(factors.gamma_h)),
-    ]
+        DesignValue(norm, "energy_J", energy, f"gamma_E {factors.gamma_e:g}", energy.times(factors.gamma_e),
+                    (PERCENTILE, "gamma_e")),
+        DesignValue(norm, "height_m", height, f"gamma_H {factors.gamma_h:g}", height.times(factors.gamma_h),
+                    (PERCENTILE, "gamma_h")),
+    ]  # fmt: skip

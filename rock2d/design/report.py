@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rock2d.design.design_values import demands, design_table
+from rock2d.design.design_values import demands, design_table, norm_remarks
 from rock2d.design.report_tables import (
     TextTable,
     block_rows,
     data_of,
     design_value_rows,
     model_rows,
+    norm_rows,
     parameter_tables,
     passing_rows,
     percentile_rows,
@@ -139,7 +140,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
-            *(f"unusual: {doubt.text}" for doubt in doubts(scenario)),
+            *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
         ],
         "resolved": not content.remarks,
         "sections": [section for section in _sections(content, figures) if section is not None],
@@ -381,7 +382,9 @@ def _design_section(content: ReportContent) -> Section | None:
         "line. Each block is a design block of its own; the mass is that of the scenario (of a population, the block "
         "that is larger than 95 %)."
     )
-    return Section("Design values", texts=[text], tables=[design_value_rows(values)])
+    tables = [design_value_rows(values), norm_rows(content.scenario)]
+    texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]
+    return Section("Design values", texts=texts, tables=tables)
 
 
 def _without_assessment(content: ReportContent) -> str:

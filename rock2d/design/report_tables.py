@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.design.design_values import norm_table
+from rock2d.design.norms import SOURCES
 from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
 from rock2d.graphics.downloads import Download, download
@@ -95,13 +97,24 @@ def design_value_rows(values: pd.DataFrame) -> TextTable:
     """Design values by norm."""
     rows = [
         (r.line, r.block, r.norm, NAMES[r.quantity],
-         quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95), r.factors,
-         quantity_text(r.quantity, r.design, r.low95, r.high95))
+         quantity_text(r.quantity, r.characteristic, r.characteristic_low95, r.characteristic_high95),
+         quantity_text(r.quantity, r.design, r.low95, r.high95), "not verified" if r.not_verified else "verified",
+         r.factors)
         for r in _rows(values)
     ]  # fmt: skip
     return TextTable(
-        ("line", "block", "norm", "quantity", "characteristic (95 %)", "factors", "design value"), rows,
+        ("line", "block", "norm", "quantity", "characteristic (95 %)", "design value", "verified", "factors"), rows,
         data=data_of("design_values.csv", values),
+    )  # fmt: skip
+
+
+def norm_rows(scenario: Scenario) -> TextTable:
+    """The numbers of the norms, and who states them."""
+    return TextTable(
+        ("norm", "number", "here", "of the norm", "source 1", "source 2", "verified"), norm_table(scenario),
+        "Numbers of the norms",
+        note="Verified: two independent published sources state the values. The texts of the norms were not compared. "
+        + " ".join(f"{name}: {source}." for name, source in SOURCES.items()),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.errors import InputError
 from rock2d.files.checked_yaml import did_you_mean, shown
 from rock2d.files.places import number_at, place_of, value_at
 from rock2d.files.scatter_keys import SCATTERED
@@ -19,6 +20,7 @@ from rock2d.scene.plausibility import (
     earthwork_doubts,
     friction_doubts,
     highest_speed_m_s,
+    rough_point_doubts,
     site_doubts,
     start_doubts,
 )
@@ -76,8 +78,10 @@ def _site_and_blocks(scenario: Scenario, ground: CrossSection) -> Iterator[Doubt
         yield from block_doubts(block, ground)
 
 
-def doubts(scenario: Scenario) -> list[Doubt]:
-    """What is unusual in a scenario: its site, its blocks, the contacts of its fastest blocks, its starts."""
+def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
+    """What is unusual in a scenario: its site, its blocks, its starts, and what the law of an engine (default: the
+    scenario's own) meets, the contacts of its fastest blocks or its roughness."""
+    engine = engine or scenario.engine
     ground, gravity = scenario.make_cross_section(), scenario.gravity_m_s2
     found = list(_site_and_blocks(scenario, ground))
     for name, block in scenario.make_blocks().items():
@@ -88,7 +92,7 @@ def doubts(scenario: Scenario) -> list[Doubt]:
         states = _possible_starts(incident, ground)
         key = ("incident", name if name in scenario.incident else "default")
         found += start_doubts(block, states, ground, gravity, key)
-        if scenario.engine != "point_mass":
+        if engine != "point_mass":
             soils = by_zone(scenario.contact_parameters(block), ground.zone_names, "contact")
             stiffness = {zone: own.k_l_N_m for zone, own in zip(ground.zone_names, soils, strict=True)}
             found += contact_doubts(block, stiffness, highest_speed_m_s(states, ground, gravity))
@@ -96,7 +100,32 @@ def doubts(scenario: Scenario) -> list[Doubt]:
                 zone: own.friction_angle_deg for zone, own in zip(ground.zone_names, soils, strict=True)
             }
             found += friction_doubts(friction)
+    if engine == "point_mass" and scenario.field_test is None:  # which takes its ground without roughness
+        found += rough_point_doubts(_slope_reductions(scenario))
     return found
+
+
+def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
+    """Warnings of what is unusual with an engine other than the scenario's own, which loading did not tell; none if
+    the file lacks the law of that engine."""
+    if engine is None:
+        return []
+    try:
+        found = [doubt for doubt in doubts(scenario, engine) if doubt not in doubts(scenario)]
+    except InputError:
+        return []
+    return [f"warning: {engine}: {doubt.text}" for doubt in found]
+
+
+def _slope_reductions(scenario: Scenario) -> dict[str, float]:
+    """Rough zone -> largest slope reduction of the rebound law there, of all blocks."""
+    out = dict.fromkeys(scenario.roughness, 0.0)
+    for block in scenario.make_blocks().values():
+        laws = scenario.rebound_parameters(block)
+        for zone in out:
+            law = laws.get(zone) or laws["default"]
+            out[zone] = max(out[zone], law.slope_reduction_deg)
+    return out
 
 
 def _possible_starts(incident: Incident, ground: CrossSection) -> Array:

@@ -27,7 +27,8 @@ LONGEST_NAME = 100
 WORDS = inertia_words()
 
 
-def _plain_name(name: str) -> str:
+def plain_name(name: str) -> str:
+    """The name of a zone, a block, a line, ...; raises a `mistake` for one that tables and messages cannot hold."""
     if len(name) > LONGEST_NAME:
         raise mistake(f"expected a name of at most {LONGEST_NAME} characters, found {shown(name)}")
     if not name.strip() or name != name.strip() or not name.isprintable() or "," in name or '"' in name:
@@ -35,7 +36,7 @@ def _plain_name(name: str) -> str:
     return name
 
 
-Name = Annotated[str, AfterValidator(_plain_name)]
+Name = Annotated[str, AfterValidator(plain_name)]
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Point = Annotated[list[Coordinate], Field(min_length=2, max_length=2, description="[x, y] in m")]
 Length = Annotated[float, Field(ge=1.0e-6, le=1.0e4)]

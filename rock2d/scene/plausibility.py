@@ -172,6 +172,24 @@ def start_doubts(
             yield Doubt(text, ("cross_section", "measure_lines", line))
 
 
+def rough_point_doubts(reduction_deg: Mapping[str, float]) -> Iterator[Doubt]:
+    """About point masses on rough ground: rough zone -> largest slope reduction of the rebound law there."""
+    twice = [zone for zone, reduction in reduction_deg.items() if reduction > 0.0]
+    if twice:
+        yield Doubt(
+            f"rough ground and a slope reduction of up to {max(reduction_deg.values()):.3g}° both act on point masses "
+            f"in {', '.join(twice)}: the same obstacles count twice. Take the roughness away or set "
+            "slope_reduction_deg to 0, unless the reduction stands for the shape of the block", ("roughness",),
+        )  # fmt: skip
+    if len(twice) < len(reduction_deg):
+        yield Doubt(
+            f"point masses meet rough ground without a slope reduction in "
+            f"{', '.join(zone for zone in reduction_deg if zone not in twice)}: many stop early, because only the "
+            "reduction turns their speed away from the ground again. Smooth ground with the slope reduction of the "
+            "soil class lets more of them arrive", ("roughness",),
+        )  # fmt: skip
+
+
 def highest_speed_m_s(states: Array, ground: CrossSection, gravity_m_s2: float) -> float:
     """Speed of a fall without loss from the starts (n, 6) to the lowest ground."""
     fall = np.maximum(states[:, 1] - ground.points_m[:, 1].min(), 0.0)

@@ -203,3 +203,9 @@ _ALL = (
     ),
 )
 SOIL_CLASSES: Mapping[str, SoilClass] = MappingProxyType({soil.name: soil for soil in _ALL})
+
+
+def rough_zones(classes: Mapping[str, str]) -> dict[str, dict[str, float]]:
+    """Zone -> sd_deg and length_m of its ground, from zone -> soil class; without the zones of smooth classes."""
+    sd_deg = {zone: round(SOIL_CLASSES[name].roughness_sd_deg, 2) for zone, name in classes.items()}
+    return {zone: {"sd_deg": sd, "length_m": ROUGHNESS_LENGTH_M} for zone, sd in sd_deg.items() if sd > 0.0}

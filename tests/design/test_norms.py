@@ -6,8 +6,25 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rock2d.design.design_values import characteristic_values, demands, design_table
-from rock2d.design.norms import Estimate, OnrFactors, UniFactors, onr_24810, uni_11211_4
+from rock2d.design.design_values import (
+    characteristic_values,
+    demands,
+    design_table,
+    norm_remarks,
+    norm_table,
+)
+from rock2d.design.norms import (
+    NORM_NUMBERS,
+    ONR,
+    SOURCES,
+    UNI,
+    Estimate,
+    OnrFactors,
+    UniFactors,
+    onr_24810,
+    uni_11211_4,
+)
+from rock2d.files.scenario_keys import OnrKeys
 from tests.scenarios_of_tests import small_site
 
 AT_LINE = {
@@ -62,3 +79,28 @@ def test_the_embankment_must_take_what_the_worst_block_brings():
     found = demands(pd.concat([percentiles(), other]))
     assert found["kinetic_J"] == ("ball", AT_LINE["kinetic_J"])
     assert demands(percentiles().assign(line="crest")) == {}
+
+
+def test_a_number_of_a_norm_is_verified_by_two_named_sources():
+    stated = {(number.norm, number.name): number for number in NORM_NUMBERS}
+    assert all(set(number.sources) <= set(SOURCES) for number in NORM_NUMBERS)
+    assert stated[UNI, "percentile"].verified and not stated[UNI, "gamma_tr"].verified
+    factors = {*UniFactors.__dataclass_fields__, *OnrFactors.__dataclass_fields__}
+    assert factors <= {number.name for number in NORM_NUMBERS}  # no factor without a word about its source
+
+
+def test_what_is_not_verified_stays_marked_until_the_scenario_sets_it(tmp_path):
+    site = small_site(tmp_path)
+    unsure = design_table(site, percentiles()).set_index(["norm", "quantity"])["not_verified"]
+    assert unsure[UNI, "speed_m_s"] == "gamma_tr, gamma_dp"
+    assert unsure[UNI, "height_m"] == "gamma_tr, gamma_dp, freeboard"
+    assert unsure[ONR, "energy_J"] == "percentile, gamma_e"
+    (line,) = norm_remarks(site)
+    assert "not verified" in line and "gamma_r, freeboard; ONR 24810: percentile, gamma_e, gamma_h" in line
+    keys = site.design_values.model_copy(update={"onr_24810": OnrKeys(gamma_e=1.15)})
+    own = site.model_copy(update={"design_values": keys})
+    unsure = design_table(own, percentiles()).set_index(["norm", "quantity"])["not_verified"]
+    assert unsure[ONR, "energy_J"] == "percentile"
+    states = {row[:2]: row[-1] for row in norm_table(own)}
+    assert states[ONR, "gamma_e"] == "set in the scenario" and states[ONR, "gamma_h"] == "not verified"
+    assert states[UNI, "percentile"] == "verified"

@@ -53,6 +53,9 @@ def test_the_page_and_the_tables_agree(folder):
     assert len(arrival) == 6
     for r in arrival.itertuples():
         assert quantity_text(r.quantity, r.design, r.low95, r.high95) in text
+        assert r.not_verified  # no value rests on numbers that two sources state
+    assert text.count("<td>not verified</td>") == len(arrival) + 9
+    assert "Rocscience, RocFall help" in text and "<td>set in the scenario</td>" not in text
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from rock2d.design.norms import NORM_NUMBERS
 from rock2d.effects import catalogue
 from rock2d.scene.soils import SOIL_CLASSES
 from rock2d.schemas import SCHEMAS, file_schema
@@ -129,6 +130,22 @@ def test_examples_of_files_are_valid(tmp_path):
     setup = tmp_path / "setup.yaml"
     setup.write_text(examples("own-film.md")[0], encoding="utf-8")
     assert Setup(setup).metres_per_pixel == pytest.approx(0.5 / 800, rel=1e-3)
+
+
+def test_the_guide_says_who_states_each_number_of_a_norm():
+    page = (DOCS / "guide" / "design.md").read_text(encoding="utf-8")
+    table = page.split("| verified or not |\n")[1].split("\n\n")[0].splitlines()[1:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
+    assert rows == [
+        [
+            n.norm,
+            n.name,
+            n.values,
+            *(*n.sources, "none", "none")[:2],
+            "verified" if n.verified else "not verified",
+        ]
+        for n in NORM_NUMBERS
+    ]
 
 
 def test_every_public_name_is_documented():

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from rock2d.commands.profile import write_profile
+from rock2d.commands.profile import ProfileOptions, write_profile
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.profile import checked, simplified
+from rock2d.files.surveys.release_area import release_area
 from rock2d.files.surveys.table import read_table
 from rock2d.runs.run import run
 from tests.programs import refusal
@@ -27,6 +30,7 @@ POINTS = np.array([[0, 40], [20, 25], [50, 4], [80, 0]], float)
         "x,z\n0,0\n30,4\n60,25\n80,40\n",  # rising to the right
         "x,y,z\n100,200,40\n112,216,25\n130,240,4\n148,264,0\n",  # on a map: 20, 30 and 30 m of way
         "distance,elevation\n500,40\n520,25\n520,25\n550,4\n580,0\n",  # a station that is not 0, a point twice
+        "Nr;Station [m];Height (m)\n1;0;40\n2;20;25\n3;50;4\n4;80;0\n",
     ],
 )
 def test_a_table_is_read_however_it_is_written(put, text):
@@ -42,7 +46,9 @@ def test_a_table_is_read_however_it_is_written(put, text):
         ("a,b\n0,40\n", "expected columns of station and height", 1),
         ("0,40\n20\n", "expected numbers", 2),
         ("0,40\n", "expected 2 to", None),
-        ("0,40\n20,nan\n", "point 2 is not a pair of finite numbers", None),
+        ("0,40\n20,nan\n", "expected numbers", 2),
+        ("1,0,40\n2,20,25\n", "3 columns without names", 1),
+        ("station [mm],height [mm]\n0,40\n80,0\n", "expected metres", 1),
     ],
 )
 def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
@@ -52,7 +58,10 @@ def test_a_table_with_a_mistake_is_refused_with_its_line(put, text, said, line):
 def test_what_was_changed_is_said():
     profile = checked(np.array([[5.0, 0.0], [5.0, 0.0], [9.0, 3.0]]), "it")
     assert profile.points_m.tolist() == [[0.0, 3.0], [4.0, 0.0]]
-    assert profile.remarks == ("1 repeated points left out", "turned round, so that it falls to the right")
+    assert profile.remarks == (
+        "1 repeated points left out",
+        "turned round, so that it falls to the right: x = 9 m - station",
+    )
 
 
 def test_simplification_keeps_to_its_tolerance():
@@ -68,7 +77,8 @@ def test_simplification_keeps_to_its_tolerance():
 def profile_of(survey, **options) -> np.ndarray:
     """Points of the profile of a survey, whose scenario is written beside it."""
     out = survey.parent / "s.yaml"
-    return write_profile(survey, out, overwrite=True, report=lambda line: None, **options).points_m
+    options = ProfileOptions(**options)
+    return write_profile(survey, out, options, overwrite=True, report=lambda line: None).points_m
 
 
 def test_the_longest_polyline_of_a_drawing_is_read(tmp_path):
@@ -193,14 +203,15 @@ def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
     (tmp_path / "zones.csv").write_text("start,end,name\n0,30,rock\n50,80,run_out\n")
     lines: list[str] = []
     out = tmp_path / "my site.yaml"
-    write_profile(tmp_path / "p.csv", out, zones=tmp_path / "zones.csv", report=lines.append)
+    options = ProfileOptions(zones=tmp_path / "zones.csv")
+    write_profile(tmp_path / "p.csv", out, options, report=lines.append)
     scenario = load_scenario(out)
     ground = scenario.make_cross_section()
     assert scenario.name == "my_site" and ground.zones == ("rock", "rock", "slope", "run_out")
     assert ground.points_m[:, 0].tolist() == [0, 20, 30, 50, 80]
     assert ground.height_m(POINTS[:, 0]) == pytest.approx(POINTS[:, 1])
     stops = run(scenario, releases=20).to_pandas("stops")
-    assert stops["stop"].isin(["rest", "exit"]).all() and stops["runout_m"].median() > 20
+    assert (stops["stop"] != "time").all() and stops["runout_m"].median() > 20
     run(scenario, engine="point_mass", releases=5)
     assert out.with_suffix(".png").stat().st_size > 10_000
     assert "4 points, 80 m long, 40 m of height" in lines[0]
@@ -208,8 +219,121 @@ def test_a_profile_becomes_a_scenario_that_runs(tmp_path):
         write_profile(tmp_path / "p.csv", out)
 
 
-def test_zones_that_overlap_are_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("table", "said", "line"),
+    [
+        ("0,30,rock\n20,80,scree\n", "zones overlap: scree begins at 20 m, inside rock, .* 0 to 30 m .line 1", 2),
+        ("start,end,name\n30,0,rock\n", "rock ends at 0 m, not beyond its start at 30 m", 2),
+        ("0,nan,rock\n", "expected numbers, found 'nan'", 1),
+        ("0,30,rock\n500,530,scree\n", "scree, 500 to 530 m, lies beside the survey, .* 0 to 80 m", 2),
+        ("0,30\n", "expected start, end and name", 1),
+        ("0;30,5;rock\n", "decimal points, not commas", 1),
+        ("von,bis,Zone\n0,30,rock\n", "expected the columns start, end and name, found 'von, bis, Zone'", 1),
+        ("0,30,default\n", "must not be called default", 1),
+        ("0,30,\n", "name of a zone", 1),
+        ("start,end,name\n", "names no zone", 1),
+    ],
+)  # fmt: skip
+def test_zones_with_a_mistake_are_refused_with_their_line_and_nothing_is_written(tmp_path, table, said, line):
     (tmp_path / "p.csv").write_text("0,40\n80,0\n")
-    (tmp_path / "zones.csv").write_text("0,30,rock\n20,80,scree\n")
-    with pytest.raises(InputError, match="overlap at 20 m"):
-        write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", zones=tmp_path / "zones.csv")
+    (tmp_path / "zones.csv").write_text(table)
+    options = ProfileOptions(zones=tmp_path / "zones.csv")
+    found = refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", options, said=said)
+    assert found.line == line and found.file == tmp_path / "zones.csv"
+    assert not (tmp_path / "s.yaml").exists()
+
+
+@pytest.mark.parametrize("rising", [False, True])
+def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, rising):
+    heights = POINTS[::-1, 1] if rising else POINTS[:, 1]
+    stations = 500.0 + (80.0 - POINTS[::-1, 0] if rising else POINTS[:, 0])
+    (tmp_path / "p.csv").write_text("\n".join(f"{x},{y}" for x, y in zip(stations, heights, strict=True)))
+    foot, cliff = ((500, 530), (550, 580)) if rising else ((550, 580), (500, 530))
+    (tmp_path / "zones.csv").write_text(
+        f"name;start;end\nno;{foot[0]};{foot[1]}\nrock wall;{cliff[0]};{cliff[1]}\n"
+    )
+    lines: list[str] = []
+    options = ProfileOptions(zones=tmp_path / "zones.csv", release=cliff)
+    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", options, report=lines.append)
+    scenario = load_scenario(tmp_path / "s.yaml")  # "no" is a name, too
+    assert scenario.make_cross_section().zones == ("rock wall", "rock wall", "slope", "no")
+    x = scenario.incident["default"].above_ground.x_m.uniform
+    assert (x.low, x.high) == (0.0, 30.0)
+    line = 3 if rising else 2
+    assert f"  zones.csv:{line}: no zone from 530 to 550 m; the ground there is zone slope" in lines
+
+
+CLIFF = np.array([[0, 62], [14, 60.5], [20, 37], [30, 30], [52, 15], [55, 11], [70, 8], [120, 2]], float)
+
+
+@pytest.mark.parametrize(
+    ("points", "low", "high", "said"),
+    [
+        (CLIFF, 14.0, 17.0, "upper half of x = 14 to 20 m, 76° .* x = 52 to 55 m, 53°"),
+        (CLIFF - [0, 3], 14.0, 17.0, "highest stretch"),
+        (np.vstack([CLIFF[:2], [[14, 37]], CLIFF[3:]]), 14.0, 14.4, "90°"),  # just beyond a vertical edge
+        (
+            np.array([[0, 30], [40, 28], [80, 4], [100, 3]], float),
+            40.0,
+            60.0,
+            "steepest .* no ground is as steep",
+        ),
+        (
+            np.array([[0, 30], [10, 10], [40, 0]], float),
+            0.5,
+            5.0,
+            "upper half",
+        ),  # not over the end of the survey
+    ],
+)
+def test_blocks_start_on_the_upper_half_of_the_highest_steep_face(points, low, high, said):
+    area = release_area(checked(points, "it"), 1.0)
+    assert (area.low_m, area.high_m) == pytest.approx((low, high), abs=1e-9)
+    assert re.search(said, area.why)
+
+
+def test_small_steps_are_no_face():
+    x = np.linspace(0, 100, 401)
+    steps = np.where(np.arange(401) % 8 < 4, 0.3, 0.0)  # 50° on a slope of 20° that steepens to 40°
+    slope = np.where(x < 60, 70 - 0.36 * x, 70 - 0.36 * 60 - 0.84 * (x - 60))
+    area = release_area(checked(np.column_stack([x, slope + steps]), "it"), 1.0)
+    assert 55 < area.low_m < 65 and "no ground is as steep" in area.why
+
+
+def test_blocks_leave_the_start_that_is_found(tmp_path):
+    """On the flat ground above the edge, where the upper end of the survey is, none did."""
+    (tmp_path / "p.csv").write_text("\n".join(f"{x},{y}" for x, y in CLIFF))
+    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=str)
+    passing = run(load_scenario(tmp_path / "s.yaml"), releases=40).to_pandas("stops")
+    assert (passing["runout_m"] > 5.0).mean() > 0.9
+
+
+def test_a_start_beside_the_survey_is_refused(tmp_path):
+    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
+    options = ProfileOptions(release=(70.0, 90.0))
+    refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", options, said="reaches from 0 to 80 m")
+
+
+def test_the_ground_is_rough_by_soil_class_and_the_same_obstacle_counts_once(tmp_path):
+    (tmp_path / "p.csv").write_text("0,40\n80,0\n")
+    (tmp_path / "zones.csv").write_text("0,30,rock\n30,60,swamp\n")
+    written = {}
+    for name, smooth in (("rough", False), ("smooth", True)):
+        options = ProfileOptions(zones=tmp_path / "zones.csv", smooth=smooth)
+        write_profile(tmp_path / "p.csv", tmp_path / f"{name}.yaml", options, report=str)
+        written[name] = load_scenario(tmp_path / f"{name}.yaml")
+    rough, smooth = written["rough"], written["smooth"]
+    sd_deg = {zone: keys.sd_deg for zone, keys in rough.roughness.items()}
+    # the root mean square of U(0, 18°) and U(0, 14°); a swamp is smooth
+    assert sd_deg == pytest.approx({"rock": 18 / 3**0.5, "slope": 14 / 3**0.5}, abs=0.01)
+    assert smooth.roughness == {}
+    ball = rough.make_blocks()["ball"]
+    reductions = [
+        {zone: law.slope_reduction_deg for zone, law in scenario.rebound_parameters(ball).items()}
+        for scenario in (rough, smooth)
+    ]
+    assert [of["rock"] for of in reductions] == [0.0, 18.0]
+    assert (
+        reductions[0]["slope"] == 0.0 and reductions[0]["default"] == 14.0
+    )  # an embankment, which is not rough
+    assert rough.contact_parameters(ball)["rock"] == smooth.contact_parameters(ball)["rock"]

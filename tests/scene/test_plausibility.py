@@ -14,7 +14,7 @@ from rock2d.errors import UnusualWarning
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.plausibility import contact_doubts, density_kg_m3, highest_speed_m_s, start_doubts
-from tests.programs import refusal
+from tests.programs import commanded, refusal
 from tests.scenarios_of_tests import SHIPPED
 
 SLOPE = SHIPPED / "slope_embankment.yaml"
@@ -107,3 +107,36 @@ def test_depth_and_reach_follow_from_energy():
         line = {"line": [[50.0, head + above], [50.0, head + 10.0]]}
         ground = CrossSection(GROUND.points_m, GROUND.zones, line)
         assert len(list(start_doubts(ball, states, ground, 9.81, ()))) == doubts
+
+
+ROUGH = """name: rough
+engine: point_mass
+cross_section: {points_m: [[0, 40], [30, 20], [80, 0]], zones: [rock, scree]}
+blocks: {ball: {shape: circle, diameter_m: 1, mass_kg: 1414, inertia: solid_sphere}}
+model: {soils: {default: medium_scree, rock: ROCK}}
+incident: {default: {above_ground: {x_m: 2, clearance_m: 0.5, vx_m_s: 1, vy_m_s: 0}}}
+roughness: {rock: {sd_deg: 8, length_m: 0.5}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("rock", "words"),
+    [
+        (
+            "bedrock",
+            "slope reduction of up to 18° both act on point masses in rock: the same obstacles count twice",
+        ),
+        ("{like: bedrock, slope_reduction_deg: 0}", "without a slope reduction in rock: many stop early"),
+    ],
+)
+def test_roughness_that_point_masses_meet_twice_or_without_a_slope_reduction_is_told(tmp_path, rock, words):
+    path = tmp_path / "site.yaml"
+    path.write_text(ROUGH.replace("ROCK", rock))
+    (found,) = said(path)
+    assert re.search(rf"site.yaml:7:1: roughness: .*{words}", found)
+    path.write_text(ROUGH.replace("ROCK", rock).replace("point_mass", "batch"))
+    assert said(path) == []  # the contact law has no slope reduction
+    run = commanded(
+        "run", path, "--engine", "point_mass", "--releases", 2, "--quiet", "--out", tmp_path / "out"
+    )
+    assert re.search(f"warning: point_mass: .*{words}", run.output)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,24 @@ MOST_POINTS = 100_000
 FEWEST_POINTS = 2
 
 
+class Stations(NamedTuple):
+    """How x follows from the stations of the survey: x = origin_m + direction × station."""
+
+    origin_m: float = 0.0
+    direction: float = 1.0
+
+    def x_m(self, station_m: Any) -> Any:
+        """x of a station of the survey."""
+        return self.origin_m + self.direction * station_m
+
+    def own(self, x_m: Any) -> Any:
+        """The survey's own station of an x."""
+        return (x_m - self.origin_m) * self.direction
+
+
+AS_SURVEYED = Stations()
+
+
 @dataclass(frozen=True)
 class Profile:
     """Points of a slope profile.
@@ -25,11 +44,13 @@ class Profile:
     points_m : (n, 2) station and height in m, left to right
     source : what it was read from, in words
     remarks : what was changed or is worth knowing
+    stations : the survey's own stations, which zones and release areas are given in
     """
 
     points_m: Array
     source: str
     remarks: tuple[str, ...] = ()
+    stations: Stations = AS_SURVEYED
 
 
 def checked(points_m: Array, source: str) -> Profile:
@@ -52,17 +73,21 @@ def checked(points_m: Array, source: str) -> Profile:
     if not keep.all():
         remarks.append(f"{(~keep).sum()} repeated points left out")
     points = points[keep]
+    stations = Stations(-float(points[0, 0]))
     if points[0, 1] < points[-1, 1]:
-        points = np.column_stack([points[-1, 0] - points[::-1, 0], points[::-1, 1]])
-        remarks.append("turned round, so that it falls to the right")
-    shifted = points - [points[0, 0], 0.0]
-    if points[0, 0] != 0.0:
+        stations = Stations(float(points[-1, 0]), -1.0)
+        points = points[::-1]
+        remarks.append(
+            f"turned round, so that it falls to the right: x = {stations.origin_m:.6g} m - station"
+        )
+    elif points[0, 0] != 0.0:
         remarks.append(f"stations reduced by {points[0, 0]:.6g} m, so that they begin at 0")
+    shifted = np.column_stack([stations.x_m(points[:, 0]), points[:, 1]])
     try:
         CrossSection(shifted, ["ground"] * (len(shifted) - 1))
     except CrossSectionError as error:
         raise InputError(f"{source}: {error}", code="bad_cross_section") from None
-    return Profile(shifted, source, tuple(remarks))
+    return Profile(shifted, source, tuple(remarks), stations)
 
 
 def along_way(points_m: Array) -> Array:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,43 +15,64 @@ from rock2d.files.surveys.profile import Profile, along_way, checked
 from rock2d.files.text_files import is_number, read_text
 
 # names of columns, those that say most first
-STATION_COLUMNS = ("station_m", "station", "chainage_m", "chainage", "distance_m", "distance", "x_m", "x")
-HEIGHT_COLUMNS = ("height_m", "height", "elevation_m", "elevation", "z_m", "z", "y_m", "y")
-MAP_COLUMNS = (("x_m", "x"), ("y_m", "y"), ("z_m", "z"))  # a line on a map with heights
+STATION_COLUMNS = ("station", "chainage", "distance", "x")
+HEIGHT_COLUMNS = ("height", "elevation", "z", "y")
+MAP_COLUMNS = ("x", "y", "z")  # a line on a map with heights
 SEPARATORS = ";\t, "
+METRES = ("", "m")  # units that a header may state
 
 
 def read_table(path: Path) -> Profile:
     """The profile of a text file with one point a line.
 
     Two numbers, or columns that a header names: a station and a height, in m, or x, y and z along a line on a map.
-    Columns are separated by commas, semicolons, tabs or spaces; `#` begins a comment.
+    Columns are separated by commas, semicolons, tabs or spaces; `#` begins a comment. A header may state the unit,
+    as in "station [m]".
 
     Raises InputError with the line of the first mistake.
     """
+    rows, separator = text_rows(path)
+    columns: tuple[int, ...] = (0, 1)
+    if not all(map(is_number, rows[0][1])):
+        line, header = rows.pop(0)
+        columns = _columns(header, path, line)
+    elif len(rows[0][1]) > len(columns):
+        message = f"{len(rows[0][1])} columns without names: begin the file with a line that names them, for example "
+        raise InputError(f"{message}station,height or x,y,z", path, rows[0][0], 1, code="bad_table")
+    points = []
+    for line, cells in rows:
+        if len(cells) <= max(columns):
+            found = separator.join(cells)[:60]
+            raise InputError(f"expected numbers, found {found!r}", path, line, 1, code="bad_table")
+        points.append([number(cells[column], path, line) for column in columns])
+    return checked(along_way(np.array(points).reshape(-1, len(columns))), f"table {path.name}")
+
+
+def text_rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
+    """Line and cells of each line that is not empty, without comments, and what separates the cells. Raises
+    InputError if there is none."""
     lines = [(n, line.split("#")[0].strip()) for n, line in enumerate(read_text(path).splitlines(), 1)]
     lines = [(n, line) for n, line in lines if line]
     if not lines:
-        raise InputError("the file is empty; expected points", path, 1, 1, code="empty")
-    separator = next((s for s in SEPARATORS if s in lines[0][1]), ",")
-    rows = [(n, _cells(line, separator)) for n, line in lines]
-    columns: tuple[int, ...] = (0, 1)
-    if not all(map(is_number, rows[0][1])):
-        columns = _columns(rows[0][1], path, rows[0][0])
-        rows = rows[1:]
-    points = []
-    for n, cells in rows:
-        try:
-            points.append([float(cells[column]) for column in columns])
-        except (ValueError, IndexError):
-            hint = (
-                "; write decimal points, not commas" if separator in "; \t" and "," in "".join(cells) else ""
-            )
-            found = separator.join(cells)[:60]
-            raise InputError(
-                f"expected numbers, found {found!r}{hint}", path, n, 1, code="bad_table"
-            ) from None
-    return checked(along_way(np.array(points).reshape(-1, len(columns))), f"table {path.name}")
+        raise InputError("the file is empty", path, 1, 1, code="empty")
+    separator = next((s for s in SEPARATORS if s in lines[-1][1]), ",")
+    return [(n, _cells(line, separator)) for n, line in lines], separator
+
+
+def number(cell: str, path: Path, line: int) -> float:
+    """The finite number in a cell. Raises InputError with its line."""
+    if is_number(cell) and math.isfinite(float(cell)):
+        return float(cell)
+    comma = "," in cell and is_number(cell.replace(",", ".", 1))
+    hint = "; write decimal points, not commas" if comma else ""
+    raise InputError(f"expected numbers, found {cell[:60]!r}{hint}", path, line, 1, code="bad_table")
+
+
+def column_of(header: Sequence[str], choices: Sequence[str]) -> int | None:
+    """Index of the first of the names that a header has, with or without the unit m."""
+    names = [name.partition("[")[0].partition("(")[0].strip().lower() for name in header]
+    names = [name.removesuffix("_m") for name in names]
+    return next((names.index(name) for name in choices if name in names), None)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -59,15 +83,19 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:
     """Indices of the columns of station and height, or of x, y and z."""
-    names = [name.lower() for name in header]
-    on_map = [next((names.index(name) for name in choices if name in names), None) for choices in MAP_COLUMNS]
-    if None not in on_map and not set(names) & set(STATION_COLUMNS[:6]):
-        return tuple(i for i in on_map if i is not None)
-    station = next((names.index(name) for name in STATION_COLUMNS if name in names), None)
-    height = next((names.index(name) for name in HEIGHT_COLUMNS if name in names), None)
-    if station is None or height is None:
+    on_map = [column_of(header, (name,)) for name in MAP_COLUMNS]
+    columns = [column_of(header, names) for names in (STATION_COLUMNS, HEIGHT_COLUMNS)]
+    if None not in on_map and column_of(header, STATION_COLUMNS[:-1]) is None:
+        columns = on_map
+    found = tuple(column for column in columns if column is not None)
+    if len(found) < len(columns):
         message = (
             f"expected columns of station and height (for example x and y), found {', '.join(header)[:80]!r}"
         )
         raise InputError(message, path, line, 1, code="bad_table")
-    return station, height
+    for name in (header[column] for column in found):
+        unit = re.search(r"[\[(]\s*(.*?)\s*[\])]", name)
+        if unit and unit[1].lower() not in METRES:
+            message = f"column {name!r}: expected metres; write the numbers in m"
+            raise InputError(message, path, line, 1, code="bad_table")
+    return found

@@ -100,8 +100,8 @@ def doubts(scenario: Scenario, engine: str | None = None) -> list[Doubt]:
                 zone: own.friction_angle_deg for zone, own in zip(ground.zone_names, soils, strict=True)
             }
             found += friction_doubts(friction)
-    if engine == "point_mass" and scenario.field_test is None:  # which takes its ground without roughness
-        found += rough_point_doubts(_slope_reductions(scenario))
+    if engine == "point_mass" and scenario.field_test is None:  # whose points take a smooth ground
+        found += rough_point_doubts(_rough_alone(scenario))
     return found
 
 
@@ -117,15 +117,14 @@ def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
     return [f"warning: {engine}: {doubt.text}" for doubt in found]
 
 
-def _slope_reductions(scenario: Scenario) -> dict[str, float]:
-    """Rough zone -> largest slope reduction of the rebound law there, of all blocks."""
-    out = dict.fromkeys(scenario.roughness, 0.0)
-    for block in scenario.make_blocks().values():
-        laws = scenario.rebound_parameters(block)
-        for zone in out:
-            law = laws.get(zone) or laws["default"]
-            out[zone] = max(out[zone], law.slope_reduction_deg)
-    return out
+def _rough_alone(scenario: Scenario) -> list[str]:
+    """Zones that are rough, and have no slope reduction of the rebound law for some block."""
+    laws = [scenario.rebound_parameters(block) for block in scenario.make_blocks().values()]
+    return [
+        zone
+        for zone in scenario.roughness
+        if any((own.get(zone) or own["default"]).slope_reduction_deg == 0.0 for own in laws)
+    ]
 
 
 def _possible_starts(incident: Incident, ground: CrossSection) -> Array:

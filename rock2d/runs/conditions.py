@@ -34,7 +34,7 @@ from rock2d.runs.incident_states import (
     of_groups,
 )
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection, CrossSectionError
+from rock2d.scene.cross_section import CrossSection, CrossSectionError, by_zone
 from rock2d.scene.placing import touching_height_m
 from rock2d.scene.rough_ground import Roughness, roughened
 
@@ -196,6 +196,25 @@ class Conditions:
         found = {} if self._causes is None else self._causes.roughness()
         return found | {zone: keys.make() for zone, keys in self.scenario.roughness.items()}
 
+    @cached_property
+    def _rough(self) -> list[dict[str, Roughness]]:
+        """Of each block, the roughness of the zones that it meets. The slope reduction of the rebound law stands for
+        the same obstacles: where a zone has one, it acts alone."""
+        if engine_named(self.engine).law != "probabilistic" or not self._roughness:
+            return [self._roughness] * len(self.blocks)
+        laws = [
+            by_zone(self.scenario.rebound_parameters(b), list(self._roughness), "rebound")
+            for b in self.blocks
+        ]
+        return [
+            {
+                zone: rough
+                for (zone, rough), law in zip(self._roughness.items(), own, strict=True)
+                if law.slope_reduction_deg == 0.0
+            }
+            for own in laws
+        ]
+
     def _shares(self, stream: np.random.Generator) -> Array:
         return stream.uniform(size=(DRAW_GROUP, DRAWS_OF_A_BLOCK + len(self.scenario.scatter)))
 
@@ -214,7 +233,7 @@ class Conditions:
             own, parameters = self._with_values(own, values, release)
         else:
             own = common.block
-        ground = self._ground(block, release) if self._roughness else common.cross_section
+        ground = self._ground(block, release) if self._rough[block] else common.cross_section
         return Condition(own, ground, parameters, drawn)
 
     @cached_property
@@ -254,7 +273,7 @@ class Conditions:
     def _ground(self, block: int, release: int) -> CrossSection:
         stream = np.random.SeedSequence(self.seed, spawn_key=(ROUGHNESS_STREAM, block, release))
         try:
-            return roughened(self.cross_section, self._roughness, np.random.default_rng(stream))
+            return roughened(self.cross_section, self._rough[block], np.random.default_rng(stream))
         except CrossSectionError:
             message = f"too rough: the surface of release {release} crosses itself"
             raise self.scenario.error(message, "roughness", at="key", code="bad_cross_section") from None

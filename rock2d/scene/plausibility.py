@@ -6,7 +6,7 @@ meant. Every check here compares two numbers of the input with each other, or on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,21 +172,13 @@ def start_doubts(
             yield Doubt(text, ("cross_section", "measure_lines", line))
 
 
-def rough_point_doubts(reduction_deg: Mapping[str, float]) -> Iterator[Doubt]:
-    """About point masses on rough ground: rough zone -> largest slope reduction of the rebound law there."""
-    twice = [zone for zone, reduction in reduction_deg.items() if reduction > 0.0]
-    if twice:
+def rough_point_doubts(rough_alone: Sequence[str]) -> Iterator[Doubt]:
+    """About point masses in these zones, which have roughness and no slope reduction of the rebound law."""
+    if rough_alone:
         yield Doubt(
-            f"rough ground and a slope reduction of up to {max(reduction_deg.values()):.3g}° both act on point masses "
-            f"in {', '.join(twice)}: the same obstacles count twice. Take the roughness away or set "
-            "slope_reduction_deg to 0, unless the reduction stands for the shape of the block", ("roughness",),
-        )  # fmt: skip
-    if len(twice) < len(reduction_deg):
-        yield Doubt(
-            f"point masses meet rough ground without a slope reduction in "
-            f"{', '.join(zone for zone in reduction_deg if zone not in twice)}: many stop early, because only the "
-            "reduction turns their speed away from the ground again. Smooth ground with the slope reduction of the "
-            "soil class lets more of them arrive", ("roughness",),
+            f"point masses meet rough ground without a slope reduction in {', '.join(rough_alone)}: many stop early, "
+            "because only the reduction turns their speed away from the ground again. With slope_reduction_deg there, "
+            "which then stands for the roughness, more of them arrive", ("roughness",),
         )  # fmt: skip
 
 

@@ -23,10 +23,9 @@ CLASS_OF_WORD = {
 WORDS_OF_YAML = ("null", "true", "false", "yes", "no", "on", "off", "y", "n")
 ABOUT_ROUGHNESS = f"""\
 # Rough ground: sd_deg is the slope reduction of the soil class over the root of 3, an assumed number (documentation,
-# Soil classes). So the slope reduction is 0 above, or the same obstacles would count twice. Pieces are as long as the
-# radius of a block of 1 m. If you have mapped the heights h of obstacles, as Rockyfor3D asks for (rg70, rg20, rg10),
-# sd_deg is arctan(h / {ROUGHNESS_LENGTH_M:g} m) / 1.73. For the engine point_mass write the file with --smooth: its
-# blocks stop early on rough ground without a slope reduction.
+# Soil classes). Pieces are as long as the radius of a block of 1 m. If you have mapped the heights h of obstacles, as
+# Rockyfor3D asks for (rg70, rg20, rg10), sd_deg is arctan(h / {ROUGHNESS_LENGTH_M:g} m) / 1.73. Point masses take the
+# slope reduction instead.
 """
 DIAMETER_M, DENSITY_KG_M3, DROP_M = 1.0, 2700.0, 1.0
 
@@ -54,7 +53,7 @@ def scenario_of(
     remarks = "".join(f"# {remark}\n" for remark in profile.remarks)
     classes = {zone: _likely_class(zone) for zone in dict.fromkeys(names)}
     return f"""# Profile from {profile.source}.
-{remarks}name: {name}
+{remarks}name: {_key(name)}
 about: A ball of 1 m on a profile; everything but the profile is a first guess.
 assumed:
   - "Blocks, soil and start are first guesses: replace them."
@@ -88,15 +87,9 @@ outputs: {{fps: 50}}
 
 
 def _soils_and_roughness(classes: Mapping[str, str], smooth: bool) -> str:
-    """The soil of each zone and, unless `smooth`, its roughness, in place of the slope reduction of the class."""
+    """The soil of each zone and, unless `smooth`, its roughness."""
     rough = {} if smooth else rough_zones(classes)
-    soils = "".join(
-        f"    {_key(zone)}: {{like: {soil}, slope_reduction_deg: 0}}\n"
-        if zone in rough
-        else f"    {_key(zone)}: {soil}\n"
-        for zone, soil in classes.items()
-        if zone in rough or zone != DEFAULT_ZONE
-    )
+    soils = "".join(f"    {_key(zone)}: {soil}\n" for zone, soil in classes.items() if zone != DEFAULT_ZONE)
     if not rough:
         return soils
     lines = "".join(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rock2d.errors import InputError
-from rock2d.files.folders import check_file, write_whole
+from rock2d.files.folders import atomic_file, check_file
 from rock2d.files.scenario import load_scenario
 from rock2d.files.surveys.profile import Profile, simplified
 from rock2d.files.surveys.release_area import given_area, release_area
@@ -71,7 +71,12 @@ def write_profile(
     given = options.release
     area = release_area(profile, DIAMETER_M) if given is None else given_area(profile, given)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", out.stem).strip("_-") or "profile"
-    write_whole(out, scenario_of(profile, name, (points, names), area, options.smooth))
+    with atomic_file(out) as part:
+        part.write_text(scenario_of(profile, name, (points, names), area, options.smooth), encoding="utf-8")
+        try:
+            load_scenario(part)
+        except InputError as error:  # a site that cannot be
+            raise InputError(error.message, file, code=error.code) from None
     scenario = load_scenario(out)
     from rock2d.graphics.cross_section_figure import cross_section_figure
     from rock2d.graphics.figure_style import save_figure

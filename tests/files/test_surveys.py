@@ -333,3 +333,13 @@ def test_the_ground_is_rough_by_soil_class_and_the_same_obstacle_counts_once(tmp
     assert rough.contact_parameters(ball)["rock"] == smooth.contact_parameters(ball)["rock"]
     of_points = [run(own, engine="point_mass", releases=30).to_pandas("stops") for own in (rough, smooth)]
     pd.testing.assert_frame_equal(*of_points)  # the slope reduction is their roughness
+
+
+def test_a_survey_of_a_site_that_cannot_be_leaves_nothing_behind(tmp_path):
+    (tmp_path / "mm.csv").write_text("station,height\n0,60000\n60000,11000\n140000,0\n")
+    refused = refusal(write_profile, tmp_path / "mm.csv", tmp_path / "3.yaml", said="Are its points in mm")
+    assert refused.file == tmp_path / "mm.csv"
+    assert [path.name for path in tmp_path.iterdir()] == ["mm.csv"]
+    (tmp_path / "mm.csv").write_text("station,height\n0,60\n60,11\n140,0\n")
+    write_profile(tmp_path / "mm.csv", tmp_path / "3.yaml", report=str)
+    assert load_scenario(tmp_path / "3.yaml").name == "3"

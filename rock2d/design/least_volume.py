@@ -201,8 +201,12 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
     earth = np.array([own.earth_m2 for own in combinations])
     names = list(best.values)
     pairs = list(itertools.combinations(names, 2))
-    figure = blank_figure(3.2 * (len(names) + 1 + len(pairs)), 3.4)
-    axes = figure.subplots(1, len(names) + 1 + len(pairs), squeeze=False)[0]
+    panels = len(names) + 1 + len(pairs)
+    figure = blank_figure(7.0, 2.6 * math.ceil(panels / 2))
+    grid = figure.subplots(math.ceil(panels / 2), 2, squeeze=False).ravel()
+    axes = grid[:panels]
+    for unused in grid[panels:]:
+        unused.set_axis_off()
 
     def of(name: str) -> np.ndarray:
         return np.array([own.values.get(name, own.answer.least) for own in combinations], float)
@@ -218,8 +222,12 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
             )
     for axis, (x, y) in zip(axes[len(names) + 1 :], pairs, strict=True):
         if meets.sum() > 3:  # triangles need three points that are not on a line
-            surface = axis.tricontourf(of(x)[meets], of(y)[meets], earth[meets], levels=10, cmap="cividis")
-            figure.colorbar(surface, ax=axis, label="earth moved, m³ per metre")
+            surface = axis.tricontourf(
+                of(x)[meets], of(y)[meets], earth[meets], np.geomspace(earth[meets].min(), earth[meets].max(), 9),
+                norm="log", cmap="cividis",
+            )  # fmt: skip
+            bar = figure.colorbar(surface, ax=axis, label="earth moved, m³ per metre", format="%.3g")
+            bar.ax.minorticks_off()
         axis.plot(of(x), of(y), ".", color=INK, ms=3)
         axis.plot(of(x)[~meets], of(y)[~meets], "x", color=LINE_INK, ms=6)
         axis.plot(best.values[x], best.values[y], "o", ms=8, mfc="none", mec=LINE_INK)

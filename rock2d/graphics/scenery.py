@@ -258,7 +258,9 @@ def _line_label(
     storey = 1.2 * size[1]  # names of lines that are close together stand one above the other
     # no place of the name reaches farther from the tip
     reach = gap + sum(size) + LABEL_STOREYS * storey + BUSY_PX
-    busy_x, busy_y = busy[(np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)].T.copy()
+    busy_x, busy_y = busy[
+        (np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)
+    ].T.copy()
     best, least = None, np.inf
     for order, (level, turn) in enumerate(itertools.product(range(LABEL_STOREYS), LABEL_TURNS_RAD)):
         c, s = np.cos(turn), np.sin(turn)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rock2d.files.csv_tables import write_csv
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
@@ -114,7 +115,7 @@ class RunResult(Simulation):
                     slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=bars.shown,
                 )  # fmt: skip
             for name, table in tables.items():
-                table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
+                write_csv(partial / f"{name}.csv", table)
             text = json.dumps(self._about(), indent=2) + "\n"
             (partial / "run.json").write_text(text, encoding="utf-8")
             also(partial)

@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.runs.results import RunResult
 
-FEWEST_FOR_PROCESS = (
-    100  # releases from which on drawing takes longer than the start of a process that draws
-)
+FEWEST_FOR_PROCESS = 100  # releases from which on drawing takes longer than the start of a process that draws
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 

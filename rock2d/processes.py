@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -69,7 +69,7 @@ class Processes:
     ) -> Iterator[tuple[int, Any]]:
         if self._executor is None:
             self._pool = ExitStack()
-            self._executor = self._pool.enter_context(_pool(self._workers, self._shared))
+            self._executor = self._pool.enter_context(_pool(self._workers, (self._shared,), _begin_worker))
         with _interrupts_held():
             waiting = {self._executor.submit(_work, work, job): k for k, job in jobs.items()}
         for done in as_completed(waiting):
@@ -89,12 +89,25 @@ def as_finished(
 
 
 @contextmanager
-def _pool(workers: int, shared: tuple[Any, ...]) -> Iterator[ProcessPoolExecutor]:
+def second_process() -> Iterator[Callable[..., Future[Any]]]:
+    """Give a function that has another process do work(*given); it raises BrokenProcessPool once that has died. The
+    process has its own threads, for work that needs no compiled code."""
+    with _pool(1, (), begin=_begin) as pool:
+
+        def submit(work: Callable[..., Any], *given: Any) -> Future[Any]:
+            with _interrupts_held():
+                return pool.submit(work, *given)
+
+        yield submit
+
+
+@contextmanager
+def _pool(workers: int, given: tuple[Any, ...], begin: Callable[..., None]) -> Iterator[ProcessPoolExecutor]:
     """A pool whose processes are gone after the block, also if it ends before their work."""
     import multiprocessing
 
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(shared,))
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=begin, initargs=given)
     try:
         yield pool
         pool.shutdown()
@@ -134,11 +147,15 @@ def _interrupts_held() -> Iterator[None]:
 _shared: tuple[Any, ...]
 
 
-def _begin(shared: tuple[Any, ...]) -> None:
-    global _shared
-    _shared = shared
+def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _follow_parent()
+
+
+def _begin_worker(shared: tuple[Any, ...]) -> None:
+    global _shared
+    _shared = shared
+    _begin()
     one_thread()
 
 

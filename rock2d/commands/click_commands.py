@@ -41,6 +41,7 @@ def command_line() -> str:
 @click.option("--precision", type=click.FloatRange(0.01, 50), metavar="PERCENT",
               help="Add releases until the 95 % interval of every passing frequency reaches at most this many "
               "percentage points to either side.")  # fmt: skip
+@click.option("--no-figures", is_flag=True, help="Tables only, and a page without pictures.")
 @click.option("--workers", type=click.IntRange(1),
               help="Processes. Default: all cores; a campaign: this process, on all threads.")  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help=f"Campaign {ON_SCHEDULER}")
@@ -75,6 +76,7 @@ def run(scenarios, engines, out, data, video, report, compare, precision, predic
     resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
                              page_of=command_line() if report else None, predict=predict,
                              compare=compare, precision=precision and precision / 100.0,
+                             draw=not options["no_figures"],
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
     if not resolved:
         sys.exit(4)

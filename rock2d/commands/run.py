@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from rock2d.errors import InputError
 from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
+from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
 from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.runs.results import RunResult
 
+FEWEST_FOR_PROCESS = 100  # releases from which on drawing takes longer than the start of a process that draws
 SHOWN_OF_A_CAMPAIGN = 1000  # releases of each block, in the figures of its report
 
 
@@ -44,6 +47,7 @@ def run_scenarios(
     predict: Path | None = None,
     compare: bool = False,
     precision: float | None = None,
+    draw: bool = True,
     overwrite: bool = False,
     progress: bool = True,
     report: Callable[[str], Any] = print,
@@ -56,6 +60,7 @@ def run_scenarios(
 
     `page_of` is the command that the page report.html names; None for no page. `compare` runs the other models of
     `design.model_range`, too. With a `precision`, a run has as many releases as `runs.precision.releases_for` finds.
+    Without `draw` there are tables, but no figures.
 
     A run of more than 10,000 releases, or with a scheduler, is a campaign. Only with `overwrite` does a run replace an
     earlier one; a campaign continues an earlier one that is determined alike.
@@ -74,7 +79,7 @@ def run_scenarios(
         )
         return True
     request = RunRequest(
-        out, options, workers, engines, video, page_of, compare, precision, overwrite, progress, report
+        out, options, workers, engines, video, page_of, compare, precision, draw, overwrite, progress, report
     )
     for scenario in loaded:  # before any work
         request.check(scenario)
@@ -94,6 +99,7 @@ class RunRequest:
     page_of: str | None
     compare: bool
     precision: float | None
+    draw: bool
     overwrite: bool
     progress: bool
     report: Callable[[str], Any]
@@ -123,6 +129,9 @@ class RunRequest:
         if self.video and large:
             message = "--video is not for campaigns: they keep no full tracks"
             raise InputError(message, code="wrong_kind", option="video")
+        if not self.draw and self.studies(scenario):
+            message = "--no-figures is for runs: the study of a field test always draws its figures"
+            raise InputError(message, code="wrong_kind", option="no-figures")
         asks = {
             "report": self.page_of is not None,
             "compare": self.compare,
@@ -202,30 +211,42 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
     """Run, print the tables, then write the folder; the tables that it holds."""
     options, processes = request.options, request.workers.processes
     bars = run_bars(scenario, engine, request.progress, processes)
-    result = run(
-        scenario,
-        engine=engine,
-        seed=options.seed,
-        releases=options.releases,
-        workers=processes,
-        progress=bars,
-    )
-    print_tables(result)
-    found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)
-    found.show()
+    with _figures(scenario, request) as figures:
+        result = run(
+            scenario,
+            engine=engine,
+            seed=options.seed,
+            releases=options.releases,
+            workers=processes,
+            progress=bars,
+        )
+        print_tables(result)
+        found = _findings(scenario, engine, result.seed, len(result.tracks) // len(result.blocks), request)
+        found.show()
 
-    def also(partial: Path) -> None:
-        found.write(partial)
-        if request.page_of is not None:
-            from rock2d.design.report import REPORTED_TABLES
+        def also(partial: Path) -> None:
+            found.write(partial, figures)
+            if request.page_of is not None:
+                from rock2d.design.report import REPORTED_TABLES
 
-            of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-            _write_page(result, of_run, found, partial, request.page_of)
+                of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
+                _write_page(result, of_run, found, partial, request.page_of, figures)
 
-    tables = result.write(request.folder(scenario, engine), request.video, progress=bars, also=also)
+        folder = request.folder(scenario, engine)
+        tables = result.write(folder, request.video, progress=bars, also=also, figures=figures)
     if "residual_summary" in tables:
         print(residual_text(tables["residual_summary"]))
     return tables
+
+
+def _figures(scenario: Scenario, request: RunRequest) -> AbstractContextManager[Figures]:
+    """When the figures of a run in memory are drawn."""
+    if not request.draw:
+        return nullcontext(NoFigures())
+    releases = (request.options.releases or scenario.releases) * len(scenario.make_blocks())
+    if request.workers.processes == 1 or releases < FEWEST_FOR_PROCESS:
+        return nullcontext(Figures())
+    return figures_beside()
 
 
 def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[str, pd.DataFrame]:
@@ -247,11 +268,12 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
     seed = scenario.seed if options.seed is None else options.seed
     found = _findings(scenario, engine, seed, releases, request)
     found.show()
-    found.write(folder)
+    figures = Figures() if request.draw else NoFigures()
+    found.write(folder, figures)
     if request.page_of is not None:
         first = min(releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
-        _write_page(sample, tables, found, folder, request.page_of)
+        _write_page(sample, tables, found, folder, request.page_of, figures)
     return tables
 
 
@@ -277,18 +299,17 @@ class Findings:
             print(model_text(self.models, "with other models", self.note))
             print("\n".join(["range over the models", *(f"  {line}" for line in range_remarks(self.models))]))
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: Path, figures: Figures) -> None:
         """Write their tables and figures into a folder."""
         for name, table in (("before_after", self.compared), ("models", self.models)):
             if table is not None:
                 write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         if self.models is not None:
             from rock2d.design.model_range import range_figure
-            from rock2d.graphics.figure_style import save_figure
 
-            save_figure(range_figure(self.models), folder / "models.png")
+            figures.save(folder / "models.png", range_figure, self.models)
         if self.assessment is not None:
-            self.assessment.write(folder)
+            self.assessment.write(folder, figures)
 
 
 def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request: RunRequest) -> Findings:
@@ -305,7 +326,12 @@ def _findings(scenario: Scenario, engine: str, seed: int, releases: int, request
 
 
 def _write_page(
-    sample: RunResult, tables: dict[str, pd.DataFrame], found: Findings, folder: Path, command: str
+    sample: RunResult,
+    tables: dict[str, pd.DataFrame],
+    found: Findings,
+    folder: Path,
+    command: str,
+    figures: Figures,
 ) -> None:
     from rock2d.design.report import ReportContent, write_report
 
@@ -314,7 +340,7 @@ def _write_page(
     results = ReportContent(
         scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models
     )
-    write_report(results, folder, command)
+    write_report(results, folder, command, figures)
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from rock2d.graphics.figure_files import Figures
+
 
 @dataclass(frozen=True, repr=False)
 class Assessment:
@@ -34,15 +36,17 @@ class Assessment:
     sensitivity: pd.DataFrame
     sites: pd.DataFrame
 
-    def write(self, folder: Path) -> None:
-        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if anything varies, tornado.png."""
-        from rock2d.graphics.figure_style import save_figure
+    def write(self, folder: Path, figures: Figures | None = None) -> None:
+        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if anything varies, tornado.png; that by `figures`, or
+        at once."""
+        from rock2d.graphics.figure_files import Figures
+        from rock2d.graphics.tornado import tornado_figure
 
         tables = {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites}
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         if len(self.sensitivity):
-            save_figure(self.plot(), folder / "tornado.png")
+            (figures or Figures()).save(folder / "tornado.png", tornado_figure, self.sensitivity)
 
     def plot(self) -> Figure:
         """How much of the spread of each passing frequency each unknown value makes."""

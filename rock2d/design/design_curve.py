@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator
-
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import INK, LINE_INK, block_colours
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from rock2d.design.least_size import Answer
 
 
@@ -20,6 +19,8 @@ TICKS_PERCENT = (0, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 def design_figure(answer: Answer) -> Figure:
     """Median and band of the passing frequency of each block at every size that was tried, the target and the least
     size that meets it."""
+    from matplotlib.ticker import FuncFormatter, NullLocator
+
     figure = blank_figure(6.4, 4.0)
     axis = figure.subplots()
     sizes = [judged.size for judged in answer.judgements]

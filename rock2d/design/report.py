@@ -30,6 +30,7 @@ from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
+from rock2d.graphics.figure_files import Figures
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
@@ -40,7 +41,6 @@ from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
     from rock2d.design.assessment import Assessment
     from rock2d.design.least_size import Answer
@@ -117,17 +117,15 @@ class ReportContent:
         return design_table(self.scenario, self.tables["percentiles"], uncertain)
 
 
-def write_report(content: ReportContent, folder: Path, command: str) -> None:
+def write_report(content: ReportContent, folder: Path, command: str, figures: Figures | None = None) -> None:
     """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
-    from rock2d.graphics.figure_style import save_figure
-
-    figures = {
-        name: save_figure(figure, folder / f"{name}.png") for name, figure in _figures(content).items()
-    }
+    figures = figures or Figures()
+    files = {name: figures.save(folder / f"{name}.png", *drawn) for name, drawn in _figures(content).items()}
     for name, table in _further_tables(content).items():
         write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
     made = Made.now(command, f"{content.sample.seed} (of every random draw)")
-    write_whole(folder / PAGE, report_page(content, figures, made))
+    figures.finish()
+    write_whole(folder / PAGE, report_page(content, files if figures.wanted else {}, made))
 
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
@@ -149,27 +147,29 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
     return rendered("rock2d.design", "report.html.j2", context, {})
 
 
-def _figures(content: ReportContent) -> dict[str, Figure]:
+def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
+    """The function that draws each figure, and what it takes."""
     from rock2d.design.design_curve import design_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
+    from rock2d.graphics.tornado import tornado_figure
     from rock2d.graphics.trajectories import trajectories_figure
 
     run = content.sample
     ground, lines = run.cross_section, list(run.cross_section.measure_lines)
-    found = {"trajectories": run.plot()}
+    found: dict[str, tuple[Any, ...]] = {"trajectories": (trajectories_figure, *run.drawn_paths(run.title))}
     if (window := _window(run)) is not None:
-        found["embankment"] = trajectories_figure(ground, run.blocks, run.tracks, "At the embankment", window)
-    found["envelopes"] = envelopes_figure(ground, run.to_pandas("envelopes"))
-    found["stops"] = stops_figure(ground, run.to_pandas("stops"))
+        found["embankment"] = (trajectories_figure, *run.drawn_paths("At the embankment", window))
+    found["envelopes"] = (envelopes_figure, ground, run.to_pandas("envelopes"))
+    found["stops"] = (stops_figure, ground, run.to_pandas("stops"))
     if lines:
-        found["distributions"] = distributions_figure(run.to_pandas("crossings"), lines, run.blocks)
+        found["distributions"] = (distributions_figure, run.to_pandas("crossings"), lines, dict(run.blocks))
     if content.assessment is not None and len(content.assessment.sensitivity):
-        found["tornado"] = content.assessment.plot()
+        found["tornado"] = (tornado_figure, content.assessment.sensitivity)
     if content.answer is not None:
-        found["design"] = design_figure(content.answer)
+        found["design"] = (design_figure, content.answer)
     if content.models is not None:
-        found["models"] = range_figure(content.models)
+        found["models"] = (range_figure, content.models)
     return found
 
 

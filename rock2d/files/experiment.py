@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 
 from rock2d.errors import InputError, counted, listed
 from rock2d.files.checked_yaml import Checked, Document, did_you_mean, json_schema, mistake, shown
+from rock2d.files.csv_tables import write_csv
 from rock2d.files.folders import OutsideFolderError, atomic_folder, path_inside
 from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Name, block_keys
 from rock2d.files.text_files import read_text
@@ -250,7 +251,7 @@ def write_experiment_files(folder: Path, experiment: Experiment) -> None:
     kind = "trajectories" if experiment.trajectories is not None else "impacts"
     table = experiment.trajectories if experiment.trajectories is not None else experiment.impacts
     assert table is not None
-    table.to_csv(folder / f"{kind}.csv", index=False, lineterminator="\n")
+    write_csv(folder / f"{kind}.csv", table)
     cross_section = {
         "points_m": experiment.cross_section.points_m.tolist(),
         "zones": list(experiment.cross_section.zones),

@@ -57,8 +57,10 @@ def motion_limits(cross_section: CrossSection, x_m: Array, y_m: Array, radius_m:
     """
     x, y = np.asarray(x_m, float), np.asarray(y_m, float)
     seen = np.isfinite(x) & np.isfinite(y)
-    points = [np.column_stack([x[seen], y[seen]]), *cross_section.measure_lines.values()]
-    points = [p for p in points if len(p)]
+    x, y = x[seen], y[seen]
+    points = list(cross_section.measure_lines.values())
+    if len(x):
+        points.append(np.array([[x.min(), y.min()], [x.max(), y.max()]]))
     if not points:
         points = [cross_section.points_m]
     low = np.min([p.min(axis=0) for p in points], axis=0) - radius_m

@@ -6,27 +6,17 @@ Figures live outside any global state of matplotlib and show every text as it is
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.text import Text
+from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
 from rock2d.files.folders import atomic_file
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 LINESTYLES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.2)), (0, (6, 1.4, 1.5, 1.4)))
 TEXT_PT, SMALL_PT = 9.0, 7.5
 FILE_DPI = 200  # resolution of figures that are files
-
-
-class PlainFigure(Figure):
-    """A figure whose texts are shown as they are: a `$` in a name is no mathematics."""
-
-    def draw(self, renderer: Any) -> None:
-        for text in self.findobj(Text):
-            text.set_parse_math(False)
-        super().draw(renderer)
 
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
@@ -46,6 +36,10 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = FILE_DPI) -> Path:
 
 def blank_figure(wide_in: float, high_in: float) -> Figure:
     """An empty figure of this size in inches, outside any global state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from rock2d.graphics.plain_figure import PlainFigure
+
     figure = PlainFigure(figsize=(wide_in, high_in), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

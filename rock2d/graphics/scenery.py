@@ -257,7 +257,10 @@ def _line_label(
     along = (tip - root) / max(1e-9, float(np.hypot(*(tip - root))))
     storey = 1.2 * size[1]  # names of lines that are close together stand one above the other
     # no place of the name reaches farther from the tip
-    busy = busy[(np.abs(busy - tip) < gap + sum(size) + LABEL_STOREYS * storey + BUSY_PX).all(axis=1)]
+    reach = gap + sum(size) + LABEL_STOREYS * storey + BUSY_PX
+    busy_x, busy_y = busy[
+        (np.abs(busy[:, 0] - tip[0]) < reach) & (np.abs(busy[:, 1] - tip[1]) < reach)
+    ].T.copy()
     best, least = None, np.inf
     for order, (level, turn) in enumerate(itertools.product(range(LABEL_STOREYS), LABEL_TURNS_RAD)):
         c, s = np.cos(turn), np.sin(turn)
@@ -267,11 +270,14 @@ def _line_label(
         box = (x - 0.5 * size[0], y - 0.5 * size[1], x + 0.5 * size[0], y + 0.5 * size[1])
         outside = box[0] < bounds[0] or box[1] < bounds[1] or box[2] > bounds[2] or box[3] > bounds[3]
         hidden = _lowest(surface, box[0], box[2], -1e9) < box[3]  # reaches into the ground
-        low, high = np.array(box[:2]) - BUSY_PX, np.array(box[2:]) + BUSY_PX
-        crossed = ((busy > low) & (busy < high)).all(axis=1).sum()
         on_line = _distance(ends, np.array([x, y])) < 0.6 * size[1]
         cost = 1e6 * outside + 1e5 * sum(_overlap(box, other) for other in taken) + 1e4 * (hidden or on_line)
-        cost += 10.0 * min(crossed, 500) + order
+        cost += order
+        if cost >= least:
+            continue  # whatever it crosses
+        left, top, right, bottom = box[0] - BUSY_PX, box[1] - BUSY_PX, box[2] + BUSY_PX, box[3] + BUSY_PX
+        crossed = (busy_x > left) & (busy_x < right) & (busy_y > top) & (busy_y < bottom)
+        cost += 10.0 * min(int(crossed.sum()), 500)
         if cost < least:
             best, least = box, cost
     assert best is not None

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from rock2d.graphics.canvas import fitted_view
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish, handle
@@ -18,6 +17,7 @@ from rock2d.scene.cross_section import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 WIDE_IN, AXIS_IN, PANEL_IN = 7.5, 6.85, 1.5
 PERCENTILE_STYLES: dict[float, Any] = {50.0: (0, (1.5, 1.2)), 95.0: "-", 99.0: (0, (5, 1.6))}

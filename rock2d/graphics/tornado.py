@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
 from rock2d.graphics.palette import block_colours
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 LONGEST_LABEL = 44
 BAR_HIGH_IN, PANEL_WIDE_IN = 0.3, 3.2

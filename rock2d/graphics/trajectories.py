@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from rock2d.errors import InputError
 from rock2d.graphics.canvas import Limits, Viewport, fitted_view, motion_limits
@@ -17,6 +17,9 @@ from rock2d.records.columns import TIME
 from rock2d.records.track import Track
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = np.ndarray
 
@@ -34,16 +37,29 @@ STOP_MARKERS = {
 MOST_PATHS = 200  # paths per block in a figure
 
 
+def shown_tracks(tracks: Sequence[Track]) -> tuple[list[Track], Counter[str]]:
+    """The tracks that a figure of trajectories shows, and how many releases of each block there are."""
+    count: Counter[str] = Counter()
+    shown = []
+    for track in tracks:
+        count[track.block] += 1
+        if count[track.block] <= MOST_PATHS:
+            shown.append(track)
+    return shown, count
+
+
 def trajectories_figure(
     cross_section: CrossSection,
     blocks: Mapping[str, Block],
     tracks: Sequence[Track],
     title: str = "",
     window: Limits | None = None,
+    releases: Mapping[str, int] | None = None,
 ) -> Figure:
     """The cross-section with zones and measure lines, and the paths of the first MOST_PATHS releases; a panel a block.
 
     `window` (x_min, x_max, y_min, y_max in m): the part that is shown; default: where blocks move.
+    `releases` of each block, of which `tracks` are the first; default: these are all.
     Raises InputError if there are no tracks.
     """
     from matplotlib.collections import LineCollection
@@ -51,8 +67,9 @@ def trajectories_figure(
     names = [n for n in blocks if any(t.block == n for t in tracks)]
     if not names:
         raise InputError("a figure of trajectories needs at least one track of a known block")
+    tracks, count = shown_tracks(tracks)
     of_block = {n: [t for t in tracks if t.block == n] for n in names}
-    paths = {n: [positions_of(t) for t in own[:MOST_PATHS]] for n, own in of_block.items()}
+    paths = {n: [positions_of(t) for t in own] for n, own in of_block.items()}
     every = np.vstack([w for ws in paths.values() for w in ws])
     radius = max(blocks[n].radius_m for n in names)
     if window is not None:
@@ -69,7 +86,7 @@ def trajectories_figure(
     stops: set[str] = set()
     for i, (name, axis) in enumerate(zip(names, axes, strict=True)):
         draw_cross_section(axis, cross_section, view, np.vstack(paths[name]), axis_in)
-        own = of_block[name][:MOST_PATHS]
+        own = of_block[name]
         alpha = float(np.clip(6.0 / len(own), 0.35, 1.0))
         lines = LineCollection(paths[name], colors=colours[name], linewidths=0.9, alpha=alpha, zorder=3)
         axis.add_collection(lines, autolim=False)
@@ -83,9 +100,9 @@ def trajectories_figure(
                 *np.transpose(points), marker=STOP_MARKERS[stop][0], ms=4, mfc=colours[name], mec="white",
                 mew=0.5, ls="none", zorder=4, clip_on=False,
             )  # fmt: skip
-        count = len(of_block[name])
-        said = f"{count} release{'s' if count > 1 else ''}"
-        said = said if count <= MOST_PATHS else f"the first {MOST_PATHS} of {said}"
+        of = (releases or count)[name]
+        said = f"{of} release{'s' if of > 1 else ''}"
+        said = said if of <= MOST_PATHS else f"the first {MOST_PATHS} of {said}"
         axis.set_title(f"{name.replace('_', ' ')}, {said}", loc="left", fontsize=TEXT_PT)
         axis.set_ylabel(f"y ({length_unit(view.limits_m)[0]})")
         if i == len(names) - 1:

@@ -70,12 +70,16 @@ class Track:
             out[:, 3:] = np.where((t > k[0, TIME])[:, None], 0.0, out[:, 3:])
             return out
         i = np.clip(np.searchsorted(k[:, TIME], t, side="right") - 1, 0, len(k) - 2)
-        a, b = k[i], k[i + 1]
-        moving = np.where(
-            self.flight[i][:, None], ballistic(a, t - a[:, TIME], self.gravity_m_s2), _hermite(a, b, t)
+        before, free = t < k[-1, TIME], self.flight[i]
+        out = np.empty((t.size, k.shape[1] - 1))
+        flies, touches = np.flatnonzero(before & free), np.flatnonzero(before & ~free)
+        a = k[i[flies]]
+        out[flies] = ballistic(a, t[flies] - a[:, TIME], self.gravity_m_s2)
+        out[touches] = _hermite(k[i[touches]], k[i[touches] + 1], t[touches])
+        out[~before] = np.where(
+            (t[~before] == k[-1, TIME])[:, None], k[-1, 1:], np.concatenate([k[-1, 1:4], np.zeros(3)])
         )
-        last = np.where((t == k[-1, TIME])[:, None], k[-1, 1:], np.concatenate([k[-1, 1:4], np.zeros(3)]))
-        return np.where((t < k[-1, TIME])[:, None], moving, last)
+        return out
 
     def crossings(self, line: Array) -> Array:
         """States (m, 7: t first) where the centroid crosses the segment `line` (2, 2), in order of time.

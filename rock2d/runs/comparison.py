@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rock2d.files.experiment import Experiment
+    from rock2d.graphics.figure_files import Figures
     from rock2d.records.track import Track
 
 CHANNELS = {"x": "dx_m", "y": "dy_m", "theta": "dtheta_rad"}
@@ -86,11 +88,11 @@ def write_comparison(
     *,
     slow_motion: float,
     progress: bool,
+    figures: Figures,
 ) -> dict[str, pd.DataFrame]:
-    """Overlay and residual figures and a side-by-side video of a film and its restarted releases into `folder`;
-    returns the residual tables by name."""
+    """The residual tables of a film and its restarted releases by name; if figures are wanted, overlay and residual
+    figures and a side-by-side video into `folder`."""
     from rock2d.graphics.clips import clip_from_measured, clip_from_track
-    from rock2d.graphics.figure_style import save_figure
     from rock2d.graphics.overlays import overlay_figure
     from rock2d.graphics.residuals import residuals_figure
     from rock2d.graphics.video import side_by_side
@@ -104,10 +106,13 @@ def write_comparison(
     residuals = residual_table(measured, simulated.trajectories)
     noise = {"x": film.position_noise_m, "y": film.position_noise_m, "theta": film.angle_noise_rad}
     summary = residual_summary(residuals, tracks, noise)
+    tables = {"residuals": residuals, "residual_summary": summary}
+    if not figures.wanted:
+        return tables
     title = f"{film.name}: measured against simulated"
-    overlay = overlay_figure(cross_section, blocks, measured, tracks, title=title)
-    save_figure(overlay, folder / "overlay.png")
-    save_figure(residuals_figure(residuals, title), folder / "residuals.png")
+    overlay = partial(overlay_figure, title=title)
+    figures.save(folder / "overlay.png", overlay, cross_section, dict(blocks), measured, tracks)
+    figures.save(folder / "residuals.png", residuals_figure, residuals, title)
     shown = _typical(residuals)
     track = next(t for t in tracks if t.release == shown)
     with Bars(progress).stage("side by side", 0, "frames") as bar:
@@ -116,7 +121,7 @@ def write_comparison(
             [clip_from_measured(measured[measured["release"] == shown])], [clip_from_track(track)],
             VideoOptions(slow_motion=slow_motion, titles=(f"{film.name}, release {shown}",)), bar.reach,
         )  # fmt: skip
-    return {"residuals": residuals, "residual_summary": summary}
+    return tables
 
 
 def _typical(residuals: pd.DataFrame) -> int:

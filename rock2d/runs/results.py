@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rock2d.files.csv_tables import write_csv
 from rock2d.files.experiment import Experiment, write_experiment_files
 from rock2d.files.folders import atomic_folder
 from rock2d.files.scenario import Scenario
@@ -20,6 +21,8 @@ from rock2d.runs.simulation import TRAJECTORIES, Simulation
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rock2d.graphics.figure_files import Figures
 
 WRITING = "tables and figure"  # stage of a run
 
@@ -64,6 +67,7 @@ class RunResult(Simulation):
         *,
         progress: bool | Bars = False,
         also: Callable[[Path], None] = lambda folder: None,
+        figures: Figures | None = None,
     ) -> dict[str, pd.DataFrame]:
         """Write the results folder, whole or not at all.
 
@@ -81,6 +85,8 @@ class RunResult(Simulation):
             Show progress bars; or the bars of a command of which this is a stage.
         also : callable
             Writes further files into the folder that it is given, before the folder stands at its place.
+        figures : Figures, optional
+            When figures are drawn; default: at once. See `rock2d.graphics.figure_files`.
 
         Returns
         -------
@@ -93,12 +99,15 @@ class RunResult(Simulation):
             Code ``not_a_result`` if the folder holds anything else than a result of rock2d, ``not_writable`` if it
             cannot be written.
         """
-        from rock2d.graphics.figure_style import save_figure
+        from rock2d.graphics.figure_files import Figures
+        from rock2d.graphics.trajectories import trajectories_figure
 
-        scenario, bars = self.scenario, Bars.of(progress)
+        scenario, bars, figures = self.scenario, Bars.of(progress), figures or Figures()
         kept = [name for name in self.table_names() if name != TRAJECTORIES]
         with atomic_folder(folder) as partial:
             with bars.stage(WRITING, len(kept) + 2, "parts") as bar:
+                figures.save(partial / "trajectories.png", trajectories_figure, *self.drawn_paths(self.title))
+                bar.step("figure")
                 tables = {name: self.to_pandas(name) for name in bar.counted(kept)}
                 tables["starts"] = self._incident_states_table()
                 if self.drawn:
@@ -106,20 +115,20 @@ class RunResult(Simulation):
                 simulated = self.experiment()
                 write_experiment_files(partial, simulated)
                 bar.step("trajectories")
-                save_figure(self.plot(), partial / "trajectories.png")
-                bar.step("figure")
             if scenario.experiment is not None:
                 tables |= write_comparison(
                     scenario.experiment, simulated, self.tracks, partial,
                     slow_motion=scenario.outputs.slowed(max(t.end_s for t in self.tracks)), progress=bars.shown,
+                    figures=figures,
                 )  # fmt: skip
             for name, table in tables.items():
-                table.to_csv(partial / f"{name}.csv", index=False, lineterminator="\n")
+                write_csv(partial / f"{name}.csv", table)
             text = json.dumps(self._about(), indent=2) + "\n"
             (partial / "run.json").write_text(text, encoding="utf-8")
             also(partial)
             if video:
                 self.write_video(partial / "trajectories.webm", progress=bars.shown)
+            figures.finish()
         return tables
 
     def write_video(

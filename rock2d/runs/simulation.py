@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from rock2d.graphics.canvas import Limits
     from rock2d.laws.contact import ContactParameters
     from rock2d.laws.rebound import ReboundParameters
 
@@ -113,7 +114,14 @@ class Simulation:
         """
         from rock2d.graphics.trajectories import trajectories_figure
 
-        return trajectories_figure(self.cross_section, self.blocks, self.tracks, self.title)
+        return trajectories_figure(*self.drawn_paths(self.title))
+
+    def drawn_paths(self, title: str, window: Limits | None = None) -> tuple[Any, ...]:
+        """What `trajectories_figure` takes to show these releases, without the tracks that it does not draw."""
+        from rock2d.graphics.trajectories import shown_tracks
+
+        shown, releases = shown_tracks(self.tracks)
+        return self.cross_section, dict(self.blocks), shown, title, window, releases
 
     def __repr__(self) -> str:
         count = Counter(track.block for track in self.tracks)

@@ -62,9 +62,7 @@ class Assessment:
         missing = self.sensitivity.drop(self.told_apart.index)
         if not len(missing):
             return ""
-        where = [
-            f"{block} at {line}" for block, line in missing.groupby(["block", "line"], sort=False).groups
-        ]
+        where = list(dict.fromkeys(missing["block"] + " at " + missing["line"]))
         own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
         size = f"{own['sites'].iloc[0]} independent sites with {own['releases'].iloc[0]} releases"
         return (

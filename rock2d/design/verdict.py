@@ -85,7 +85,7 @@ def answer_sentence(answer: Answer, scenario: Scenario) -> str:
     target, high = answer.target, shown_judgement(answer).high
     block = max(high, key=lambda name: high[name])
     asked = target.text.rpartition(", at ")[0]
-    others = ", and fewer of the others" if len(high) > 1 else ""
+    others = ", and no more of the others" if len(high) > 1 else ""
     return (
         f"{_subject(answer, scenario)} {_verb(answer)} the target that {asked}: at {100 * target.confidence:.3g} % "
         f"confidence, up to {bound_text(high[block], target.frequency)} % of the {target.per} blocks of {block} do"

@@ -308,7 +308,9 @@ def least_size(
         return bisect(search, judged)
 
 
-def write_report(result: RunResult, folder: str | Path, *, assessment: Assessment | None = None) -> None:
+def write_report(
+    result: RunResult, folder: str | Path, *, assessment: Assessment | None = None, pdf: bool = False
+) -> None:
     """Write report.html, a page to read, print and hand in, with its figures and tables.
 
     Parameters
@@ -319,6 +321,8 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
         It is made if it is not there.
     assessment : Assessment, optional
         From `assess`: the page then also says what the possible sites do.
+    pdf : bool
+        Also write report.pdf.
 
     Raises
     ------
@@ -345,6 +349,6 @@ def write_report(result: RunResult, folder: str | Path, *, assessment: Assessmen
     remarks = unresolved_remarks(tables, scenario.longest_release_s())
     make_folder(folder)
     found = ReportContent(scenario, result, tables, remarks, assessment)
-    write_page(found, folder, "rock2d.write_report in Python")
+    write_page(found, folder, "rock2d.write_report in Python", pdf)
     if assessment is not None:
         assessment.write(folder)

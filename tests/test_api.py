@@ -121,7 +121,7 @@ def test_a_site_is_assessed_designed_and_reported(tmp_path):
     assert "<table" in assessment._repr_html_()
     rock2d.write_report(rock2d.run(site), tmp_path / "out" / "page", assessment=assessment)
     found = {path.name for path in (tmp_path / "out" / "page").iterdir()}
-    assert {"report.html", "envelopes.csv", "design_values.csv", "uncertainty.csv", "tornado.png"} <= found
+    assert {"report.html", "envelopes.csv", "design_values.csv", "uncertainty.csv", "reach.csv"} <= found
     page = (tmp_path / "out" / "page" / "report.html").read_text(encoding="utf-8")
     assert "rock2d.write_report in Python" in page and "over sampling and what is not known" in page
 

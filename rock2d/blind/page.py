@@ -25,7 +25,17 @@ from rock2d.blind.scoring import (
 )
 from rock2d.blind.size_errors import LARGEST_ERROR
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_RULE, PAGE_WARM, Section, blank_axes, page
+from rock2d.graphics.pages import (
+    PAGE_ACCENT,
+    PAGE_INK,
+    PAGE_RULE,
+    PAGE_WARM,
+    Section,
+    Table,
+    blank_axes,
+    drawn,
+    page,
+)
 from rock2d.statistics import share_text, wilson_interval
 
 if TYPE_CHECKING:
@@ -47,7 +57,7 @@ def write_page(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str, 
 
 
 def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -> Iterator[Section]:
-    yield Section(text=[
+    yield Section(texts=[
         f"SHA-256 of the sealed labels: `{digest}`",
         "The named set of a case holds the effects that the diagnosis names. A named effect is right if it, or one "
         "that it shares its name with, is hidden, whatever its strength. Brackets are 95 % Wilson intervals.",
@@ -55,15 +65,18 @@ def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -
     yield from _of_bases(found.get("by_base", {}))
     yield Section(
         "Single verdicts",
-        rows=[(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()],
+        tables=[
+            Table((), [(name.replace("_", " "), share_text(own)) for name, own in found["verdict"].items()])
+        ],
     )
     yield _calibration(found["inclusion"])
-    yield Section("Stated and actual inclusion", figure=_reliability(cases), image_format="svg")
+    title = "Stated and actual inclusion"
+    yield Section(title, pictures=[drawn(_reliability(cases), title, "svg")])
     yield _recall(found)
     yield Section(
         "Named effects that are hidden",
         [f"Cases without cause of which one is named: {share_text(found['nulls_with_a_cause_named'])}"],
-        rows=[(GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()],
+        tables=[Table((), [(GROUP_NAMES[k], share_text(v)) for k, v in found["precision"].items()])],
     )
     yield _releases(found["by_releases"])
     yield _outside(found["outside"])
@@ -74,7 +87,7 @@ def _sections(cases: Sequence[ScoredCase], found: dict[str, Any], digest: str) -
     yield from _closure(cases, found["closure"])
     yield from _predictions(found["predicted"])
     yield from _sizes(found["sizes"])
-    yield Section(text=[f"Median time for a case: {found['median_seconds']:.0f} s"])
+    yield Section(texts=[f"Median time for a case: {found['median_seconds']:.0f} s"])
 
 
 def _of_bases(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
@@ -91,7 +104,7 @@ def _of_bases(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
     ]  # fmt: skip
     head = ("base", f"named (signal-to-noise from {CLEAR_SIGNAL_TO_NOISE:g})", "single causes of these named first",
             "named effects right", "nulls with a cause named", "median size of the error")  # fmt: skip
-    yield Section("By base of the cases", rows=rows, head=head)
+    yield Section("By base of the cases", tables=[Table(head, rows)])
 
 
 def _clear_text(groups: dict[str, dict[str, dict[str, list[float]]]]) -> str:
@@ -112,7 +125,7 @@ def _predictions(found: dict[str, Any]) -> Iterator[Section]:
     ]
     head = ("hidden", "typical miss smaller by (median)", "tail not worse than the base law's")
     if rows:
-        yield Section("Predictions of held-out films", rows=rows, head=head)
+        yield Section("Predictions of held-out films", tables=[Table(head, rows)])
 
 
 def _calibration(found: dict[str, Any]) -> Section:
@@ -122,8 +135,9 @@ def _calibration(found: dict[str, Any]) -> Section:
         [f"Every case with every effect of the catalogue is a pair. A hidden effect with a signal-to-noise of its own "
          f"of at least {PRESENT_SIGNAL_TO_NOISE:g} is present, one below {ABSENT_SIGNAL_TO_NOISE:g} is absent. "
          f"{found['undecidable']} pairs between them are undecidable and left out. ECE: expected calibration error."],
-        rows=[(name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()],
-        head=CALIBRATION_HEAD,
+        tables=[Table(CALIBRATION_HEAD, [
+            (name, *(f"{own[key]:.4g}" for key in CALIBRATION_COLUMNS)) for name, own in rows.items()
+        ])],
     )  # fmt: skip
 
 
@@ -133,31 +147,27 @@ def _recall(found: dict[str, Any]) -> Section:
         for beside, counts in found["recall"].items()
         for count, own in counts.items()
     ] + [("named first (single causes)", found["first_right_single"])]
-    return Section(
-        "Hidden effects that are named",
-        rows=[
-            (level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]
-        ],
-        head=("signal-to-noise", *(name for name, _ in groups)),
-    )
+    rows = [(level, *(share_text(own[level]) for _, own in groups)) for level in found["first_right_single"]]
+    head = ("signal-to-noise", *(name for name, _ in groups))
+    return Section("Hidden effects that are named", tables=[Table(head, rows)])
 
 
 def _releases(found: dict[str, dict[str, list[float]]]) -> Section:
     head = ("releases", f"present effects named (signal-to-noise from {PRESENT_SIGNAL_TO_NOISE:g})",
             "named effects right", "nulls with a cause named")  # fmt: skip
     rows = [(name, *map(share_text, own.values())) for name, own in found.items()]
-    return Section("By number of releases", rows=rows, head=head)
+    return Section("By number of releases", tables=[Table(head, rows)])
 
 
 def _outside(found: dict[str, Any]) -> Section:
     return Section(
         "Causes from outside the catalogue",
         [f"Clear ones (signal-to-noise at least {CLEAR_SIGNAL_TO_NOISE:g}) against cases without."],
-        rows=[
+        tables=[Table((), [
             ("AUROC", f"{found['auroc']:.3g}"),
             (f"clear ones with a probability of at least {CLAIMED_PROBABILITY:g}", share_text(found["recall_clear"])),
             ("false alarms", share_text(found["false_alarms"])),
-        ],
+        ])],
     )  # fmt: skip
 
 
@@ -183,8 +193,8 @@ def _closure(cases: Iterable[ScoredCase], found: dict[str, Any]) -> Iterator[Sec
         f"claimed more than {margin} too much",
     )
     if rows:
-        figure = _closures(cases)
-        yield Section("Claimed and true closure", rows=rows, head=head, figure=figure, image_format="svg")
+        title = "Claimed and true closure"
+        yield Section(title, pictures=[drawn(_closures(cases), title, "svg")], tables=[Table(head, rows)])
 
 
 def _sizes(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
@@ -202,7 +212,7 @@ def _sizes(found: dict[str, dict[str, Any]]) -> Iterator[Section]:
             "95 % intervals that hold the hidden size")  # fmt: skip
     text = ("Where a parameter means the same in the catalogue and in the reality engine. Errors are relative to the "
             "hidden size; of factors, their logarithms are compared.")  # fmt: skip
-    yield Section("Sizes of named effects", [text], rows=rows, head=head)
+    yield Section("Sizes of named effects", [text], tables=[Table(head, rows)])
 
 
 def _reliability(cases: Sequence[ScoredCase]) -> Figure:

@@ -24,6 +24,11 @@ def command_line() -> str:
     return shlex.join(["rock2d", *sys.argv[1:]])
 
 
+PDF = click.option(
+    "--pdf", is_flag=True, help="Also write the page as report.pdf; needs pip install 'rock2d[pdf]'."
+)
+
+
 @click.command()
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--engine", "engines", multiple=True, type=ENGINE, help="Engine; may be given twice.")
@@ -35,6 +40,7 @@ def command_line() -> str:
               help="Folder of measured data (or the variable ROCK2D_DATA).")  # fmt: skip
 @click.option("--video", is_flag=True, help="Also film the first releases.")
 @click.option("--report", is_flag=True, help="Also write report.html, a page to read, print and hand in.")
+@PDF
 @click.option("--compare", is_flag=True,
               help="Also run the other law, rough or smooth ground, softer and harder soil, blocks of other shapes: "
               "how much depends on what nobody knows.")  # fmt: skip
@@ -54,7 +60,7 @@ def command_line() -> str:
               "(CSV) to write.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
-def run(scenarios, engines, out, data, video, report, compare, precision, predict, overwrite, quiet,
+def run(scenarios, engines, out, data, video, report, pdf, compare, precision, predict, overwrite, quiet,
         **options) -> None:  # fmt: skip
     """Run SCENARIOS (YAML) and write experiment folders, tables and figures.
 
@@ -74,7 +80,7 @@ def run(scenarios, engines, out, data, video, report, compare, precision, predic
     campaign = CampaignOptions(None, options["seed"], options["releases"], options["keep"])
     workers = Workers(options["workers"], options["scheduler"])
     resolved = run_scenarios(scenarios, out, campaign, workers, engines=engines, data_root=data, video=video,
-                             page_of=command_line() if report else None, predict=predict,
+                             page_of=command_line() if report or pdf else None, pdf=pdf, predict=predict,
                              compare=compare, precision=precision and precision / 100.0,
                              draw=not options["no_figures"],
                              overwrite=overwrite, progress=not quiet, report=click.echo)  # fmt: skip
@@ -138,6 +144,7 @@ def profile(file, out, overwrite, **options) -> None:
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
+@PDF
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def design(

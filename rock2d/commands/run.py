@@ -15,6 +15,7 @@ from rock2d.files.folders import check_replaced, write_whole
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import check_engine, engine_remarks
 from rock2d.graphics.figure_files import Figures, NoFigures, figures_beside
+from rock2d.graphics.printing import check_printer
 from rock2d.runs.before_after import before_after
 from rock2d.runs.campaigns.campaign import CampaignOptions, is_campaign, run_campaign
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
@@ -44,6 +45,7 @@ def run_scenarios(
     data_root: Path | None = None,
     video: bool = False,
     page_of: str | None = None,
+    pdf: bool = False,
     predict: Path | None = None,
     compare: bool = False,
     precision: float | None = None,
@@ -58,7 +60,8 @@ def run_scenarios(
     A scenario with a field test is a study of it, unless `engines` or a number of releases is given; then its blocks
     run on the mean section. `predict` is a table of releases to forecast instead, into the file `out`.
 
-    `page_of` is the command that the page report.html names; None for no page. `compare` runs the other models of
+    `page_of` is the command that the page report.html names; None for no page; with `pdf` the page is report.pdf, too.
+    `compare` runs the other models of
     `design.model_range`, too. With a `precision`, a run has as many releases as `runs.precision.releases_for` finds.
     Without `draw` there are tables, but no figures.
 
@@ -79,8 +82,22 @@ def run_scenarios(
         )
         return True
     request = RunRequest(
-        out, options, workers, engines, video, page_of, compare, precision, draw, overwrite, progress, report
+        out,
+        options,
+        workers,
+        engines,
+        video,
+        page_of,
+        pdf,
+        compare,
+        precision,
+        draw,
+        overwrite,
+        progress,
+        report,
     )
+    if pdf:
+        check_printer()
     for scenario in loaded:  # before any work
         request.check(scenario)
     resolved = [_run_scenario(scenario, request) for scenario in loaded]
@@ -97,6 +114,7 @@ class RunRequest:
     engines: Sequence[str]
     video: bool
     page_of: str | None
+    pdf: bool
     compare: bool
     precision: float | None
     draw: bool
@@ -230,7 +248,7 @@ def _run_in_memory(scenario: Scenario, engine: str, request: RunRequest) -> dict
                 from rock2d.design.report import REPORTED_TABLES
 
                 of_run = {name: result.to_pandas(name) for name in REPORTED_TABLES}
-                _write_page(result, of_run, found, partial, request.page_of, figures)
+                _write_page(result, of_run, found, partial, request, figures)
 
         folder = request.folder(scenario, engine)
         tables = result.write(folder, request.video, progress=bars, also=also, figures=figures)
@@ -273,7 +291,7 @@ def _run_campaign(scenario: Scenario, engine: str, request: RunRequest) -> dict[
     if request.page_of is not None:
         first = min(releases, SHOWN_OF_A_CAMPAIGN)
         sample = run(scenario, engine=engine, seed=options.seed, releases=first, progress=progress)
-        _write_page(sample, tables, found, folder, request.page_of, figures)
+        _write_page(sample, tables, found, folder, request, figures)
     return tables
 
 
@@ -289,14 +307,14 @@ class Findings:
 
     def show(self) -> None:
         """Print them."""
-        from rock2d.design.model_range import range_remarks
+        from rock2d.design.model_range import at_shown_lines, range_remarks
 
         if self.compared is not None:
             print(model_text(self.compared, "before and after the diagnosis", self.note))
         if self.assessment is not None:
             print(self.assessment.text())
         if self.models is not None:
-            print(model_text(self.models, "with other models", self.note))
+            print(model_text(at_shown_lines(self.models), "with other models", self.note))
             print("\n".join(["range over the models", *(f"  {line}" for line in range_remarks(self.models))]))
 
     def write(self, folder: Path, figures: Figures) -> None:
@@ -330,7 +348,7 @@ def _write_page(
     tables: dict[str, pd.DataFrame],
     found: Findings,
     folder: Path,
-    command: str,
+    request: RunRequest,
     figures: Figures,
 ) -> None:
     from rock2d.design.report import ReportContent, write_report
@@ -340,7 +358,7 @@ def _write_page(
     results = ReportContent(
         scenario, sample, tables, remarks, found.assessment, compared=found.compared, models=found.models
     )
-    write_report(results, folder, command, figures)
+    write_report(results, folder, request.page_of or "", request.pdf, figures)
 
 
 def _assessed(scenario: Scenario, engine: str, seed: int, progress: bool) -> Assessment | None:

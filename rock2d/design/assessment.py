@@ -37,22 +37,43 @@ class Assessment:
     sites: pd.DataFrame
 
     def write(self, folder: Path, figures: Figures | None = None) -> None:
-        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if anything varies, tornado.png; that by `figures`, or
-        at once."""
+        """Write uncertainty.csv, sensitivity.csv, sites.csv and, if the indices are known well enough, tornado.png;
+        that by `figures`, or at once."""
         from rock2d.graphics.figure_files import Figures
         from rock2d.graphics.tornado import tornado_figure
 
         tables = {"uncertainty": self.uncertain, "sensitivity": self.sensitivity, "sites": self.sites}
         for name, table in tables.items():
             write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
-        if len(self.sensitivity):
-            (figures or Figures()).save(folder / "tornado.png", tornado_figure, self.sensitivity)
+        if len(self.told_apart):
+            (figures or Figures()).save(folder / "tornado.png", tornado_figure, self.told_apart)
+
+    @property
+    def told_apart(self) -> pd.DataFrame:
+        """The rows of `sensitivity` that a figure can show: of blocks and lines where the errors are small enough."""
+        from rock2d.graphics.tornado import told_apart
+
+        return told_apart(self.sensitivity)
 
     def plot(self) -> Figure:
-        """How much of the spread of each passing frequency each unknown value makes."""
+        """How much of the spread of each passing frequency each unknown value makes, where `told_apart` knows it."""
         from rock2d.graphics.tornado import tornado_figure
 
-        return tornado_figure(self.sensitivity)
+        return tornado_figure(self.told_apart)
+
+    def sampling_remark(self) -> str:
+        """What to do where the sensitivity is not known well enough; empty if it is everywhere."""
+        missing = self.sensitivity.drop(self.told_apart.index)
+        if not len(missing):
+            return ""
+        where = list(dict.fromkeys(missing["block"] + " at " + missing["line"]))
+        own = self.uncertain[self.uncertain["quantity"] == FREQUENCY]
+        size = f"{own['sites'].iloc[0]} independent sites with {own['releases'].iloc[0]} releases"
+        return (
+            f"Which unknown value matters is not known for {listed(where)}: with {size} each, the errors of the Sobol "
+            "indices are as large as the indices. Increase `uncertainty.sites`, and `uncertainty.releases` where "
+            "sampling makes most of the spread."
+        )
 
     def __repr__(self) -> str:
         return (
@@ -63,7 +84,7 @@ class Assessment:
     def _repr_html_(self) -> str:
         from rock2d.graphics.notebook import embedded_figure, table_html
 
-        return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.sensitivity) else "")
+        return table_html(self.uncertain) + (embedded_figure(self.plot()) if len(self.told_apart) else "")
 
     def text(self) -> str:
         """Passing frequencies with their intervals, as a person reads them."""

@@ -18,6 +18,7 @@ from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import scenario_text, variant
 from rock2d.files.text_files import read_json
+from rock2d.graphics.printing import check_printer
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
@@ -42,16 +43,20 @@ def run_design(
     overwrite: bool = False,
     progress: bool = True,
     command: str = "rock2d.design in Python",
+    pdf: bool = False,
     report: Callable[[str], Any] = print,
 ) -> Answer:
     """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
 
-    The page, report.html, shows the least size, or the largest if none meets the target; it names the `command`.
+    The page, report.html and with `pdf` report.pdf, shows the least size, or the largest if none meets the target; it
+    names the `command`.
 
     An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
     """
     from rock2d.progress import Bars
 
+    if pdf:
+        check_printer()
     scenario = load_scenario(path)
     check_replaced(out, overwrite)
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
@@ -64,7 +69,7 @@ def run_design(
         with size_bars(search, bars, tolerance) as bar_of:
             answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
         with atomic_folder(out) as partial:
-            said = conclude(partial, search, answer, command, bars)
+            said = conclude(partial, search, answer, command, bars, pdf=pdf)
     report(said)
     report(f"written: {out}")
     return answer
@@ -117,6 +122,7 @@ def conclude(
     command: str,
     bars: Bars,
     others: Mapping[str, float] = MappingProxyType({}),
+    pdf: bool = False,
 ) -> str:
     """Write design.json, design.csv, least.yaml and the page of an answer with these values of `Search.over`, and say
     it."""
@@ -125,7 +131,7 @@ def conclude(
     about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
     _write(folder, search.scenario, answer, about)
     with bars.stage(PAGE, 1, "step") as bar:
-        taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command)
+        taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command, pdf)
         bar.update()
     return "\n".join([answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
 
@@ -189,13 +195,19 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
 
 
 def _write_page(
-    folder: Path, scenario: Scenario, answer: Answer, engine_and_seed: tuple[str, int], command: str
+    folder: Path,
+    scenario: Scenario,
+    answer: Answer,
+    engine_and_seed: tuple[str, int],
+    command: str,
+    pdf: bool,
 ) -> list[str]:
     """The page about the least size, or the largest if none meets the target, with the releases of its scenario.
 
-    Returns what the embankment must take, in words.
+    Returns what the embankment must take and which height governs, in words.
     """
     from rock2d.design.report import REPORTED_TABLES, ReportContent, demand_tiles, write_report
+    from rock2d.design.verdict import norm_sentence
     from rock2d.runs.engines import compiled_engine
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
@@ -208,5 +220,6 @@ def _write_page(
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
     results = ReportContent(chosen, sample, tables, remarks, answer=answer)
-    write_report(results, folder, command)
-    return [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
+    write_report(results, folder, command, pdf)
+    taken = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
+    return [*taken, *filter(None, [norm_sentence(results)])]

@@ -26,6 +26,7 @@ from rock2d.files.folders import atomic_folder, check_replaced
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import engine_remarks
 from rock2d.files.scenario_variants import variant
+from rock2d.graphics.printing import check_printer
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.scene.earthworks import earth_moved_m2
 
@@ -77,6 +78,7 @@ def run_least_volume(
     overwrite: bool = False,
     progress: bool = True,
     command: str = "rock2d.design in Python",
+    pdf: bool = False,
     report: Callable[[str], Any] = print,
 ) -> Combination:
     """Find the earthworks of least volume over `place` and the `others` (place, low, high).
@@ -89,6 +91,8 @@ def run_least_volume(
     from rock2d.graphics.figure_style import save_figure
     from rock2d.progress import Bars
 
+    if pdf:
+        check_printer()
     scenario = load_scenario(path)
     over = {name: (low, high) for name, low, high in others}
     _check(scenario, place, over)
@@ -115,7 +119,7 @@ def run_least_volume(
             table = combination_table(combinations)
             table.to_csv(partial / TABLE, index=False, lineterminator="\n")
             save_figure(volume_figure(combinations), partial / FIGURE)
-            said = conclude(partial, search, best.answer, command, bars, best.values)
+            said = conclude(partial, search, best.answer, command, bars, best.values, pdf)
     report(f"{volume_text(combinations)}\n\n{said}\nwritten: {out}")
     return best
 

@@ -151,6 +151,25 @@ def shown_lines(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
     return [*((line, shares) for line in crests), *((line, loads) for line in arriving)]
 
 
+def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of the lines that a designer asks for."""
+    return table[table["line"].isin([line for line, _ in shown_lines(table)])]
+
+
+def short_ranges(table: pd.DataFrame) -> dict[str, str]:
+    """Key of SHOWN -> from least to most over the models, of the block for which it is largest with each model."""
+    found = {}
+    for line, quantities in shown_lines(table):
+        for key in quantities:
+            column, *_, factor, words = SHOWN[key]
+            largest = factor * table[table["line"] == line].groupby("model")[column].max().dropna()
+            if len(largest) > 1:
+                unit = words.rpartition(", ")[2].split()[0]
+                least, most = three_digits(largest.min()), three_digits(largest.max())
+                found[key] = f"{least} to {most} {unit} over {len(largest)} models"
+    return found
+
+
 def range_remarks(table: pd.DataFrame) -> list[str]:
     """A sentence on each block and quantity: from least to most over the models, and with which."""
     found = []

@@ -8,11 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rock2d.design.design_values import demands, design_table, norm_remarks
+from rock2d.design.model_range import short_ranges
 from rock2d.design.report_tables import (
-    TextTable,
     block_rows,
     data_of,
     design_value_rows,
@@ -22,21 +20,24 @@ from rock2d.design.report_tables import (
     passing_rows,
     percentile_rows,
     quantity_text,
+    reach_rows,
     stop_rows,
     uncertain_rows,
 )
-from rock2d.design.uncertainty import FREQUENCY
+from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_block
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
 from rock2d.files.scenario_variants import scenario_text
 from rock2d.graphics.figure_files import Figures
+from rock2d.graphics.pages import Picture, Section, Table, embedded_picture
+from rock2d.graphics.printing import write_pdf
 from rock2d.graphics.rendering import Made, rendered
 from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
 from rock2d.runs.tables import table_note
-from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.scene.earthworks import ARRIVAL_LINE
 from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
@@ -45,8 +46,9 @@ if TYPE_CHECKING:
     from rock2d.design.assessment import Assessment
     from rock2d.design.least_size import Answer
 
-PAGE = "report.html"
+PAGE, PRINTED = "report.html", "report.pdf"
 REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
+LEAST_SHARE = 1e-6
 ZOOM_HEIGHTS = 3.0  # heights of the embankment that are shown before and behind it
 LIMITS = (
     "The section is plane: lateral spread is not modelled. Use a 3D trajectory code on a terrain model where blocks "
@@ -59,26 +61,6 @@ LIMITS = (
     "The factors of UNI 11211-4 were compared with a secondary source only, those of ONR 24810 with none: compare them "
     "with the text of the norm before use.",
 )
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure inside the page, with words for those who do not see it."""
-
-    source: str
-    alt: str
-    caption: str = ""
-
-
-@dataclass(frozen=True)
-class Section:
-    """A part of the page under a heading."""
-
-    title: str
-    texts: Sequence[str] = ()
-    pictures: Sequence[Picture] = ()
-    tables: Sequence[TextTable] = ()
-    points: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -105,6 +87,11 @@ class ReportContent:
     compared: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
 
+    @property
+    def fails(self) -> bool:
+        """Whether a target was asked for that no size meets."""
+        return self.answer is not None and self.answer.least is None
+
     @cached_property
     def diagnosis(self) -> list[str]:
         """What is to be said of the scenario's diagnosis."""
@@ -117,30 +104,37 @@ class ReportContent:
         return design_table(self.scenario, self.tables["percentiles"], uncertain)
 
 
-def write_report(content: ReportContent, folder: Path, command: str, figures: Figures | None = None) -> None:
-    """Write the figures, envelopes.csv, design_values.csv and report.html into an existing folder."""
+def write_report(
+    content: ReportContent, folder: Path, command: str, pdf: bool = False, figures: Figures | None = None
+) -> None:
+    """Write the figures, the tables of `_further_tables` and report.html, with `pdf` also report.pdf, into an existing
+    folder."""
     figures = figures or Figures()
     files = {name: figures.save(folder / f"{name}.png", *drawn) for name, drawn in _figures(content).items()}
     for name, table in _further_tables(content).items():
         write_whole(folder / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
     made = Made.now(command, f"{content.sample.seed} (of every random draw)")
     figures.finish()
-    write_whole(folder / PAGE, report_page(content, files if figures.wanted else {}, made))
+    page = report_page(content, files if figures.wanted else {}, made)
+    write_whole(folder / PAGE, page)
+    if pdf:
+        write_pdf(page, folder / PRINTED)
 
 
 def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made) -> str:
     """The page."""
     scenario = content.scenario
     context = {
-        "title": f"Rockfall at {scenario.name}", "made": made, "headline": _headline(content),
-        "about": scenario.about, "tiles": _tiles(content),
+        "project": scenario.project, "name": scenario.name, "made": made, "headline": headline(content),
+        "sentences": [text for text in (first_sentence(content), norm_sentence(content), scenario.about) if text],
+        "tiles": _tiles(content),
         "remarks": [
             *content.remarks, *(content.assessment.remarks() if content.assessment else ()),
             *source_remarks(content.tables),
             *(line for line in content.diagnosis if line.startswith("warning")),
             *(f"unusual: {doubt.text}" for doubt in doubts(scenario, content.sample.engine)),
         ],
-        "resolved": not content.remarks,
+        "verdict": "faults" if content.remarks else "unknown" if content.fails else "effect",
         "sections": [section for section in _sections(content, figures) if section is not None],
         "scenario_text": scenario_text(scenario),
     }  # fmt: skip
@@ -164,8 +158,8 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     found["stops"] = (stops_figure, ground, run.to_pandas("stops"))
     if lines:
         found["distributions"] = (distributions_figure, run.to_pandas("crossings"), lines, dict(run.blocks))
-    if content.assessment is not None and len(content.assessment.sensitivity):
-        found["tornado"] = (tornado_figure, content.assessment.sensitivity)
+    if content.assessment is not None and len(content.assessment.told_apart):
+        found["tornado"] = (tornado_figure, content.assessment.told_apart)
     if content.answer is not None:
         found["design"] = (design_figure, content.answer)
     if content.models is not None:
@@ -187,57 +181,42 @@ def _window(run: RunResult) -> tuple[float, float, float, float] | None:
 
 
 def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
-    found = {"envelopes": content.sample.to_pandas("envelopes")}
+    found = {name: content.sample.to_pandas(name) for name in ("envelopes", "reach")}
     if "percentiles" in content.tables:
         found["design_values"] = content.design_values
     return found
 
 
-def _worst(content: ReportContent) -> tuple[str, str, float, float, float] | None:
-    """Block, line and frequency [95 % interval] of the block that passes the last line most often."""
-    table: Any = content.tables.get("passing")
-    if content.assessment is not None:
-        own = content.assessment.uncertain
-        table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
-    if table is None or not len(table):
-        return None
-    line = CREST_LINE if (table["line"] == CREST_LINE).any() else str(table["line"].iloc[-1])
-    at_line = table[table["line"] == line]
-    row = at_line.loc[at_line["high95"].idxmax()]
-    return str(row["block"]), line, float(row["frequency"]), float(row["low95"]), float(row["high95"])
-
-
-def _headline(content: ReportContent) -> str:
-    answer, worst = content.answer, _worst(content)
-    if answer is not None and answer.least is None:
-        return f"No {answer.place} up to {answer.judgements[-1].size:.4g} meets the target"
-    if answer is not None:
-        return f"Least {answer.place}: {answer.least_text}"
-    if content.remarks:
-        return "Not resolved"
-    if worst is None:
-        return "Where blocks go"
-    block, line, share, low, high = worst
-    return f"{with_interval(share, low, high, 100.0)} % of {block} pass {line}"
-
-
 def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
-    run, worst, found = content.sample, _worst(content), []
+    """What, value, note of each tile. A tile with an answer shows the bound that is judged."""
+    run, worst, answer, found = content.sample, worst_block(content), content.answer, []
+    ranges = short_ranges(content.models) if content.models is not None else {}
     releases = int(content.tables["stops"]["releases"].sum()) if "releases" in content.tables.get(
         "stops", ()
     ) else len(run.tracks)  # fmt: skip
-    found.append(("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}"))
-    if content.answer is not None:
-        target = content.answer.target
-        aim = f"at {100 * target.confidence:.3g} % confidence pass {target.line}"
-        found.append(("Target", f"{100 * target.frequency:.3g} %", f"at most, {aim}"))
-    if worst is not None:
-        block, line, share, low, high = worst
+    if worst is not None and answer is not None:
+        target, (value, _, high) = answer.target, worst.frequency
+        found.append((
+            f"Share of {worst.block} that pass {worst.line}", f"≤ {bound_text(high, target.frequency)} %",
+            f"judged bound at {100 * target.confidence:.3g} % confidence; median {three_digits(100 * value)} %",
+        ))  # fmt: skip
+        found.append(("Target", f"≤ {100 * target.frequency:.3g} %", target.text))
+    elif worst is not None:
         over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
-        found.append(
-            (f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over)
-        )
-    return found + demand_tiles(content)
+        share = f"{with_interval(*worst.frequency, 100.0)} %"
+        tile = f"Share of {worst.block} that pass {worst.line}", share, over
+        found.append(_with_range(tile, ranges.get("frequency")))
+    demanded = [
+        _with_range(tile, ranges.get(key))
+        for tile, key in zip(demand_tiles(content), ("kinetic", "height"), strict=False)
+    ]
+    return [*found, *demanded, ("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}")]
+
+
+def _with_range(tile: tuple[str, str, str], over_models: str | None) -> tuple[str, str, str]:
+    """The tile with the range over the models in its note."""
+    what, value, note = tile
+    return (what, value, f"{note}; {over_models}") if over_models else tile
 
 
 def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
@@ -270,13 +249,11 @@ def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Secti
         noted(_line_section(content, figures)), noted(_design_section(content)),
         noted(_model_section(content, figures)), noted(_certainty_section(content, figures)),
         noted(_diagnosis_section(content)),
-        Section("Limits", points=LIMITS),
+        Section("Limits", items=LIMITS),
     ]  # fmt: skip
 
 
 def _picture(figures: Mapping[str, Path], name: str, alt: str, caption: str = "") -> list[Picture]:
-    from rock2d.graphics.pages import embedded_picture
-
     return [Picture(embedded_picture(figures[name]), alt, caption)] if name in figures else []
 
 
@@ -284,15 +261,20 @@ def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
     if content.answer is None:
         return None
     answer = content.answer
-    shown = TextTable(
+    shown = Table(
         (answer.place, "block", "median %", "bound %", "meets"),
         [
-            (f"{size:.4g}", block, three_digits(100 * median), three_digits(100 * high), "yes" if meets else "no")
+            (f"{size:.4g}", block, _percent(median), _percent(high), "yes" if meets else "no")
             for size, block, median, _, high, meets in answer.to_pandas().itertuples(index=False, name=None)
         ],
     )  # fmt: skip
     alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
+
+
+def _percent(share: float) -> str:
+    """In %, without numbers that no sample can show."""
+    return three_digits(100.0 * share) if share >= LEAST_SHARE else "0"
 
 
 def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Section:
@@ -322,7 +304,7 @@ def _assumption_section(content: ReportContent) -> Section:
     ]
     if scenario.uncertainty is not None:
         points += [f"Not known: {place}, {_drawn(draw)}" for place, draw in scenario.uncertainty.site.items()]
-    return Section("What was assumed", points=points)
+    return Section("What was assumed", items=points)
 
 
 def _drawn(draw: Any) -> str:
@@ -340,9 +322,18 @@ def _passing_section(content: ReportContent, figures: Mapping[str, Path]) -> Sec
         tables.append(passing_rows(content.tables["passing"]))
     if "stops" in content.tables:
         tables.append(stop_rows(content.tables["stops"]))
+    tables.append(
+        reach_rows(content.sample.to_pandas("reach"), content.sample.cross_section.embankment is not None)
+    )
     alt = "Histogram of the places at which releases ended, below the cross-section"
+    texts = [] if content.answer is None else [
+        "One sample, on the site as in the file. The verdict is judged over all possible sites: see above."
+    ]  # fmt: skip
     return Section(
-        "Do blocks pass, and where do they end", pictures=_picture(figures, "stops", alt), tables=tables
+        "Do blocks pass, and where do they end",
+        texts,
+        pictures=_picture(figures, "stops", alt),
+        tables=tables,
     )
 
 
@@ -354,7 +345,7 @@ def _slope_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
         f"; the 95th percentile of the energy reaches {three_digits(1e-3 * top.max())} kJ" if len(top) else ""
     )
     caption = "Band: 95 % interval of the 95th percentile. Heights are those of the centroid, vertically."
-    data = TextTable((), (), data=data_of("envelopes.csv", table))
+    data = Table((), (), data=data_of("envelopes.csv", table))
     return Section("Along the slope", pictures=_picture(figures, "envelopes", alt, caption), tables=[data])
 
 
@@ -406,8 +397,8 @@ def _model_section(content: ReportContent, figures: Mapping[str, Path]) -> Secti
     text = "One change at a time, the same releases. None of these models is known to be the right one."
     alt = f"Shares, energies and heights with each model; the first is the model {BASE}"
     return Section(
-        title, [text], _picture(figures, "models", alt), [model_rows(content.models, "models.csv")],
-        range_remarks(content.models),
+        title, [text], range_remarks(content.models), pictures=_picture(figures, "models", alt),
+        tables=[model_rows(content.models, "models.csv")],
     )  # fmt: skip
 
 
@@ -421,13 +412,14 @@ def _diagnosis_section(content: ReportContent) -> Section | None:
 def _certainty_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
     if content.assessment is None:
         return Section("How sure is that", texts=[_without_assessment(content)])
-    table: Any = content.assessment.sensitivity
+    assessment = content.assessment
+    table: Any = assessment.told_apart
     alt = "Tornado figure: the share of the variance of the passing frequency that each unknown value makes"
     if len(table):
         first = table.loc[table["total"].idxmax()]
-        alt += f"; the largest is {first['parameter']} with {100 * np.clip(first['total'], 0, 1):.0f} %"
+        alt += f"; the largest is {first['parameter']} with a total index of {first['total']:.2f}"
+    remark = assessment.sampling_remark()
     return Section(
-        "How sure is that",
-        pictures=_picture(figures, "tornado", alt),
-        tables=[uncertain_rows(content.assessment.uncertain)],
-    )
+        "How sure is that", [remark] if remark else [], pictures=_picture(figures, "tornado", alt),
+        tables=[uncertain_rows(assessment.uncertain)],
+    )  # fmt: skip

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,9 @@ from rock2d.design.norms import SOURCES
 from rock2d.design.uncertainty import SHARES
 from rock2d.files.scenario import Scenario
 from rock2d.graphics.downloads import Download, download
+from rock2d.graphics.pages import Table
 from rock2d.runs.engines import engine_named
+from rock2d.runs.indicators.reach import ENERGY_LINE, REACH
 from rock2d.runs.resolution import stop_counts
 from rock2d.runs.tables import PASSING_HEAD, passing_cells
 from rock2d.scene.soils import SOIL_CLASSES
@@ -26,19 +28,13 @@ NAMES = {
     "kinetic_J": "energy", "energy_J": "energy", "passing_height_m": "passing height", "height_m": "height",
     "speed_m_s": "speed", "mass_kg": "mass", **SHARES,
 }  # fmt: skip
+ANGLES = {REACH: "reach (Fahrböschung)", ENERGY_LINE: "energy line"}
+USUAL_REACH = (
+    "Of the blocks that fell in the Friuli earthquake of 1976, half stopped above 33.5°, 72 % above 32° and all above "
+    "28.5° (Onofri and Candian 1979, from secondary sources)."
+)
 UNITS = {"_m_s": "m/s", "_J": "J", "_kg": "kg", "_m": "m"}
 LARGE_J = 1000.0
-
-
-@dataclass(frozen=True)
-class TextTable:
-    """A table of texts; `data` are the full numbers, to download."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    title: str = ""
-    note: str = ""
-    data: Download | None = None
 
 
 def quantity_text(quantity: str, value: float, low: float, high: float) -> str:
@@ -62,9 +58,9 @@ def data_of(name: str, table: pd.DataFrame) -> Download:
     return download(name, list(table.columns), table.itertuples(index=False))
 
 
-def passing_rows(passing: pd.DataFrame) -> TextTable:
+def passing_rows(passing: pd.DataFrame) -> Table:
     """Passing frequencies in %, of the released and of the arriving blocks."""
-    return TextTable(
+    return Table(
         PASSING_HEAD, passing_cells(passing),
         note="Left: ended more than 5 block sizes from the start. Arrived: came to the arrival line. Intervals: 95 %, "
         "sampling only (Wilson). Unresolved releases count as passed in the upper bound.",
@@ -72,28 +68,48 @@ def passing_rows(passing: pd.DataFrame) -> TextTable:
     )  # fmt: skip
 
 
-def stop_rows(stops: pd.DataFrame) -> TextTable:
+def stop_rows(stops: pd.DataFrame) -> Table:
     """What the shares rest on: how releases ended."""
     counts = stop_counts(stops)
     rows = [(str(block), *(str(n) for n in own)) for block, own in counts.iterrows()]
-    return TextTable(("block", *map(str, counts.columns)), rows)
+    return Table(("block", *map(str, counts.columns)), rows)
 
 
-def percentile_rows(percentiles: pd.DataFrame) -> TextTable:
+def reach_rows(reach: pd.DataFrame, held: bool) -> Table:
+    """Angle of reach and energy line angle; `held`: an embankment stands on the ground."""
+    rows = []
+    for r in _rows(reach):
+        most = "≤ " if r.not_stopped else ""
+        angles = (three_digits(r.least_deg), with_interval(r.exceeded_by_95_deg, r.low95_deg, r.high95_deg))
+        rows.append((r.block, ANGLES[r.angle], str(r.left_source), str(r.not_stopped),
+                     *(f"{most}{angle}°" if angle[0] != "-" else "-" for angle in angles)))  # fmt: skip
+    note = (
+        "Slope of the line from the start of a block (energy line: from its energy head there) to its end; of the "
+        f"blocks that left their source. {USUAL_REACH}"
+    )
+    if held:
+        note += " The embankment holds blocks that would run farther: compare a run without it."
+    if reach["not_stopped"].any():
+        note += " ≤: some blocks left the cross-section or were cut short; they would run farther."
+    head = ("block", "angle", "left source", "not stopped", "flattest", "95 % of blocks stop above")
+    return Table(head, rows, "Angle of reach", note, data_of("reach.csv", reach))
+
+
+def percentile_rows(percentiles: pd.DataFrame) -> Table:
     """Percentiles of what passes each line."""
     rows = [
         (r.line, r.block, NAMES[r.quantity], f"{r.percentile:g} %", str(r.passed),
          quantity_text(r.quantity, r.value, r.low95, r.high95))
-        for r in _rows(percentiles)
+        for r in _rows(percentiles.dropna(subset="value"))
     ]  # fmt: skip
-    return TextTable(
+    return Table(
         ("line", "block", "quantity", "percentile", "passed", "value [95 % interval]"), rows,
-        note="Intervals: sampling only, free of assumptions. A dash: too few passings for that bound.",
+        note="Intervals: sampling only, free of assumptions. A percentile of too few passings is left out.",
         data=data_of("percentiles.csv", percentiles),
     )  # fmt: skip
 
 
-def design_value_rows(values: pd.DataFrame) -> TextTable:
+def design_value_rows(values: pd.DataFrame) -> Table:
     """Design values by norm."""
     rows = [
         (r.line, r.block, r.norm, NAMES[r.quantity],
@@ -102,15 +118,15 @@ def design_value_rows(values: pd.DataFrame) -> TextTable:
          r.factors)
         for r in _rows(values)
     ]  # fmt: skip
-    return TextTable(
+    return Table(
         ("line", "block", "norm", "quantity", "characteristic (95 %)", "design value", "verified", "factors"), rows,
         data=data_of("design_values.csv", values),
     )  # fmt: skip
 
 
-def norm_rows(scenario: Scenario) -> TextTable:
+def norm_rows(scenario: Scenario) -> Table:
     """The numbers of the norms, and who states them."""
-    return TextTable(
+    return Table(
         ("norm", "number", "here", "of the norm", "source 1", "source 2", "verified"), norm_table(scenario),
         "Numbers of the norms",
         note="Verified: two independent published sources state the values. The texts of the norms were not compared. "
@@ -118,7 +134,7 @@ def norm_rows(scenario: Scenario) -> TextTable:
     )  # fmt: skip
 
 
-def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
+def uncertain_rows(uncertain: pd.DataFrame) -> Table:
     """What is known over all possible sites."""
     rows = []
     for r in _rows(uncertain.dropna(subset="value")):
@@ -130,7 +146,7 @@ def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
         )
         share = f"{100 * r.share_not_known:.0f} %"
         rows.append((r.line, r.block, NAMES[base] + ("" if base in SHARES else ", 95 %"), shown, share))
-    return TextTable(
+    return Table(
         ("line", "block", "quantity", "median [95 % interval]", "not known"), rows,
         note="Not known: the share of the variance that comes from what is not known about the site; the rest is "
         "sampling.",
@@ -138,7 +154,7 @@ def uncertain_rows(uncertain: pd.DataFrame) -> TextTable:
     )  # fmt: skip
 
 
-def model_rows(compared: pd.DataFrame, name: str) -> TextTable:
+def model_rows(compared: pd.DataFrame, name: str) -> Table:
     """Design values with each of several models; `name` is that of the file with the full numbers."""
     rows = []
     for r in _rows(compared):
@@ -150,7 +166,7 @@ def model_rows(compared: pd.DataFrame, name: str) -> TextTable:
             (r.line, r.block, r.model, share, arriving, quantity_text("kinetic_J", *energy),
              quantity_text("passing_height_m", *height))
         )  # fmt: skip
-    return TextTable(
+    return Table(
         ("line", "block", "model", "% of released", "% of arriving", "energy, 95 %", "passing height, 95 %"), rows,
         note="The same releases with every model. Intervals: sampling only. A dash: too few blocks pass.",
         data=data_of(name, compared),
@@ -169,7 +185,7 @@ def model_text(table: pd.DataFrame, what: str, note: str = "") -> str:
     return f"{head}{f'; {note}' if note else ''}\n{text}"
 
 
-def block_rows(scenario: Scenario) -> TextTable:
+def block_rows(scenario: Scenario) -> Table:
     """The blocks."""
     rows = [
         (name, "population, median" if name in scenario.populations else block.shape,
@@ -177,11 +193,11 @@ def block_rows(scenario: Scenario) -> TextTable:
          f"{three_digits(block.inertia_kg_m2)} kg m²")
         for name, block in scenario.make_blocks().items()
     ]  # fmt: skip
-    return TextTable(("block", "shape", "size", "mass", "moment of inertia"), rows, "Blocks",
+    return Table(("block", "shape", "size", "mass", "moment of inertia"), rows, "Blocks",
                      "Size: diameter of the circle of equal area.")  # fmt: skip
 
 
-def parameter_tables(scenario: Scenario, engine: str) -> list[TextTable]:
+def parameter_tables(scenario: Scenario, engine: str) -> list[Table]:
     """Parameters of the engine's law in every zone, for every block for which they differ; and where they come from."""
     zones = scenario.make_cross_section().zone_names
     alike: list[tuple[Mapping[str, Any], list[str]]] = []  # parameters, and the blocks that have them
@@ -192,14 +208,14 @@ def parameter_tables(scenario: Scenario, engine: str) -> list[TextTable]:
             alike.append((of_zone, [block.name]))
         else:
             names_of.append(block.name)
-    tables: list[TextTable] = []
+    tables: list[Table] = []
     for of_zone, blocks in alike:
         own = {zone: asdict(of_zone.get(zone) or of_zone["default"]) for zone in zones}
         names = list(next(iter(own.values())))
         rows = [(zone, *(_parameter(values[name]) for name in names)) for zone, values in own.items()]
         title = f"Parameters of the {engine_named(engine).law} law"
         title += f": {', '.join(blocks)}" if len(alike) > 1 else ""
-        tables.append(TextTable(("zone", *names), rows, title))
+        tables.append(Table(("zone", *names), rows, title))
     if scenario.model.soils:
         tables.append(_soil_sources(scenario))
     return tables
@@ -211,10 +227,10 @@ def _parameter(value: Any) -> str:
     return value if isinstance(value, str) else three_digits(float(value))
 
 
-def _soil_sources(scenario: Scenario) -> TextTable:
+def _soil_sources(scenario: Scenario) -> Table:
     rows = []
     for zone, given in (scenario.model.soils or {}).items():
         soil = SOIL_CLASSES[given if isinstance(given, str) else given.like]
         changed = "" if isinstance(given, str) else " (with numbers of this file)"
         rows.append((zone, soil.name + changed, soil.source, soil.assumed))
-    return TextTable(("zone", "soil class", "source", "assumed"), rows, "Soil classes")
+    return Table(("zone", "soil class", "source", "assumed"), rows, "Soil classes")

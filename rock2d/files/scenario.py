@@ -27,6 +27,7 @@ from rock2d.files.field_test_keys import FieldTestKeys
 from rock2d.files.folders import OutsideFolderError, path_inside
 from rock2d.files.places import number_at
 from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
+from rock2d.files.project_keys import Project
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
@@ -55,6 +56,7 @@ class Scenario(Checked):
     assumed: list[str] = Field(
         default=[], description="Each value that is assumed, not published or measured"
     )
+    project: Project | None = Field(default=None, description="Head of the report that is handed in")
     gravity_m_s2: float = Field(default=9.81, ge=0, le=1000, description="Gravity in m/s²")
     engine: Literal["pymunk", "batch", "point_mass"] = Field(
         default="pymunk",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rock2d.graphics.downloads import Download
 from rock2d.graphics.rendering import rendered
 
 if TYPE_CHECKING:
@@ -23,36 +24,52 @@ SVG_DPI = 150  # resolution of the parts of an SVG that are pixels
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A figure inside a page (its data URI), with words for those who do not see it."""
+
+    source: str
+    alt: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; `data` are the full numbers, to download."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+    note: str = ""
+    data: Download | None = None
+
+
+@dataclass(frozen=True)
 class Section:
-    """A part of a page. What is missing is left out; all text is escaped, and what stands in backticks is code.
+    """A part of a page, in the order of its fields. What is missing is left out; all text is escaped, and what stands
+    in backticks of texts and items is code.
 
     Attributes
     ----------
-    text : paragraphs
-    items : bullets of a list
-    rows, head : cells of a table, and its column names
+    texts, items : paragraphs, and bullets of a list
     video : file beside the page
-    figure, image_format : figure below the rest, as "png" or "svg"
     """
 
     title: str = ""
-    text: Sequence[str] = ()
+    texts: Sequence[str] = ()
     items: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = ()
-    head: Sequence[str] = ()
     video: str = ""
-    figure: Figure | None = None
-    image_format: str = "png"
-
-    @property
-    def picture(self) -> str:
-        """The data URI of the figure."""
-        return "" if self.figure is None else embedded(self.figure, self.image_format)
+    pictures: Sequence[Picture] = ()
+    tables: Sequence[Table] = ()
 
 
 def page(title: str, sections: Sequence[Section]) -> str:
     """A whole page."""
     return rendered("rock2d.graphics", "sections.html.j2", {"title": title, "sections": sections}, {})
+
+
+def drawn(figure: Figure, alt: str, image_format: str = "png") -> Picture:
+    """A figure as a picture of a page."""
+    return Picture(embedded(figure, image_format), alt)
 
 
 def embedded(figure: Figure, image_format: str = "png") -> str:

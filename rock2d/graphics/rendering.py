@@ -61,6 +61,20 @@ def coded(line: str) -> Markup:
     return Markup("").join(out)
 
 
+def breakable(name: str) -> Markup:
+    """A name as HTML that may be broken behind its underscores."""
+    from markupsafe import Markup, escape
+
+    return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
+
+
+def css_text(text: str) -> Markup:
+    """A text as a string of a style sheet, which can hold no markup: all but letters and digits are escaped."""
+    from markupsafe import Markup
+
+    return Markup('"' + "".join(c if c.isalnum() else f"\\{ord(c):x} " for c in text) + '"')
+
+
 def rendered(
     package: str, template: str, context: Mapping[str, Any], filters: Mapping[str, Callable[..., Any]]
 ) -> str:
@@ -77,5 +91,5 @@ def rendered(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
         loader=jinja2.FunctionLoader(source),
     )  # fmt: skip
-    environment.filters |= {"coded": coded, **filters}
+    environment.filters |= {"breakable": breakable, "coded": coded, "css_text": css_text, **filters}
     return environment.get_template(template).render({"style": source("style.css"), **context})

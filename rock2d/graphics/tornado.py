@@ -17,9 +17,17 @@ LONGEST_LABEL = 44
 BAR_HIGH_IN, PANEL_WIDE_IN = 0.3, 3.2
 
 
+def told_apart(sensitivity: pd.DataFrame) -> pd.DataFrame:
+    """The rows of each block and line whose largest total index is larger than every 95 % error of them: what a tornado
+    figure can show."""
+    panels = sensitivity.groupby(["block", "line"])
+    return sensitivity[panels["total"].transform("max") > panels["total_error95"].transform("max")]
+
+
 def tornado_figure(sensitivity: pd.DataFrame) -> Figure:
     """Bars of the total Sobol index of each parameter with its 95 % error, a row of panels for each line and a panel
-    for each block; `sensitivity` as `design.uncertainty.sensitivity_table` gives it."""
+    for each block; `sensitivity` as `design.uncertainty.sensitivity_table` gives it. An index that is not larger than
+    its error has no bar."""
     blocks, lines = sensitivity["block"].unique(), sensitivity["line"].unique()
     mean = sensitivity.groupby("parameter")["total"].mean().sort_values()
     names = list(mean.index)
@@ -32,15 +40,21 @@ def tornado_figure(sensitivity: pd.DataFrame) -> Figure:
             chosen = (sensitivity["line"] == line) & (sensitivity["block"] == block)
             own = sensitivity[chosen].set_index("parameter").reindex(names)
             at = np.arange(len(names))
-            axis.barh(at, own["total"].clip(lower=0), color=colours[block], height=0.62)
-            axis.errorbar(
-                own["total"].clip(lower=0), at, xerr=own["total_error95"], fmt="none", ecolor="#333333", lw=1
-            )
+            known = own["total"].where(own["total"] > own["total_error95"])
+            axis.barh(at, known, color=colours[block], height=0.62)
+            axis.errorbar(own["total"], at, xerr=own["total_error95"], fmt="none", ecolor="#333333", lw=1)
             axis.set_title(f"{block}, {line}", fontsize=SMALL_PT + 1, loc="left")
             if not chosen.any():
-                axis.text(0.5, 0.5, "does not vary", transform=axis.transAxes, ha="center", fontsize=SMALL_PT)
+                axis.text(
+                    0.5,
+                    0.5,
+                    "not known, or does not vary",
+                    transform=axis.transAxes,
+                    ha="center",
+                    fontsize=SMALL_PT,
+                )
             axis.set_yticks(at, [_shortened(name) for name in names])
-            axis.set_xlim(0, 1.1)
+    axes[0, 0].set_xlim(0.0, 1.05 * max(1.0, (sensitivity["total"] + sensitivity["total_error95"]).max()))
     for axis in axes[-1]:
         axis.set_xlabel("share of the variance (total)")
     finish(figure, "What the spread of the passing frequency comes from")

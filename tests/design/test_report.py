@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
+import sys
 
+import pytest
+from click.testing import CliRunner
+
+from rock2d.cli import cli
 from rock2d.commands.run import run_scenarios
 from rock2d.design.report_tables import quantity_text
+from rock2d.errors import InputError
 from rock2d.runs.campaigns import campaign
 from rock2d.runs.campaigns.campaign import CampaignOptions, Workers
 from rock2d.wording import three_digits, with_interval
@@ -13,12 +18,15 @@ from tests.diagnosis.test_report import Page
 from tests.scenarios_of_tests import UNKNOWN, scenario_file
 
 COMMAND = "rock2d run 'a <b>.yaml' --report"
+PROJECT = """project: {title: "Road </style><script>", number: "a\\"; } b {", client: "<i>Town</i>", author: "A & B",
+          checked_by: "<b>C</b>", date: "2025-03-31"}
+"""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
-    odd = "about: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n"
+    odd = "about: A <script>slope</script> & a ball\nassumed: ['k_l is <guessed>']\n" + PROJECT
     path = scenario_file(out, "small", more=odd + UNKNOWN)
     run_scenarios([path], out, CampaignOptions(), Workers(), page_of=COMMAND, progress=False, report=str)
     return out / "small_batch"
@@ -29,7 +37,7 @@ def test_the_page_holds_figures_with_words_and_one_first_heading(folder):
     assert page.tags.count("h1") == 1
     assert page.tags.count("img") >= 6 and all(len(image["alt"]) > 30 for image in page.of("img"))
     assert "script" not in page.tags
-    for name in ("trajectories", "embankment", "envelopes", "stops", "distributions", "tornado"):
+    for name in ("trajectories", "embankment", "envelopes", "stops", "distributions"):
         assert (folder / f"{name}.png").stat().st_size > 5000
 
 
@@ -56,6 +64,68 @@ def test_the_page_and_the_tables_agree(folder):
         assert r.not_verified  # no value rests on numbers that two sources state
     assert text.count("<td>not verified</td>") == len(arrival) + 9
     assert "Rocscience, RocFall help" in text and "<td>set in the scenario</td>" not in text
+
+
+def test_the_head_has_the_project_and_lines_to_sign_escaped(folder):
+    text = (folder / "report.html").read_text()
+    page = Page(text)
+    assert not {"script", "i"} & set(page.tags) and page.tags.count("style") == 1
+    head = text[: text.index("<section>")]
+    for shown in (
+        "Road &lt;/style&gt;&lt;script&gt;",
+        "&lt;i&gt;Town&lt;/i&gt;",
+        "A &amp; B",
+        "&lt;b&gt;C&lt;/b&gt;",
+        "2025-03-31",
+    ):
+        assert shown in head
+    assert head.count("date, signature") == 2
+    style = text[text.index("<style>") : text.index("</style>")]
+    assert "Road" in style and "script>" not in style and 'a"' not in style
+
+
+def test_the_page_has_the_angle_of_reach(folder):
+    import pandas as pd
+
+    reach = pd.read_csv(folder / "reach.csv")
+    assert reach["angle"].tolist() == ["reach", "energy_line"]
+    assert f"{three_digits(reach['least_deg'][0])}°" in (folder / "report.html").read_text()
+
+
+def test_a_tornado_is_drawn_only_where_the_errors_are_smaller_than_the_bars(folder):
+    import pandas as pd
+
+    from rock2d.graphics.tornado import told_apart, tornado_figure
+
+    columns = ("block", "line", "parameter", "total", "total_error95")
+    rows = [("a", "crest", "k", 1.2, 0.3), ("a", "crest", "f", 0.1, 0.2), ("b", "crest", "k", 0.5, 0.1),
+            ("b", "crest", "f", 0.4, 0.6)]  # fmt: skip
+    table = told_apart(pd.DataFrame(rows, columns=list(columns)))
+    assert table["block"].unique().tolist() == ["a"]
+    axis = tornado_figure(table).axes[0]
+    assert axis.get_xlim()[1] > 1.5  # no index is cut off
+    assert sorted(bar.get_width() for bar in axis.patches if bar.get_width() == bar.get_width()) == [1.2]
+    known = len(told_apart(pd.read_csv(folder / "sensitivity.csv"))) > 0
+    assert (folder / "tornado.png").is_file() is known
+    assert known or "Increase <code>uncertainty.sites</code>" in (folder / "report.html").read_text()
+
+
+def test_without_weasyprint_the_command_stops_before_it_runs_anything(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    path = scenario_file(tmp_path, "small")
+    for command in (["run", path], ["design", path, "--range", "1", "3"]):
+        done = CliRunner().invoke(cli, [*map(str, command), "--pdf", "--out", str(tmp_path / "out")])
+        assert isinstance(done.exception, InputError) and done.exception.code == "missing_package"
+        assert str(done.exception) == "a PDF needs WeasyPrint: pip install 'rock2d[pdf]'"
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_page_is_printed_with_its_footer(folder, tmp_path):
+    pytest.importorskip("weasyprint")
+    from rock2d.graphics.printing import write_pdf
+
+    write_pdf((folder / "report.html").read_text(), tmp_path / "report.pdf")
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF-")
 
 
 @pytest.mark.parametrize(

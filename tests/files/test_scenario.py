@@ -17,7 +17,7 @@ from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
 from tests.hunt.mutations import mutate_bytes, mutate_data
 from tests.programs import place_of, refusal
-from tests.scenarios_of_tests import SHIPPED
+from tests.scenarios_of_tests import SHIPPED, scenario_file
 
 OF_MEASURED_DATA = ("real_squares", "tschamut")
 WITHOUT_DATA = sorted(path for path in SHIPPED.glob("*.yaml") if path.stem not in OF_MEASURED_DATA)
@@ -147,7 +147,7 @@ def test_long_and_unprintable_names_are_shortened_on_one_line(write):
         ("  sphere:", f"  {'s' * 1000}:"),
     ):
         message = refused(write(SMALL.replace(old, new)))
-        assert len(message) < 400 and message.isprintable(), message
+        assert len(message) < 450 and message.isprintable(), message
     message = refused(write(SMALL.replace("cube", "c" * 1000)))
     assert "at most 100 characters" in message and len(message) < 300
 
@@ -361,3 +361,18 @@ def test_earthworks_that_do_not_fit_the_ground_are_refused_with_their_place(writ
     message = refused(write(text.replace(old, new)))
     assert said in message
     assert re.search(r"yaml:\d+:\d+: ", message)
+
+
+@pytest.mark.parametrize(
+    "keys, message",
+    [("number: 12", "project.number: expected text, found 12; put it in quotes"),
+     ("date: 31.3.2025", "project.date: expected a date as 2025-03-31, found '31.3.2025'"),
+     ("date: 2025-02-30", "project.date: expected a date as 2025-03-31, found '2025-02-30'"),
+     ("titel: a", "project.titel: unknown key (did you mean 'title'?)")],
+)  # fmt: skip
+def test_the_head_of_the_report_is_text_with_a_date(tmp_path, keys, message):
+    path = scenario_file(tmp_path, "small", more=f"project: {{{keys}}}\n")
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    line = next(i for i, text in enumerate(path.read_text().splitlines(), 1) if text.startswith("project:"))
+    assert str(caught.value).startswith(f"{path}:{line}:") and message in str(caught.value)

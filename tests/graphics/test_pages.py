@@ -9,11 +9,12 @@ import numpy as np
 from PIL import Image
 
 from rock2d.graphics.figure_style import save_figure
-from rock2d.graphics.pages import Section, blank_axes, embedded, embedded_picture, page
+from rock2d.graphics.pages import Section, Table, blank_axes, drawn, embedded, embedded_picture, page
 
 
 def test_text_is_escaped_and_what_stands_in_backticks_is_code():
-    section = Section("<u>", ["a `<tt>` b"], ["<script>"], [("<i>", "&")], ("<h>", "x"), video="<v>.webm")
+    table = Table(("<h>", "x"), [("<i>", "&")])
+    section = Section("<u>", ["a `<tt>` b"], ["<script>"], "<v>.webm", tables=[table])
     shown = page("a <b>", [section])
     assert "<title>a &lt;b&gt;</title>" in shown and "<h2>&lt;u&gt;</h2>" in shown
     assert "<td>&lt;i&gt;</td><td>&amp;</td>" in shown and "<th>&lt;h&gt;</th>" in shown
@@ -37,7 +38,7 @@ def test_figures_are_inside_the_page():
     kind, data = embedded(figure).split(",")
     assert kind == "data:image/png;base64" and base64.b64decode(data).startswith(b"\x89PNG")
     assert embedded(figure, "svg") == embedded(figure, "svg")
-    assert "data:image/svg+xml" in page("a", [Section("title", figure=figure, image_format="svg")])
+    assert "data:image/svg+xml" in page("a", [Section("title", pictures=[drawn(figure, "words", "svg")])])
 
 
 def test_a_figure_from_its_file_is_the_figure_drawn_for_the_page(tmp_path):

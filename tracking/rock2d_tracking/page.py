@@ -10,7 +10,7 @@ import pandas as pd
 
 from rock2d.errors import counted
 from rock2d.files.folders import write_whole
-from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, blank_axes, page
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_RULE, Section, Table, blank_axes, drawn, page
 from rock2d.kinematics.film_findings import film_findings
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import flight_gravity
@@ -50,8 +50,8 @@ def write_page(
     rows = list(_summary(film, flights, impacts).items())
     sections = [
         Section(items=film.remarks),
-        Section("What the film says of itself", items=said, rows=rows, video="overlay.webm"),
-        *(Section(title, [text], figure=figure) for title, text, figure in figures),
+        Section("What the film says of itself", items=said, video="overlay.webm", tables=[Table((), rows)]),
+        *(Section(title, [text], pictures=[drawn(figure, title)]) for title, text, figure in figures),
     ]
     write_whole(path, page(f"{name}: tracked", sections))
 

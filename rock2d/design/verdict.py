@@ -1,0 +1,160 @@
+"""The answer of a report in plain words: what was asked, what holds, and the bound by which that is judged."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rock2d.design.report_tables import quantity_text
+from rock2d.design.uncertainty import FREQUENCY
+from rock2d.files.places import number_at
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.statistics import Estimate
+from rock2d.wording import three_digits, with_interval
+
+if TYPE_CHECKING:
+    from rock2d.design.least_size import Answer, Judgement
+    from rock2d.design.report import ReportContent
+    from rock2d.files.scenario import Scenario
+
+
+class Worst(NamedTuple):
+    """The block that passes the last line most often, and its frequency."""
+
+    block: str
+    line: str
+    frequency: Estimate
+
+
+def worst_block(content: ReportContent) -> Worst | None:
+    """By the upper bounds; of a search those that its verdict is judged by. None without a measure line."""
+    if content.answer is not None:
+        shown = shown_judgement(content.answer)
+        block = max(shown.high, key=lambda name: shown.high[name])
+        found = Estimate(shown.median[block], shown.low[block], shown.high[block])
+        return Worst(block, content.answer.target.line, found)
+    table: Any = content.tables.get("passing")
+    if content.assessment is not None:
+        own = content.assessment.uncertain
+        table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
+    if table is None or not len(table):
+        return None
+    line = CREST_LINE if (table["line"] == CREST_LINE).any() else str(table["line"].iloc[-1])
+    at_line = table[table["line"] == line]
+    row = at_line.loc[at_line["high95"].idxmax()]
+    return Worst(str(row["block"]), line, Estimate(*map(float, row[["frequency", "low95", "high95"]])))
+
+
+def shown_judgement(answer: Answer) -> Judgement:
+    """That of the least size, or of the largest if none meets the target."""
+    size = answer.judgements[-1].size if answer.least is None else answer.least
+    return next(judged for judged in answer.judgements if judged.size == size)
+
+
+def headline(content: ReportContent) -> str:
+    """The verdict in a few words."""
+    worst = worst_block(content)
+    if content.answer is not None:
+        return f"{_subject(content.answer, content.scenario)} {_verb(content.answer)} the target"
+    if content.remarks:
+        return "Not resolved"
+    if worst is None:
+        return "Where blocks go"
+    return f"{with_interval(*worst.frequency, 100.0)} % of {worst.block} pass {worst.line}"
+
+
+def first_sentence(content: ReportContent) -> str:
+    """What was asked, the answer, and how sure it is; empty without a measure line."""
+    worst = worst_block(content)
+    if content.answer is not None:
+        return answer_sentence(content.answer, content.scenario)
+    if worst is None:
+        return ""
+    over = "sampling" if content.assessment is None else "sampling and what is not known"
+    text = (
+        f"Of the released blocks of {worst.block}, which pass most often, {with_interval(*worst.frequency, 100.0)} % "
+        f"pass {worst.line} (95 % interval over {over})"
+    )
+    loads = [_governing(content, quantity) for quantity in ("energy_J", "height_m")]
+    if all(loads):
+        text += f"; what arrives asks for a design energy of {loads[0]} and a design height of {loads[1]}"
+    return f"{text}."
+
+
+def answer_sentence(answer: Answer, scenario: Scenario) -> str:
+    """The verdict of a search with its target and the upper bound that is judged."""
+    target, high = answer.target, shown_judgement(answer).high
+    block = max(high, key=lambda name: high[name])
+    asked = target.text.rpartition(", at ")[0]
+    others = ", and no more of the others" if len(high) > 1 else ""
+    return (
+        f"{_subject(answer, scenario)} {_verb(answer)} the target that {asked}: at {100 * target.confidence:.3g} % "
+        f"confidence, up to {bound_text(high[block], target.frequency)} % of the {target.per} blocks of {block} do"
+        f"{others}."
+    )
+
+
+def bound_text(bound: float, target: float) -> str:
+    """An upper bound in %, with as many digits as show on which side of the target it lies."""
+    shown = three_digits(100.0 * bound)
+    return shown if (float(shown) <= 100.0 * target) == (bound <= target) else f"{100.0 * bound:.12g}"
+
+
+def norm_sentence(content: ReportContent) -> str:
+    """The least height of a search beside the height that the norms ask for, and which governs; empty if no height was
+    sought or none arrives."""
+    answer, height = content.answer, _largest(content, "height_m")
+    if answer is None or height is None or not _is_height(answer):
+        return ""
+    norm, asked = f"{height.norm} asks for {_estimate_text(height)}", height.design
+    most = answer.judgements[-1].size
+    if answer.least is None:
+        own, governs = (
+            f"more than {most:.4g} m",
+            "the target" if asked <= most else "not known: enlarge the range",
+        )
+    elif asked > answer.least:
+        own, governs = answer.least_text.replace(" (", " m (", 1), "the norm"
+    else:
+        own = answer.least_text.replace(" (", " m (", 1)
+        governs = "not known: begin the range lower" if answer.is_bound else "the target"
+    where = f"above the ground at the line {height.line}"
+    return f"Height: the target asks for {own}, {norm} {where}. What governs: {governs}."
+
+
+def _subject(answer: Answer, scenario: Scenario) -> str:
+    """The size that is shown, as the subject of a sentence."""
+    size = shown_judgement(answer).size
+    text = f"{answer.place} = {size:.4g}"
+    if _is_height(answer) and scenario.document is not None:
+        x_m = number_at(scenario.document.data, f"{answer.place.removesuffix('height_m')}x_m")
+        text = f"An embankment {size:.4g} m high" + ("" if x_m is None else f" at x = {x_m:.4g} m")
+    if answer.least is None:
+        return f"{text}, the largest of the range,"
+    return f"{text}, where the range begins," if answer.is_bound else text
+
+
+def _verb(answer: Answer) -> str:
+    return "does not meet" if answer.least is None else "meets"
+
+
+def _is_height(answer: Answer) -> bool:
+    return answer.place.startswith("embankment.") and answer.place.endswith(".height_m")
+
+
+def _largest(content: ReportContent, quantity: str) -> Any:
+    """The row of the largest design value of a quantity over blocks and norms at the arrival line; None without one."""
+    if "percentiles" not in content.tables:
+        return None
+    table = content.design_values
+    own = table[(table["quantity"] == quantity) & (table["line"] == ARRIVAL_LINE)].dropna(subset="design")
+    return next(own.sort_values("design", ascending=False, kind="stable").itertuples(), None)
+
+
+def _estimate_text(row: Any) -> str:
+    return quantity_text(row.quantity, row.design, row.low95, row.high95)
+
+
+def _governing(content: ReportContent, quantity: str) -> str:
+    """The largest design value with its interval, norm and block; empty without one."""
+    row = _largest(content, quantity)
+    return "" if row is None else f"{_estimate_text(row)} ({row.norm}, {row.block})"

@@ -1,0 +1,34 @@
+"""Pages as PDF, by WeasyPrint, which is optional."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rock2d.errors import InputError
+from rock2d.files.folders import atomic_file
+
+EXTRA = "pip install 'rock2d[pdf]'"
+
+
+def check_printer() -> None:
+    """Raises InputError if WeasyPrint, or a library of the system that it needs, is not there."""
+    try:
+        import weasyprint  # noqa: F401
+    except ImportError:
+        raise InputError(
+            f"a PDF needs WeasyPrint: {EXTRA}", code="missing_package", package="weasyprint"
+        ) from None
+    except OSError as error:  # Pango is no Python package
+        message = f"WeasyPrint does not find a library that it needs: {str(error).splitlines()[0]}"
+        raise InputError(message, code="missing_package", package="weasyprint") from None
+
+
+def write_pdf(page: str, path: Path) -> None:
+    """A page as PDF; nothing is fetched from elsewhere."""
+    check_printer()
+    from weasyprint import HTML
+    from weasyprint.urls import URLFetcher
+
+    fetcher = URLFetcher(allowed_protocols={"data"})
+    with atomic_file(path) as part:
+        HTML(string=page, url_fetcher=fetcher).write_pdf(part)

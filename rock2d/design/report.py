@@ -35,7 +35,8 @@ from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
 from rock2d.runs.tables import table_note
-from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.scene.cross_section import CrossSection, Embankment
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line
 from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
@@ -158,8 +159,9 @@ def _figures(content: ReportContent) -> dict[str, Figure]:
     run = content.sample
     ground, lines = run.cross_section, list(run.cross_section.measure_lines)
     found = {"trajectories": run.plot()}
-    if (window := _window(run)) is not None:
-        found["embankment"] = trajectories_figure(ground, run.blocks, run.tracks, "At the embankment", window)
+    for name, words, bank in _embankments(ground):
+        window = _window(ground, bank)
+        found[name] = trajectories_figure(ground, run.blocks, run.tracks, f"At {words}", window)
     found["envelopes"] = envelopes_figure(ground, run.to_pandas("envelopes"))
     found["stops"] = stops_figure(ground, run.to_pandas("stops"))
     if lines:
@@ -173,12 +175,17 @@ def _figures(content: ReportContent) -> dict[str, Figure]:
     return found
 
 
-def _window(run: RunResult) -> tuple[float, float, float, float] | None:
-    """The surroundings of the embankment: x_min, x_max, y_min, y_max in m."""
-    bank = run.cross_section.embankment
-    if bank is None:
-        return None
-    own = run.cross_section.points_m[bank.left : bank.right + 1]
+def _embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
+    """Each embankment with the name of its figure and in words."""
+    banks = ground.embankments
+    if len(banks) == 1:
+        return [("embankment", "the embankment", banks[0])]
+    return [(f"embankment_{i}", f"embankment {i}", bank) for i, bank in enumerate(banks, start=1)]
+
+
+def _window(ground: CrossSection, bank: Embankment) -> tuple[float, float, float, float]:
+    """The surroundings of an embankment: x_min, x_max, y_min, y_max in m."""
+    own = ground.points_m[bank.left : bank.right + 1]
     reach = ZOOM_HEIGHTS * bank.height_m
     low, high = own.min(axis=0), own.max(axis=0)
     return (
@@ -193,18 +200,23 @@ def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
     return found
 
 
-def _worst(content: ReportContent) -> tuple[str, str, float, float, float] | None:
-    """Block, line and frequency [95 % interval] of the block that passes the last line most often."""
+def _worst(content: ReportContent) -> list[tuple[str, str, float, float, float]]:
+    """Block, line and frequency [95 % interval] of the block that passes most often: at the crest of each embankment
+    from uphill to downhill, at the last line where there is none."""
     table: Any = content.tables.get("passing")
     if content.assessment is not None:
         own = content.assessment.uncertain
         table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
     if table is None or not len(table):
-        return None
-    line = CREST_LINE if (table["line"] == CREST_LINE).any() else str(table["line"].iloc[-1])
-    at_line = table[table["line"] == line]
-    row = at_line.loc[at_line["high95"].idxmax()]
-    return str(row["block"]), line, float(row["frequency"]), float(row["low95"]), float(row["high95"])
+        return []
+    lines = list(map(str, table["line"].unique()))
+    found = []
+    for line in [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]:
+        at_line = table[table["line"] == line]
+        row = at_line.loc[at_line["high95"].idxmax()]
+        share, low, high = (float(row[name]) for name in ("frequency", "low95", "high95"))
+        found.append((str(row["block"]), line, share, low, high))
+    return found
 
 
 def _headline(content: ReportContent) -> str:
@@ -215,9 +227,9 @@ def _headline(content: ReportContent) -> str:
         return f"Least {answer.place}: {answer.least_text}"
     if content.remarks:
         return "Not resolved"
-    if worst is None:
+    if not worst:
         return "Where blocks go"
-    block, line, share, low, high = worst
+    block, line, share, low, high = worst[-1]
     return f"{with_interval(share, low, high, 100.0)} % of {block} pass {line}"
 
 
@@ -231,8 +243,7 @@ def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
         target = content.answer.target
         aim = f"at {100 * target.confidence:.3g} % confidence pass {target.line}"
         found.append(("Target", f"{100 * target.frequency:.3g} %", f"at most, {aim}"))
-    if worst is not None:
-        block, line, share, low, high = worst
+    for block, line, share, low, high in worst:
         over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
         found.append(
             (f"Share of {block} that pass {line}", f"{with_interval(share, low, high, 100.0)} %", over)
@@ -241,7 +252,7 @@ def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
 
 
 def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
-    """What the embankment must take: what it is, the largest value of all blocks with its interval, the block."""
+    """What each embankment must take: what it is, the largest value of all blocks with its interval, the block."""
     if "percentiles" not in content.tables:
         return []
     words = {
@@ -250,8 +261,12 @@ def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
     }
     uncertain = content.assessment.uncertain if content.assessment is not None else None
     return [
-        (words[quantity], quantity_text(quantity, *estimate), name)
-        for quantity, (name, estimate) in demands(content.tables["percentiles"], uncertain).items()
+        (
+            words[quantity] + ("" if number is None else f", embankment {number}"),
+            quantity_text(quantity, *estimate),
+            name,
+        )
+        for (number, quantity), (name, estimate) in demands(content.tables["percentiles"], uncertain).items()
     ]
 
 
@@ -302,7 +317,11 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
         f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the ways of the blocks; "
         f"height from {points[:, 1].min():.3g} to {points[:, 1].max():.3g} m"
     )
-    near = _picture(figures, "embankment", "The ways of the blocks at the embankment, enlarged")
+    near = [
+        picture
+        for name, words, _ in _embankments(run.cross_section)
+        for picture in _picture(figures, name, f"The ways of the blocks at {words}, enlarged")
+    ]
     return Section(
         "Site and blocks",
         pictures=[*_picture(figures, "trajectories", alt), *near],
@@ -373,14 +392,15 @@ def _design_section(content: ReportContent) -> Section | None:
     if "percentiles" not in content.tables:
         return None
     values = content.design_values
-    if (values["line"] == ARRIVAL_LINE).any():
-        values = values[values["line"] == ARRIVAL_LINE]
+    arriving = [is_line(line, ARRIVAL_LINE) for line in values["line"]]
+    if any(arriving):
+        values = values[arriving]
     if not len(values):
         return None
     text = (
-        "The embankment must take what arrives. Characteristic values are 95th percentiles of the blocks that pass the "
-        "line. Each block is a design block of its own; the mass is that of the scenario (of a population, the block "
-        "that is larger than 95 %)."
+        "An embankment must take what arrives at it. Characteristic values are 95th percentiles of the blocks that "
+        "pass the line. Each block is a design block of its own; the mass is that of the scenario (of a population, "
+        "the block that is larger than 95 %)."
     )
     tables = [design_value_rows(values), norm_rows(content.scenario)]
     texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]

@@ -30,7 +30,15 @@ from rock2d.files.posterior_table import FACTOR, Posterior, read_posterior
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, Ditches, DitchKeys, EmbankmentKeys, Embankments, Name
+from rock2d.files.setup_keys import (
+    BlockKeys,
+    CrossSectionKeys,
+    Ditches,
+    DitchKeys,
+    EmbankmentKeys,
+    Embankments,
+    Name,
+)
 from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection

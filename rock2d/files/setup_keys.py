@@ -131,7 +131,9 @@ Embankments = Annotated[
     | Annotated[dict[str, EmbankmentKeys], BeforeValidator(_numbers_from_1), Several],
     OneOrSeveral,
 ]
-Ditches = Annotated[Annotated[DitchKeys, Tag("<one>")] | Annotated[dict[str, DitchKeys], Several], OneOrSeveral]
+Ditches = Annotated[
+    Annotated[DitchKeys, Tag("<one>")] | Annotated[dict[str, DitchKeys], Several], OneOrSeveral
+]
 
 
 class _BlockModel(Checked):

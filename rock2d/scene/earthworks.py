@@ -133,7 +133,8 @@ def with_earthworks(
     from the uphill edge of the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's
     height. With a `number` it ends their names; the embankments with lower numbers are there already.
 
-    Raises EarthworkError if the parts do not meet the ground or another embankment, CrossSectionError if a measure line has their names.
+    Raises EarthworkError if the parts do not meet the ground or overlap another embankment, CrossSectionError if a
+    measure line has their names.
     """
     import shapely
 
@@ -243,7 +244,9 @@ def _replaced(
     return np.array(points), [*left, *zones, *right]
 
 
-def _feet_of_lines(arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes) -> dict[str, Array]:
+def _feet_of_lines(
+    arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes
+) -> dict[str, Array]:
     """Name -> foot of each measure line; `foot` is that of the facing."""
     feet = {ARRIVAL_LINE: arrival, CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:

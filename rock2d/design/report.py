@@ -264,7 +264,7 @@ def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
         (
             words[quantity] + ("" if number is None else f", embankment {number}"),
             quantity_text(quantity, *estimate),
-            name,
+            name if np.isfinite(estimate.value) else "too few blocks arrive",
         )
         for (number, quantity), (name, estimate) in demands(content.tables["percentiles"], uncertain).items()
     ]

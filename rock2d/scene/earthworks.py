@@ -91,7 +91,7 @@ def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -
             if before is not None and embankment.x_m <= before.x_m:
                 raise EarthworkError(
                     f"embankments are numbered from uphill to downhill, but the foot of number {number - 1} lies at "
-                    f"x = {before.x_m:.4g} m",
+                    f"x = {before.x_m:.6g} m",
                     "embankment",
                     "x_m",
                 )
@@ -192,8 +192,8 @@ def earth_moved_m2(natural: CrossSection, built: CrossSection) -> tuple[float, f
 def _refuse_overlap(x_m: float, free_x_m: float, number: int | None, part_and_key: tuple[str, str]) -> None:
     if number is not None and number > 1 and x_m < free_x_m:
         part, key = part_and_key
-        message = f"the {part} begins at x = {x_m:.4g} m, before embankment {number - 1} ends at x = {free_x_m:.4g} m"
-        raise EarthworkError(message, part, key)
+        ends = f"before embankment {number - 1} ends at x = {free_x_m:.6g} m"
+        raise EarthworkError(f"the {part} begins at x = {x_m:.6g} m, {ends}", part, key)
 
 
 def _run(height: float, slope_deg: float) -> float:

@@ -119,13 +119,15 @@ def profile(file, out, overwrite, **options) -> None:
 @click.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--vary", "place", default="embankment.height_m", show_default=True,
-              help="Place of the number in the scenario whose least value is sought.")  # fmt: skip
+              help="Place of the number in the scenario whose least value is sought; of several embankments "
+              "embankment.2.height_m.")  # fmt: skip
 @click.option("--range", "bounds", nargs=2, type=float, required=True, metavar="LOW HIGH",
               help="Least and greatest value, in the unit of the number.")  # fmt: skip
 @click.option("--over", "others", nargs=3, type=(str, float, float), multiple=True, metavar="PLACE LOW HIGH",
               help="Seek the least volume of earth, with another number between LOW and HIGH, too, for example "
               "embankment.uphill_deg 60 90; may be given up to three times.")  # fmt: skip
-@click.option("--line", default="crest", show_default=True, help="Measure line that blocks must not pass.")
+@click.option("--line", help="Measure line that blocks must not pass. Default: crest; crest_2 if --vary names a number "
+              "of embankment or ditch 2.")  # fmt: skip
 @click.option("--target", type=float, default=1.0, show_default=True, metavar="PERCENT",
               help="Largest share of the releases of each block that may pass.")  # fmt: skip
 @click.option("--per", type=click.Choice(["released", "arriving"]), default="released", show_default=True,
@@ -171,9 +173,10 @@ def design(
     Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
     """
     from rock2d.design.command import run_design
-    from rock2d.design.least_size import Target
+    from rock2d.design.least_size import Target, line_of_place
     from rock2d.design.least_volume import run_least_volume
 
+    line = line or line_of_place(place)
     aim = Target(line, target / 100.0, confidence / 100.0, per, 1e3 * (above_kj or 0.0), above_m)
     question = {"progress": not quiet, "command": command_line(), "report": click.echo, **options}
     if others:

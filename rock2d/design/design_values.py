@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rock2d.design.norms import (
     CHARACTERISTIC_PERCENTILE,
     NORM_NUMBERS,
@@ -17,7 +19,7 @@ from rock2d.design.norms import (
 )
 from rock2d.files.scenario import Scenario
 from rock2d.runs.indicators.percentiles import QUANTITIES
-from rock2d.scene.earthworks import ARRIVAL_LINE
+from rock2d.scene.earthworks import ARRIVAL_LINE, is_line, number_of_line
 from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
@@ -91,16 +93,16 @@ def _given(scenario: Scenario) -> dict[str, set[str]]:
 
 def demands(
     percentiles: pd.DataFrame, uncertain: pd.DataFrame | None = None
-) -> dict[str, tuple[str, Estimate]]:
-    """What the embankment must take: "kinetic_J" and "passing_height_m" -> the block with the largest 95th percentile
-    at the arrival line, and that percentile; {} without such a line."""
+) -> dict[tuple[int | None, str], tuple[str, Estimate]]:
+    """What each embankment must take: its number (None if there is one) and "kinetic_J" or "passing_height_m" -> the
+    block with the largest 95th percentile at its arrival line, and that percentile; {} without such a line."""
     found = characteristic_values(percentiles, uncertain)
-    arriving = {block: at_line for (block, line), at_line in found.items() if line == ARRIVAL_LINE}
-    out = {}
-    for quantity in ("kinetic_J", "passing_height_m"):
-        if arriving:
-            block = max(arriving, key=lambda name: arriving[name][quantity].value)
-            out[quantity] = block, arriving[block][quantity]
+    out: dict[tuple[int | None, str], tuple[str, Estimate]] = {}
+    for line in dict.fromkeys(line for _, line in found if is_line(line, ARRIVAL_LINE)):
+        for quantity in ("kinetic_J", "passing_height_m"):
+            arriving = {block: own[quantity] for (block, at), own in found.items() if at == line}
+            block = max(arriving, key=lambda name: np.nan_to_num(arriving[name].value, nan=-np.inf))
+            out[number_of_line(line), quantity] = block, arriving[block]
     return out
 
 

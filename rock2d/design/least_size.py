@@ -26,6 +26,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
 from rock2d.progress import Bar, Bars
 from rock2d.runs.engines import compiled_engine
+from rock2d.scene.earthworks import CREST_LINE, numbered
 from rock2d.statistics import Estimate
 
 if TYPE_CHECKING:
@@ -206,6 +207,9 @@ class Search:
             if self.scenario.uncertainty is not None and place in self.scenario.unknown():
                 message = f"{place} is sought and stands under uncertainty: take it away from one of them"
                 raise self.scenario.error(message, "uncertainty", "site", place, at="key", code="wrong_kind")
+        variant(
+            self.scenario, {place: low for place, (low, _) in self.ranges.items()}
+        )  # there are such numbers
         lines = self.scenario.make_cross_section().measure_lines
         if self.target.line not in lines:
             known = ", ".join(lines) or "none"
@@ -295,6 +299,13 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
         bands[block] = Estimate.within(float(np.median(passed.sum(axis=1) / n)), low, high)
     median, low_of, high_of = ({block: band[i] for block, band in bands.items()} for i in range(3))
     return Judgement(size, median, low_of, high_of, max(high_of.values()) <= target.frequency, unresolved)
+
+
+def line_of_place(place: str) -> str:
+    """The measure line that blocks must not pass if the number at this place is sought: the crest of its embankment."""
+    part, _, rest = place.partition(".")
+    number = rest.partition(".")[0] if part in ("embankment", "ditch") else ""
+    return numbered(CREST_LINE, int(number) if number.isdecimal() else None)
 
 
 def most_sizes(bounds: tuple[float, float], tolerance: float | None = None) -> int:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import with_data
 from rock2d.runs.before_after import Model, model_table
 from rock2d.runs.engines import ENGINES, compiled_engine
-from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line, number_of_line
 from rock2d.scene.soils import SOIL_CLASSES, rough_zones
 from rock2d.wording import three_digits
 
@@ -31,6 +32,7 @@ NATURAL = tuple(
 )  # from soft to hard
 SHAPES = ("circle", "square", "rectangle")
 RECTANGLE_ASPECT = 2.0
+PANELS_IN_A_ROW = 4
 SHOWN = {
     "frequency": ("frequency", "low95", "high95", 100.0, "passes, % of released"),
     "per_arriving": ("per_arriving", "per_arriving_low95", "per_arriving_high95", 100.0, "passes, % of arriving"),
@@ -143,12 +145,13 @@ def _reshape(data: Data, scenario: Scenario, shape: str) -> None:
 
 def shown_lines(table: pd.DataFrame) -> list[tuple[str, list[str]]]:
     """Line and quantities (keys of SHOWN) that a designer asks for: what arrives, and what passes the crest; without
-    an embankment at the last line of the file."""
+    an embankment at the last line of the file. Of several embankments one after the other."""
     lines = list(table["line"].unique())
-    arriving = [line for line in lines if line.startswith(ARRIVAL_LINE)] or lines[-1:]
-    crests = [line for line in lines if line.startswith(CREST_LINE)] or lines[-1:]
+    arriving = [line for line in lines if is_line(line, ARRIVAL_LINE)] or lines[-1:]
+    crests = [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]
     shares, loads = ["frequency", "per_arriving"], ["kinetic", "height"]
-    return [*((line, shares) for line in crests), *((line, loads) for line in arriving)]
+    shown = [*((line, shares) for line in crests), *((line, loads) for line in arriving)]
+    return sorted(shown, key=lambda own: number_of_line(own[0]) or 0)
 
 
 def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
@@ -156,8 +159,8 @@ def at_shown_lines(table: pd.DataFrame) -> pd.DataFrame:
     return table[table["line"].isin([line for line, _ in shown_lines(table)])]
 
 
-def short_ranges(table: pd.DataFrame) -> dict[str, str]:
-    """Key of SHOWN -> from least to most over the models, of the block for which it is largest with each model."""
+def short_ranges(table: pd.DataFrame) -> dict[tuple[str, str], str]:
+    """Line and key of SHOWN -> from least to most over the models, of the block that has most with each."""
     found = {}
     for line, quantities in shown_lines(table):
         for key in quantities:
@@ -166,7 +169,7 @@ def short_ranges(table: pd.DataFrame) -> dict[str, str]:
             if len(largest) > 1:
                 unit = words.rpartition(", ")[2].split()[0]
                 least, most = three_digits(largest.min()), three_digits(largest.max())
-                found[key] = f"{least} to {most} {unit} over {len(largest)} models"
+                found[line, key] = f"{least} to {most} {unit} over {len(largest)} models"
     return found
 
 
@@ -188,16 +191,21 @@ def range_remarks(table: pd.DataFrame) -> list[str]:
 
 
 def range_figure(table: pd.DataFrame) -> Figure:
-    """Each model with its 95 % interval of sampling: shares at the crest, energy and height on arrival."""
+    """Each model with its 95 % interval of sampling: shares at the crest, energy and height on arrival; a row for each
+    embankment."""
     from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
     from rock2d.graphics.palette import block_colours
 
     panels = [(line, key) for line, keys in shown_lines(table) for key in keys]
     models = list(table["model"].unique())[::-1]
     blocks = list(table["block"].unique())
-    figure = blank_figure(2.0 + 2.4 * len(panels), 1.0 + 0.34 * len(models))
-    axes = figure.subplots(1, len(panels), squeeze=False, sharey=True)[0]
-    for axis, (line, key) in zip(axes, panels, strict=True):
+    columns = min(len(panels), PANELS_IN_A_ROW)
+    rows = math.ceil(len(panels) / columns)
+    figure = blank_figure(2.0 + 2.4 * columns, 1.0 + 0.34 * len(models) * rows + 0.4 * (rows - 1))
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    for axis, (line, key) in zip(axes, panels, strict=False):
         column, low, high, factor, words = SHOWN[key]
         for i, (block, colour) in enumerate(block_colours(blocks).items()):
             own = (

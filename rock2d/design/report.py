@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rock2d.design.design_values import demands, design_table, norm_remarks
@@ -24,7 +26,7 @@ from rock2d.design.report_tables import (
     stop_rows,
     uncertain_rows,
 )
-from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_block
+from rock2d.design.verdict import bound_text, first_sentence, headline, norm_sentence, worst_blocks
 from rock2d.files.folders import write_whole
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_checks import doubts
@@ -37,7 +39,8 @@ from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.resolution import source_remarks
 from rock2d.runs.results import RunResult
 from rock2d.runs.tables import table_note
-from rock2d.scene.earthworks import ARRIVAL_LINE
+from rock2d.scene.cross_section import CrossSection, Embankment
+from rock2d.scene.earthworks import ARRIVAL_LINE, is_line, numbered
 from rock2d.wording import three_digits, with_interval
 
 if TYPE_CHECKING:
@@ -152,8 +155,8 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     run = content.sample
     ground, lines = run.cross_section, list(run.cross_section.measure_lines)
     found: dict[str, tuple[Any, ...]] = {"trajectories": (trajectories_figure, *run.drawn_paths(run.title))}
-    if (window := _window(run)) is not None:
-        found["embankment"] = (trajectories_figure, *run.drawn_paths("At the embankment", window))
+    for name, words, bank in _embankments(ground):
+        found[name] = (trajectories_figure, *run.drawn_paths(f"At {words}", _window(ground, bank)))
     found["envelopes"] = (envelopes_figure, ground, run.to_pandas("envelopes"))
     found["stops"] = (stops_figure, ground, run.to_pandas("stops"))
     if lines:
@@ -167,12 +170,17 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     return found
 
 
-def _window(run: RunResult) -> tuple[float, float, float, float] | None:
-    """The surroundings of the embankment: x_min, x_max, y_min, y_max in m."""
-    bank = run.cross_section.embankment
-    if bank is None:
-        return None
-    own = run.cross_section.points_m[bank.left : bank.right + 1]
+def _embankments(ground: CrossSection) -> list[tuple[str, str, Embankment]]:
+    """Each embankment with the name of its figure and in words."""
+    banks = ground.embankments
+    if len(banks) == 1:
+        return [("embankment", "the embankment", banks[0])]
+    return [(f"embankment_{i}", f"embankment {i}", bank) for i, bank in enumerate(banks, start=1)]
+
+
+def _window(ground: CrossSection, bank: Embankment) -> tuple[float, float, float, float]:
+    """The surroundings of an embankment: x_min, x_max, y_min, y_max in m."""
+    own = ground.points_m[bank.left : bank.right + 1]
     reach = ZOOM_HEIGHTS * bank.height_m
     low, high = own.min(axis=0), own.max(axis=0)
     return (
@@ -189,28 +197,29 @@ def _further_tables(content: ReportContent) -> dict[str, pd.DataFrame]:
 
 def _tiles(content: ReportContent) -> list[tuple[str, str, str]]:
     """What, value, note of each tile. A tile with an answer shows the bound that is judged."""
-    run, worst, answer, found = content.sample, worst_block(content), content.answer, []
+    run, answer, found = content.sample, content.answer, []
     ranges = short_ranges(content.models) if content.models is not None else {}
     releases = int(content.tables["stops"]["releases"].sum()) if "releases" in content.tables.get(
         "stops", ()
     ) else len(run.tracks)  # fmt: skip
-    if worst is not None and answer is not None:
+    over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
+    for worst in worst_blocks(content):
+        what = f"Share of {worst.block} that pass {worst.line}"
+        if answer is None:
+            tile = what, f"{with_interval(*worst.frequency, 100.0)} %", over
+            found.append(_with_range(tile, ranges.get((worst.line, "frequency"))))
+            continue
         target, (value, _, high) = answer.target, worst.frequency
         found.append((
-            f"Share of {worst.block} that pass {worst.line}", f"≤ {bound_text(high, target.frequency)} %",
+            what, f"≤ {bound_text(high, target.frequency)} %",
             f"judged bound at {100 * target.confidence:.3g} % confidence; median {three_digits(100 * value)} %",
         ))  # fmt: skip
         found.append(("Target", f"≤ {100 * target.frequency:.3g} %", target.text))
-    elif worst is not None:
-        over = "over sampling and what is not known" if content.assessment is not None else "sampling only"
-        share = f"{with_interval(*worst.frequency, 100.0)} %"
-        tile = f"Share of {worst.block} that pass {worst.line}", share, over
-        found.append(_with_range(tile, ranges.get("frequency")))
-    demanded = [
-        _with_range(tile, ranges.get(key))
-        for tile, key in zip(demand_tiles(content), ("kinetic", "height"), strict=False)
+    return [
+        *found,
+        *demand_tiles(content, ranges),
+        ("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}"),
     ]
-    return [*found, *demanded, ("Releases", f"{releases}", f"engine {run.engine}, seed {run.seed}")]
 
 
 def _with_range(tile: tuple[str, str, str], over_models: str | None) -> tuple[str, str, str]:
@@ -219,19 +228,27 @@ def _with_range(tile: tuple[str, str, str], over_models: str | None) -> tuple[st
     return (what, value, f"{note}; {over_models}") if over_models else tile
 
 
-def demand_tiles(content: ReportContent) -> list[tuple[str, str, str]]:
-    """What the embankment must take: what it is, the largest value of all blocks with its interval, the block."""
+def demand_tiles(
+    content: ReportContent, ranges: Mapping[tuple[str, str], str] = MappingProxyType({})
+) -> list[tuple[str, str, str]]:
+    """What each embankment must take: what it is, the largest value of all blocks with its interval, the block, and the
+    range over the models (line and key of `model_range.SHOWN` -> words)."""
     if "percentiles" not in content.tables:
         return []
     words = {
-        "kinetic_J": "Energy that arrives (95 %)",
-        "passing_height_m": "Height at which it arrives (95 %)",
+        "kinetic_J": ("Energy that arrives (95 %)", "kinetic"),
+        "passing_height_m": ("Height at which it arrives (95 %)", "height"),
     }
     uncertain = content.assessment.uncertain if content.assessment is not None else None
-    return [
-        (words[quantity], quantity_text(quantity, *estimate), name)
-        for quantity, (name, estimate) in demands(content.tables["percentiles"], uncertain).items()
-    ]
+    found = []
+    for (number, quantity), (block, estimate) in demands(content.tables["percentiles"], uncertain).items():
+        what, key = words[quantity]
+        tile = (
+            what + ("" if number is None else f", embankment {number}"), quantity_text(quantity, *estimate),
+            block if math.isfinite(estimate.value) else "too few blocks arrive",
+        )  # fmt: skip
+        found.append(_with_range(tile, ranges.get((numbered(ARRIVAL_LINE, number), key))))
+    return found
 
 
 def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Section | None]:
@@ -284,7 +301,11 @@ def _site_section(content: ReportContent, figures: Mapping[str, Path]) -> Sectio
         f"Cross-section from x = {points[0, 0]:.3g} to {points[-1, 0]:.3g} m with the ways of the blocks; "
         f"height from {points[:, 1].min():.3g} to {points[:, 1].max():.3g} m"
     )
-    near = _picture(figures, "embankment", "The ways of the blocks at the embankment, enlarged")
+    near = [
+        picture
+        for name, words, _ in _embankments(run.cross_section)
+        for picture in _picture(figures, name, f"The ways of the blocks at {words}, enlarged")
+    ]
     return Section(
         "Site and blocks",
         pictures=[*_picture(figures, "trajectories", alt), *near],
@@ -364,14 +385,15 @@ def _design_section(content: ReportContent) -> Section | None:
     if "percentiles" not in content.tables:
         return None
     values = content.design_values
-    if (values["line"] == ARRIVAL_LINE).any():
-        values = values[values["line"] == ARRIVAL_LINE]
+    arriving = [is_line(line, ARRIVAL_LINE) for line in values["line"]]
+    if any(arriving):
+        values = values[arriving]
     if not len(values):
         return None
     text = (
-        "The embankment must take what arrives. Characteristic values are 95th percentiles of the blocks that pass the "
-        "line. Each block is a design block of its own; the mass is that of the scenario (of a population, the block "
-        "that is larger than 95 %)."
+        "An embankment must take what arrives at it. Characteristic values are 95th percentiles of the blocks that "
+        "pass the line. Each block is a design block of its own; the mass is that of the scenario (of a population, "
+        "the block that is larger than 95 %)."
     )
     tables = [design_value_rows(values), norm_rows(content.scenario)]
     texts = [text, *(f"{line[0].upper()}{line[1:]}." for line in norm_remarks(content.scenario))]

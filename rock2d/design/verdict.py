@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rock2d.design.report_tables import quantity_text
 from rock2d.design.uncertainty import FREQUENCY
 from rock2d.files.places import number_at
-from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE
+from rock2d.scene.earthworks import ARRIVAL_LINE, CREST_LINE, is_line
 from rock2d.statistics import Estimate
 from rock2d.wording import three_digits, with_interval
 
@@ -25,23 +25,31 @@ class Worst(NamedTuple):
     frequency: Estimate
 
 
-def worst_block(content: ReportContent) -> Worst | None:
-    """By the upper bounds; of a search those that its verdict is judged by. None without a measure line."""
+def worst_blocks(content: ReportContent) -> list[Worst]:
+    """By the upper bounds, at the crest of each embankment from uphill to downhill, or at the last line; of a search at
+    the line of its target those bounds that its verdict is judged by. Empty without a measure line."""
     if content.answer is not None:
         shown = shown_judgement(content.answer)
         block = max(shown.high, key=lambda name: shown.high[name])
         found = Estimate(shown.median[block], shown.low[block], shown.high[block])
-        return Worst(block, content.answer.target.line, found)
+        return [Worst(block, content.answer.target.line, found)]
     table: Any = content.tables.get("passing")
     if content.assessment is not None:
         own = content.assessment.uncertain
         table = own[own["quantity"] == FREQUENCY].rename(columns={"value": "frequency"})
     if table is None or not len(table):
-        return None
-    line = CREST_LINE if (table["line"] == CREST_LINE).any() else str(table["line"].iloc[-1])
-    at_line = table[table["line"] == line]
-    row = at_line.loc[at_line["high95"].idxmax()]
-    return Worst(str(row["block"]), line, Estimate(*map(float, row[["frequency", "low95", "high95"]])))
+        return []
+    lines = list(map(str, table["line"].unique()))
+    rows = [
+        table.loc[table[table["line"] == line]["high95"].idxmax()]
+        for line in [line for line in lines if is_line(line, CREST_LINE)] or lines[-1:]
+    ]
+    return [
+        Worst(
+            str(row["block"]), str(row["line"]), Estimate(*map(float, row[["frequency", "low95", "high95"]]))
+        )
+        for row in rows
+    ]
 
 
 def shown_judgement(answer: Answer) -> Judgement:
@@ -52,23 +60,24 @@ def shown_judgement(answer: Answer) -> Judgement:
 
 def headline(content: ReportContent) -> str:
     """The verdict in a few words."""
-    worst = worst_block(content)
+    worst = worst_blocks(content)
     if content.answer is not None:
         return f"{_subject(content.answer, content.scenario)} {_verb(content.answer)} the target"
     if content.remarks:
         return "Not resolved"
-    if worst is None:
+    if not worst:
         return "Where blocks go"
-    return f"{with_interval(*worst.frequency, 100.0)} % of {worst.block} pass {worst.line}"
+    return f"{with_interval(*worst[-1].frequency, 100.0)} % of {worst[-1].block} pass {worst[-1].line}"
 
 
 def first_sentence(content: ReportContent) -> str:
     """What was asked, the answer, and how sure it is; empty without a measure line."""
-    worst = worst_block(content)
+    found = worst_blocks(content)
     if content.answer is not None:
         return answer_sentence(content.answer, content.scenario)
-    if worst is None:
+    if not found:
         return ""
+    worst = found[-1]
     over = "sampling" if content.assessment is None else "sampling and what is not known"
     text = (
         f"Of the released blocks of {worst.block}, which pass most often, {with_interval(*worst.frequency, 100.0)} % "
@@ -146,7 +155,8 @@ def _largest(content: ReportContent, quantity: str) -> Any:
     if "percentiles" not in content.tables:
         return None
     table = content.design_values
-    own = table[(table["quantity"] == quantity) & (table["line"] == ARRIVAL_LINE)].dropna(subset="design")
+    arriving = table[table["line"].map(lambda line: is_line(line, ARRIVAL_LINE))]
+    own = arriving[arriving["quantity"] == quantity].dropna(subset="design")
     return next(own.sort_values("design", ascending=False, kind="stable").itertuples(), None)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.effects.fitted_effect import FittedEffect
-from rock2d.scene.cross_section import CrossSection, ditch_facets
+from rock2d.scene.cross_section import CrossSection, Embankment, ditch_before
 from rock2d.scene.world import World
 from rock2d.wording import number
 
@@ -36,15 +36,24 @@ def as_built(
     """The cross-section with the uphill facing turned about its foot by `facing_rad` (steeper if positive), its heights
     and the rest of the embankment kept, and the ditch's vertices raised by `ditch_level` × the embankment's height.
 
-    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Ground without an
-    embankment is inclined as a whole about its middle and raised by `ditch_level` × `size_m`, the size of the blocks.
+    Turning is a shear: a vertex at height h above the foot moves along x by h (cot α' - cot α). Each of several
+    embankments is turned, and its ditch raised. Ground without an embankment is inclined as a whole about its middle
+    and raised by `ditch_level` × `size_m`, the size of the blocks.
     """
-    rise = cross_section.embankment
     points = cross_section.points_m.copy()
-    if rise is None:
+    if not cross_section.embankments:
         middle = 0.5 * (points[0, 0] + points[-1, 0])
         points[:, 1] += ditch_level * size_m + np.tan(facing_rad) * (points[:, 0] - middle)
         return CrossSection(points, cross_section.zones, cross_section.measure_lines)
+    for bank in cross_section.embankments:
+        _turn(points, bank, facing_rad)
+        ditch = np.arange(len(cross_section.zones))[ditch_before(cross_section, bank)]
+        points[np.union1d(ditch, ditch + 1), 1] += ditch_level * bank.height_m
+    return CrossSection(points, cross_section.zones, cross_section.measure_lines)
+
+
+def _turn(points: np.ndarray, rise: Embankment, facing_rad: float) -> None:
+    """Turn a facing about its foot, in place."""
     run, height = points[rise.crest] - points[rise.left]
     angle = np.clip(np.arctan2(height, run) + facing_rad, np.deg2rad(5.0), STEEPEST_RAD)
     shear = 1.0 / np.tan(angle) - run / height
@@ -52,9 +61,6 @@ def as_built(
     shear = min(shear, (1.0 - CREST_LEFT) * (room - points[rise.crest, 0]) / height)
     face = slice(rise.left + 1, rise.crest + 1)
     points[face, 0] += shear * (points[face, 1] - points[rise.left, 1])
-    ditch = np.flatnonzero(ditch_facets(cross_section))
-    points[np.union1d(ditch, ditch + 1), 1] += ditch_level * rise.height_m
-    return CrossSection(points, cross_section.zones, cross_section.measure_lines)
 
 
 def remedy(fitted: FittedEffect) -> str:

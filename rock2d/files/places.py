@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 DataPath = tuple[str | int, ...]  # keys and list indices from the top of the data
@@ -47,3 +48,12 @@ def number_at(data: Any, place: str) -> float | None:
     path = place_of(data, place)
     value = None if path is None else value_at(data, path)
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def places_of_numbers(data: Any, above: str = "") -> Iterator[str]:
+    """The places of all numbers in the data of a file."""
+    if isinstance(data, (dict, list)):
+        for step, own in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from places_of_numbers(own, f"{above}.{step}".lstrip("."))
+    elif isinstance(data, (int, float)) and not isinstance(data, bool):
+        yield above

@@ -31,11 +31,19 @@ from rock2d.files.project_keys import Project
 from rock2d.files.scatter_keys import Population, RoughnessKeys
 from rock2d.files.scenario_checks import check_scenario, doubts
 from rock2d.files.scenario_keys import DesignValueKeys, FromExperiment, Incident, Laws, Outputs
-from rock2d.files.setup_keys import BlockKeys, CrossSectionKeys, DitchKeys, EmbankmentKeys, Name
+from rock2d.files.setup_keys import (
+    BlockKeys,
+    CrossSectionKeys,
+    Ditches,
+    DitchKeys,
+    EmbankmentKeys,
+    Embankments,
+    Name,
+)
 from rock2d.files.uncertainty_keys import Uncertainty
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.scene.earthworks import with_earthworks
+from rock2d.scene.earthworks import with_earthworks, with_numbered_earthworks
 from rock2d.scene.site_scales import site_time_limit_s
 
 if TYPE_CHECKING:
@@ -78,10 +86,15 @@ class Scenario(Checked):
     field_test: FieldTestKeys | None = Field(
         default=None, description="Measured releases on a slope; the ground is the terrain along their ways"
     )
-    embankment: EmbankmentKeys | None = Field(
-        default=None, description="An embankment that stands on the cross-section"
+    embankment: Embankments | None = Field(
+        default=None,
+        description="An embankment that stands on the cross-section; of several: number -> embankment, 1, 2, ... from "
+        "uphill to downhill",
     )
-    ditch: DitchKeys | None = Field(default=None, description="A ditch before the embankment")
+    ditch: Ditches | None = Field(
+        default=None,
+        description="A ditch before the embankment; of several embankments: number of the embankment -> ditch",
+    )
     blocks: dict[Name, BlockKeys] | None = Field(
         default=None, min_length=1, description="Block name -> its profile; may be left out likewise"
     )
@@ -181,11 +194,19 @@ class Scenario(Checked):
         return site_time_limit_s(self.make_cross_section(), self.gravity_m_s2)
 
     def make_cross_section(self) -> CrossSection:
-        """The cross-section: the scenario's own, else the experiment's; with the embankment and the ditch."""
+        """The cross-section: the scenario's own, else the experiment's; with the embankments and the ditches."""
         ground = self.natural_ground()
         if self.embankment is None:
             return ground
-        return with_earthworks(ground, self.embankment.make(), self.ditch.make() if self.ditch else None)
+        if isinstance(self.embankment, EmbankmentKeys):
+            ditch = self.ditch.make() if isinstance(self.ditch, DitchKeys) else None
+            return with_earthworks(ground, self.embankment.make(), ditch)
+        ditches = self.ditch if isinstance(self.ditch, dict) else {}
+        works = {
+            int(number): (own.make(), ditches[number].make() if number in ditches else None)
+            for number, own in self.embankment.items()
+        }
+        return with_numbered_earthworks(ground, works)
 
     def natural_ground(self) -> CrossSection:
         """The cross-section without embankment and ditch."""

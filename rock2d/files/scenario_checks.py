@@ -50,18 +50,34 @@ def check_scenario(scenario: Scenario) -> None:
 
 
 def _check_earthworks(scenario: Scenario) -> None:
-    if scenario.ditch is not None and scenario.embankment is None:
-        message = "a ditch lies before an embankment: missing key 'embankment'"
-        raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
+    _check_ditches(scenario)
     try:
         scenario.make_cross_section()
     except EarthworkError as error:
-        raise scenario.error(str(error), error.part, error.key, code="bad_cross_section") from None
+        number = () if error.number is None else (str(error.number),)
+        raise scenario.error(str(error), error.part, *number, error.key, code="bad_cross_section") from None
     except CrossSectionError as error:
         place = (error.line,) if error.line is not None else ()
         raise scenario.error(
             str(error), "cross_section", error.key, *place, code="bad_cross_section"
         ) from None
+
+
+def _check_ditches(scenario: Scenario) -> None:
+    """Refuse a ditch that lies before no embankment."""
+    embankment, ditch = scenario.embankment, scenario.ditch
+    if ditch is None:
+        return
+    if embankment is None:
+        message = "a ditch lies before an embankment: missing key 'embankment'"
+        raise scenario.error(message, "ditch", at="key", code="missing_key", key="embankment")
+    if isinstance(embankment, dict) and not isinstance(ditch, dict):
+        message = "before which of the embankments? Write {1: {width_m: ...}} before number 1"
+        raise scenario.error(message, "ditch", at="key", code="wrong_kind")
+    for number in ditch if isinstance(ditch, dict) else ():
+        if not isinstance(embankment, dict) or number not in embankment:
+            message = f"there is no embankment {shown(number)} before which it could lie"
+            raise scenario.error(message, "ditch", number, at="key", code="unknown_name", name=number)
 
 
 def _check_plausible(scenario: Scenario) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rock2d.errors import InputError
-from rock2d.files.places import DataPath, number_at, place_of, value_at
+from rock2d.files.checked_yaml import did_you_mean
+from rock2d.files.places import DataPath, number_at, place_of, places_of_numbers, value_at
 from rock2d.files.scenario import Scenario, checked_scenario
 
 
@@ -49,7 +50,8 @@ def variant(scenario: Scenario, values: Mapping[str, float], *, uncertain: bool 
     for place, value in values_of_file.items():
         path = place_of(data, place)
         if path is None or number_at(data, place) is None:
-            raise document.error(f"there is no number at {place}", *place.split("."), code="unknown_name")
+            message = f"there is no number at {place}{did_you_mean(place, places_of_numbers(data))}"
+            raise document.error(message, *place.split("."), code="unknown_name")
         here = value_at(data, path[:-1])
         whole = isinstance(here[path[-1]], int) and float(value).is_integer()
         here[path[-1]] = int(value) if whole else float(value)

@@ -110,6 +110,32 @@ class DitchKeys(Checked):
         return DitchSizes(**self.model_dump())
 
 
+def _one_or_several(value: Any) -> str:
+    """Which form of `embankment` or `ditch` stands in a file: the sizes of one, or number -> sizes."""
+    several = isinstance(value, dict) and any(isinstance(own, (dict, Checked)) for own in value.values())
+    return "<several>" if several else "<one>"
+
+
+def _numbers_from_1(value: Any) -> Any:
+    for key in value:
+        if key not in map(str, range(1, len(value) + 1)):
+            message = "embankments are numbered 1, 2, 3, ... from uphill to downhill, without a gap"
+            raise mistake(message, key, at="key", code="unknown_key", key=key)
+    return value
+
+
+OneOrSeveral = Discriminator(_one_or_several)
+Several = Tag("<several>")
+Embankments = Annotated[
+    Annotated[EmbankmentKeys, Tag("<one>")]
+    | Annotated[dict[str, EmbankmentKeys], BeforeValidator(_numbers_from_1), Several],
+    OneOrSeveral,
+]
+Ditches = Annotated[
+    Annotated[DitchKeys, Tag("<one>")] | Annotated[dict[str, DitchKeys], Several], OneOrSeveral
+]
+
+
 class _BlockModel(Checked):
     """The keys of every block; those of its shape come from `rock2d.scene.shapes`."""
 

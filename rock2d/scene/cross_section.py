@@ -7,7 +7,8 @@ the ground; smaller turns are joints of a smooth surface.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -23,6 +24,7 @@ SMOOTH_TURN_RAD = np.deg2rad(5.0)
 LEAST_EMBANKMENT_RELIEF = 0.02  # share of the cross-section's relief: what rises less is roughness
 # share of an embankment's height: what rises less above the ground beside it is ditch or run-out
 LEVEL_GROUND_SHARE = 0.05
+FACING_ZONE, CREST_ZONE, BACK_ZONE = "uphill_face", "crest", "downhill_face"
 SHORTEST_FACET = 1e-9  # share of the cross-section's extent
 
 
@@ -153,6 +155,13 @@ class CrossSection:
         plain slope."""
         return _highest_embankment(self.points_m[:, 1])
 
+    @cached_property
+    def embankments(self) -> tuple[Embankment, ...]:
+        """All embankments from left to right: those of which the zones carry numbers (`crest_1`, `crest_2`, ...), else
+        the one that is found by its shape, if any."""
+        found = tuple(_numbered_embankments(self.points_m[:, 1], np.array(self.zones, object)))
+        return found or ((self.embankment,) if self.embankment is not None else ())
+
     def height_m(self, x_m: Array) -> Array:
         """Highest surface height at positions `x_m`; NaN beside the cross-section."""
         x = np.asarray(x_m, float)
@@ -252,34 +261,37 @@ def _refuse_crossing(points: Array) -> None:
 
 
 def embankment_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the embankment: see `CrossSection.embankment`. None on a floor or a plain slope."""
+    """(n,) bool, the facets of all embankments: see `CrossSection.embankments`. None on a floor or a plain slope."""
     found = np.zeros(len(cross_section.zones), bool)
-    if cross_section.embankment is not None:
-        found[cross_section.embankment.left : cross_section.embankment.right] = True
+    for bank in cross_section.embankments:
+        found[bank.left : bank.right] = True
     return found
 
 
 def facing_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the embankment's facing, its left flank, which blocks run up. None on a floor or a plain
-    slope."""
+    """(n,) bool, the facets of the embankments' facings, their left flanks, which blocks run up. None on a floor or a
+    plain slope."""
     found = np.zeros(len(cross_section.zones), bool)
-    if cross_section.embankment is not None:
-        found[cross_section.embankment.left : cross_section.embankment.crest] = True
+    for bank in cross_section.embankments:
+        found[bank.left : bank.crest] = True
     return found
 
 
 def ditch_facets(cross_section: CrossSection) -> Array:
-    """(n,) bool, the facets of the ditch: the level ground at the foot of the embankment's left flank, if any."""
+    """(n,) bool, the facets of the ditches: see `ditch_before`."""
     found = np.zeros(len(cross_section.zones), bool)
-    if cross_section.embankment is not None:
-        y, foot = cross_section.points_m[:, 1], cross_section.embankment.left
-        first = foot
-        while (
-            first > 0 and abs(y[first - 1] - y[foot]) < LEVEL_GROUND_SHARE * cross_section.embankment.height_m
-        ):
-            first -= 1
-        found[first:foot] = True
+    for bank in cross_section.embankments:
+        found[ditch_before(cross_section, bank)] = True
     return found
+
+
+def ditch_before(cross_section: CrossSection, bank: Embankment) -> slice:
+    """The facets of the ditch of an embankment: the level ground at the foot of its left flank; empty if none is."""
+    y, foot = cross_section.points_m[:, 1], bank.left
+    first = foot
+    while first > 0 and abs(y[first - 1] - y[foot]) < LEVEL_GROUND_SHARE * bank.height_m:
+        first -= 1
+    return slice(first, foot)
 
 
 def facet_zones(cross_section: CrossSection, facets: Array) -> Array:
@@ -296,6 +308,19 @@ class Embankment(NamedTuple):
     crest_end: int
     right: int
     height_m: float
+
+
+def _numbered_embankments(y: Array, zones: Array) -> Iterator[Embankment]:
+    """The embankments that zones with the numbers 1, 2, ... name."""
+    for number in itertools.count(1):
+        face, crest, back = (
+            np.flatnonzero(zones == f"{part}_{number}") for part in (FACING_ZONE, CREST_ZONE, BACK_ZONE)
+        )
+        if not (len(face) and len(crest) and len(back)):
+            return
+        left, right = int(face[0]), int(back[-1]) + 1
+        height = float(y[crest[0]] - max(y[left], y[right]))
+        yield Embankment(left, int(crest[0]), int(crest[-1]) + 1, right, height)
 
 
 def _highest_embankment(y: Array) -> Embankment | None:

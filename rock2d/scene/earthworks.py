@@ -1,30 +1,41 @@
-"""Embankment and ditch on a natural slope: their points, zones and measure lines follow from a few sizes.
+"""Embankments and ditches on a natural slope: their points, zones and measure lines follow from a few sizes.
 
 The ground rises to the left, blocks come from there. The embankment's facing starts at its foot (x, ground height), the
 ditch lies before it: the facing goes down to the bottom of the ditch, whose uphill wall rises to the natural slope.
+Where there are several, they have numbers from 1 on, from uphill to downhill, which end the names of their zones and
+measure lines: `crest_2`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from rock2d.scene.cross_section import SHORTEST_FACET, CrossSection, CrossSectionError
+from rock2d.scene.cross_section import (
+    BACK_ZONE,
+    CREST_ZONE,
+    FACING_ZONE,
+    SHORTEST_FACET,
+    CrossSection,
+    CrossSectionError,
+)
 
 Array = np.ndarray
 
-FACING_ZONE, CREST_ZONE, BACK_ZONE, DITCH_ZONE = "uphill_face", "crest", "downhill_face", "ditch"
+DITCH_ZONE = "ditch"
 ARRIVAL_LINE, CREST_LINE, FACING_LINES = "arrival", "crest", ("facing_1_3", "facing_2_3")
 STEEPEST_WITH_LINES_DEG = 80.0  # in front of a steeper facing no centroid comes near lines on it
 
 
 class EarthworkError(ValueError):
-    """An embankment or a ditch that does not fit the ground; `part` and `key` say which of its sizes."""
+    """An embankment or a ditch that does not fit the ground; `part` and `key` say which of its sizes, `number` of which
+    one if there are several."""
 
-    def __init__(self, message: str, part: str, key: str) -> None:
+    def __init__(self, message: str, part: str, key: str, number: int | None = None) -> None:
         super().__init__(message)
-        self.part, self.key = part, key
+        self.part, self.key, self.number = part, key, number
 
 
 @dataclass(frozen=True)
@@ -62,21 +73,76 @@ class DitchSizes:
     uphill_deg: float
 
 
+Works = tuple[EmbankmentSizes, DitchSizes | None]
+
+
+def with_numbered_earthworks(ground: CrossSection, works: Mapping[int, Works]) -> CrossSection:
+    """The ground with several embankments, numbered 1, 2, ... from uphill to downhill, and the ditches before them.
+
+    Each one is built as `with_earthworks` does, so that what lies uphill of it does not depend on it. The number ends
+    the names of zones and measure lines.
+
+    Raises EarthworkError also if they overlap or are numbered in another order.
+    """
+    before: EmbankmentSizes | None = None
+    for number in sorted(works):
+        embankment, ditch = works[number]
+        try:
+            if before is not None and embankment.x_m <= before.x_m:
+                raise EarthworkError(
+                    f"embankments are numbered from uphill to downhill, but the foot of number {number - 1} lies at "
+                    f"x = {before.x_m:.6g} m",
+                    "embankment",
+                    "x_m",
+                )
+            ground = with_earthworks(ground, embankment, ditch, number)
+        except EarthworkError as error:
+            error.number = number
+            raise
+        before = embankment
+    return ground
+
+
+def number_of_line(name: str) -> int | None:
+    """The number of the embankment to which a measure line belongs; None if it has none: `crest`, `forest_edge`."""
+    line, _, number = name.rpartition("_")
+    own = line in (ARRIVAL_LINE, CREST_LINE, *FACING_LINES) and number.isdecimal()
+    return int(number) if own else None
+
+
+def is_line(name: str, line: str) -> bool:
+    """Whether a measure line is `line`, or that of an embankment with a number."""
+    return name == line or name == numbered(line, number_of_line(name))
+
+
+def numbered(name: str, number: int | None) -> str:
+    """The name of a zone or measure line of the embankment with that number."""
+    return name if number is None else f"{name}_{number}"
+
+
 def with_earthworks(
-    ground: CrossSection, embankment: EmbankmentSizes, ditch: DitchSizes | None = None
+    ground: CrossSection,
+    embankment: EmbankmentSizes,
+    ditch: DitchSizes | None = None,
+    number: int | None = None,
 ) -> CrossSection:
     """The ground with an embankment, and a ditch before it.
 
     New zones are `uphill_face`, `crest`, `downhill_face` and `ditch`. New measure lines rise from the natural
     ground before the earthworks (`arrival`: at the ditch's uphill edge, or the embankment's height before its foot),
     from the uphill edge of the crest (`crest`) and, on facings up to 80 degrees, from 1/3 and 2/3 of the facing's
-    height.
+    height. With a `number` it ends their names; the embankments with lower numbers are there already.
 
-    Raises EarthworkError if the parts do not meet the ground, CrossSectionError if a measure line has their names.
+    Raises EarthworkError if the parts do not meet the ground or overlap another embankment, CrossSectionError if a
+    measure line has their names.
     """
     import shapely
 
     surface = shapely.LineString(ground.points_m)
+    free_x = ground.points_m[:, 0].min()
+    if number is not None and number > 1:
+        free_x = ground.points_m[ground.embankments[number - 2].right, 0]
+    _refuse_overlap(embankment.x_m, free_x, number, ("embankment", "x_m"))
     foot = np.array([embankment.x_m, ground.height_m(np.array([embankment.x_m]))[0]])
     if not np.isfinite(foot[1]):
         raise EarthworkError("the foot lies beside the cross-section", "embankment", "x_m")
@@ -92,12 +158,22 @@ def with_earthworks(
             "downhill_deg",
         )
     start, before = (foot, list[Array]()) if ditch is None else _ditch(surface, foot, embankment, ditch)
+    _refuse_overlap(start[0], free_x, number, ("ditch", "width_m"))
     made = [*before, crest, edge]
     zones = [*[DITCH_ZONE] * len(before), FACING_ZONE, CREST_ZONE, BACK_ZONE]
+    zones = [numbered(zone, number) for zone in zones]
     points, zones = _replaced(ground, start, made, back, zones)
-    arrival_x = start[0] if before else max(foot[0] - embankment.height_m, ground.points_m[:, 0].min())
+    arrival_x = start[0] if before else max(foot[0] - embankment.height_m, free_x)
     arrival = np.array([arrival_x, ground.height_m(np.array([arrival_x]))[0]])
-    lines = _lines(ground, points, arrival, crest, before[-1] if before else foot, embankment)
+    top = points[:, 1].max() + embankment.height_m  # no block that falls on this ground rises higher
+    feet = _feet_of_lines(arrival, before[-1] if before else foot, crest, embankment)
+    lines = dict(ground.measure_lines)
+    for line in sorted(feet):
+        name, low = numbered(line, number), feet[line]
+        if name in lines:
+            message = f"measure line {name} is the embankment's own"
+            raise CrossSectionError(message, "measure_lines", line=name)
+        lines[name] = np.array([low, [low[0], top]])
     return CrossSection(points, zones, lines)
 
 
@@ -111,6 +187,13 @@ def earth_moved_m2(natural: CrossSection, built: CrossSection) -> tuple[float, f
         float(shapely.area(shapely.difference(after, before))),
         float(shapely.area(shapely.difference(before, after))),
     )
+
+
+def _refuse_overlap(x_m: float, free_x_m: float, number: int | None, part_and_key: tuple[str, str]) -> None:
+    if number is not None and number > 1 and x_m < free_x_m:
+        part, key = part_and_key
+        ends = f"before embankment {number - 1} ends at x = {free_x_m:.6g} m"
+        raise EarthworkError(f"the {part} begins at x = {x_m:.6g} m, {ends}", part, key)
 
 
 def _run(height: float, slope_deg: float) -> float:
@@ -161,23 +244,12 @@ def _replaced(
     return np.array(points), [*left, *zones, *right]
 
 
-def _lines(
-    ground: CrossSection,
-    points: Array,
-    arrival: Array,
-    crest: Array,
-    foot: Array,
-    embankment: EmbankmentSizes,
+def _feet_of_lines(
+    arrival: Array, foot: Array, crest: Array, embankment: EmbankmentSizes
 ) -> dict[str, Array]:
-    top = points[:, 1].max() + embankment.height_m  # no block that falls on this ground rises higher
+    """Name -> foot of each measure line; `foot` is that of the facing."""
     feet = {ARRIVAL_LINE: arrival, CREST_LINE: crest}
     if embankment.uphill_deg <= STEEPEST_WITH_LINES_DEG:
         for share, name in zip((1 / 3, 2 / 3), FACING_LINES, strict=True):
             feet[name] = foot + share * (crest - foot)
-    lines = dict(ground.measure_lines)
-    for name in sorted(feet):
-        if name in lines:
-            message = f"measure line {name} is the embankment's own"
-            raise CrossSectionError(message, "measure_lines", line=name)
-        lines[name] = np.array([feet[name], [feet[name][0], top]])
-    return lines
+    return feet

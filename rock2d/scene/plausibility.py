@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rock2d.scene.blocks import Block
-from rock2d.scene.cross_section import CrossSection, ditch_facets
+from rock2d.scene.cross_section import CrossSection, Embankment, ditch_before
 
 Array = np.ndarray
 
@@ -96,23 +96,22 @@ def block_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
 
 
 def earthwork_doubts(block: Block, ground: CrossSection) -> Iterator[Doubt]:
-    """About the size of a block beside that of the ditch and of the embankment."""
+    """About the size of a block beside that of each ditch and each embankment."""
     key = ("blocks", block.name)
-    if (bank := ground.embankment) is not None:
-        ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_facets(ground)].sum())
+    for number, bank in _numbered(ground):
+        ditch = float(np.abs(np.diff(ground.points_m[:, 0]))[ditch_before(ground, bank)].sum())
         if 0.0 < ditch < block.size_m:
             yield Doubt(
-                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch, {ditch:.3g} m wide",
+                f"block {block.name} of {block.size_m:.3g} m is larger than the ditch{number}, {ditch:.3g} m wide",
                 key,
             )
         if block.size_m > bank.height_m:
-            text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment of {bank.height_m:.3g} m"
-            yield Doubt(text, key)
+            text = f"block {block.name} of {block.size_m:.3g} m is higher than the embankment{number} of "
+            yield Doubt(f"{text}{bank.height_m:.3g} m", key)
         crest = float(np.ptp(ground.points_m[[bank.crest, bank.crest_end], 0]))
+        of = f" of embankment{number}" if number else ""
         if crest < NARROWEST_CREST * block.size_m:
-            text = (
-                f"block {block.name} of {block.size_m:.3g} m meets a crest {crest:.3g} m wide; usual: wider "
-            )
+            text = f"block {block.name} of {block.size_m:.3g} m meets a crest{of} {crest:.3g} m wide; usual: wider "
             yield Doubt(f"{text}than half the block. rock2d does not model that it is knocked away", key)
 
 
@@ -155,10 +154,11 @@ def start_doubts(
     if above > max(HIGHEST_START_M, HIGHEST_START * block.size_m):
         text = f"block {name} starts up to {above:.3g} m above the highest ground"
         yield Doubt(f"{text}; usual: up to {HIGHEST_START_M:g} m. Is y_m its height above the ground?", key)
-    bank, x = ground.embankment, ground.points_m[:, 0]
-    if bank is not None and states[:, 0].min() > x[bank.crest_end]:
-        text = f"block {name} starts behind the crest of the embankment, which ends at x = {x[bank.crest_end]:.4g} m"
-        yield Doubt(text, key)
+    for number, bank in _numbered(ground):
+        crest_end = ground.points_m[bank.crest_end, 0]
+        if states[:, 0].min() > crest_end:
+            text = f"block {name} starts behind the crest of the embankment{number}, which ends at x = "
+            yield Doubt(f"{text}{crest_end:.4g} m", key)
     if gravity_m_s2 <= 0.0:
         return
     head = float((states[:, 1] + np.sum(states[:, 3:5] ** 2, axis=1) / (2.0 * gravity_m_s2)).max())
@@ -186,6 +186,13 @@ def highest_speed_m_s(states: Array, ground: CrossSection, gravity_m_s2: float) 
     """Speed of a fall without loss from the starts (n, 6) to the lowest ground."""
     fall = np.maximum(states[:, 1] - ground.points_m[:, 1].min(), 0.0)
     return float(np.sqrt((states[:, 3:5] ** 2).sum(axis=1) + 2.0 * gravity_m_s2 * fall).max())
+
+
+def _numbered(ground: CrossSection) -> Iterator[tuple[str, Embankment]]:
+    """The embankments, each with its number in words, which is empty if there is one."""
+    banks = ground.embankments
+    for i, bank in enumerate(banks, start=1):
+        yield f" {i}" if len(banks) > 1 else "", bank
 
 
 def _range(ends: tuple[float, float]) -> str:

@@ -77,7 +77,7 @@ def test_what_is_not_known_takes_the_place_of_sampling(tmp_path):
 def test_the_embankment_must_take_what_the_worst_block_brings():
     other = percentiles(0.5).assign(block="pebble")
     found = demands(pd.concat([percentiles(), other]))
-    assert found["kinetic_J"] == ("ball", AT_LINE["kinetic_J"])
+    assert found[None, "kinetic_J"] == ("ball", AT_LINE["kinetic_J"])
     assert demands(percentiles().assign(line="crest")) == {}
 
 

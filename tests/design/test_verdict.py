@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rock2d.design.least_size import Answer, Judgement, Target
-from rock2d.design.verdict import answer_sentence, bound_text, first_sentence, norm_sentence, worst_block
+from rock2d.design.verdict import answer_sentence, bound_text, first_sentence, norm_sentence, worst_blocks
 
 SITE = SimpleNamespace(document=SimpleNamespace(data={"embankment": {"x_m": 86.0, "height_m": 4.0}}))
 SHARES = st.floats(1e-5, 1.0)
@@ -105,5 +105,7 @@ def test_without_a_target_the_sentence_gives_the_frequency_with_its_interval_and
 
 
 def test_the_worst_block_of_a_search_is_the_one_that_was_judged():
-    worst = worst_block(content(answer([{"ball": 0.5, "cube": 0.2}, {"ball": 0.002, "cube": 0.007}]), 3.0))
+    (worst,) = worst_blocks(
+        content(answer([{"ball": 0.5, "cube": 0.2}, {"ball": 0.002, "cube": 0.007}]), 3.0)
+    )
     assert worst is not None and worst.block == "cube" and worst.frequency.high == 0.007

@@ -127,6 +127,11 @@ def test_examples_of_files_are_valid(tmp_path):
     site = load_scenario(scenario)
     assert site.design_values.onr_24810.gamma_e == 1.15
     assert len(variants_of(site, draw_sites(site, 1, 4))) == 4 * (4 + 2)
+    (several,) = [t for t in examples("design.md") if t.startswith("embankment:")]
+    one = re.sub(r"^(embankment|ditch): .*\n", "", "".join(examples("own-slope.md")), flags=re.MULTILINE)
+    one = re.sub(r"\b(uphill_face|crest|downhill_face):", r"\1_1:", one)
+    scenario.write_text(one + several, encoding="utf-8")
+    assert {"crest_1", "arrival_2"} < set(load_scenario(scenario).make_cross_section().measure_lines)
     setup = tmp_path / "setup.yaml"
     setup.write_text(examples("own-film.md")[0], encoding="utf-8")
     assert Setup(setup).metres_per_pixel == pytest.approx(0.5 / 800, rel=1e-3)

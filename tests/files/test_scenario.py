@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.scenario import load_scenario, scenario_json_schema
+from rock2d.files.scenario_variants import scenario_text, variant
 from tests.hunt.mutations import mutate_bytes, mutate_data
 from tests.programs import place_of, refusal
 from tests.scenarios_of_tests import SHIPPED, scenario_file
@@ -341,6 +342,60 @@ def test_an_embankment_and_a_ditch_bring_points_zones_and_measure_lines(write):
     assert {"ditch", "uphill_face", "crest", "downhill_face"} < set(ground.zone_names)
     assert {"facing_1_3", "facing_2_3", "crest"} <= set(ground.measure_lines)
     assert ground.embankment is not None and ground.embankment.height_m == pytest.approx(0.083)
+
+
+SEVERAL = """
+embankment:
+  1: {x_m: 2.0, height_m: 0.083, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}
+  2: {x_m: 2.6, height_m: 0.05, crest_m: 0.055, uphill_deg: 60, downhill_deg: 34}
+ditch:
+  2: {width_m: 0.1, depth_m: 0.02, uphill_deg: 45}
+"""
+
+
+def with_several(text: str = SEVERAL) -> str:
+    return (SHIPPED / "flat_floor.yaml").read_text().replace("blocks:", text + "blocks:", 1)
+
+
+def test_several_embankments_are_read_by_their_numbers_and_written_again(write):
+    scenario = load_scenario(write(with_several()))
+    zones = scenario.make_cross_section().zone_names
+    assert {"uphill_face_1", "crest_2", "ditch_2"} < set(zones) and "ditch_1" not in zones
+    higher = variant(scenario, {"embankment.2.height_m": 0.07})
+    again = load_scenario(write(scenario_text(higher)))
+    assert again.embankment["2"].height_m == 0.07 and again.model_dump() == higher.model_dump()
+    error = refusal(
+        variant, scenario, {"embankment.height_m": 0.07}, said="did you mean 'embankment.1.height_m'"
+    )
+    assert error.line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "said"),
+    [
+        ("x_m: 2.6", "x_m: 1.9", "embankment.2.x_m", "from uphill to downhill"),
+        ("x_m: 2.6", "x_m: 2.1", "embankment.2.x_m", "before embankment 1 ends"),
+        ("width_m: 0.1", "width_m: 0.5", "ditch.2.width_m", "before embankment 1 ends"),
+        ("x_m: 2.6", "x_m: 99", "embankment.2.x_m", "beside the cross-section"),
+        ("height_m: 0.05", "hight_m: 0.05", "embankment.2.hight_m", "did you mean 'height_m'"),
+        ("  2: {x_m", "  3: {x_m", "embankment.3", "without a gap"),
+        ("  2: {width_m", "  3: {width_m", "ditch.3", "no embankment '3'"),
+        ("  2: {width_m: 0.1, depth_m: 0.02, uphill_deg: 45}", "  {width_m: 0.1, uphill_deg: 45}", "ditch",
+         "before which of the embankments"),
+    ],
+)  # fmt: skip
+def test_several_embankments_that_do_not_fit_are_refused_with_their_place(write, old, new, place, said):
+    assert SEVERAL.count(old) == 1
+    text = with_several(SEVERAL.replace(old, new))
+    message = refused(write(text))
+    assert said in message and f"{place}: " in message
+    line = int(re.search(r"yaml:(\d+):\d+: ", message)[1])
+    assert place.rsplit(".", 1)[-1] in text.splitlines()[line - 1]
+
+
+def test_a_numbered_ditch_needs_numbered_embankments(write):
+    text = EMBANKMENT.replace("ditch: {", "ditch: {1: {").replace("45}", "45}}")
+    assert "ditch.1: there is no embankment '1'" in refused(write(with_several(text)))
 
 
 @pytest.mark.parametrize(

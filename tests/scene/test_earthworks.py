@@ -1,12 +1,19 @@
-"""An embankment and a ditch that are given by their sizes have these sizes."""
+"""Embankments and ditches that are given by their sizes have these sizes."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rock2d.scene.cross_section import CrossSection, CrossSectionError
-from rock2d.scene.earthworks import DitchSizes, EarthworkError, EmbankmentSizes, with_earthworks
+from rock2d.scene.cross_section import CrossSection, CrossSectionError, embankment_facets
+from rock2d.scene.earthworks import (
+    DitchSizes,
+    EarthworkError,
+    EmbankmentSizes,
+    number_of_line,
+    with_earthworks,
+    with_numbered_earthworks,
+)
 
 SLOPE = CrossSection([[0, 50], [60, 10], [100, 6], [160, 6]], ["scree", "meadow", "valley"])
 
@@ -108,3 +115,79 @@ def test_a_measure_line_of_the_same_name_is_refused():
     ground = CrossSection(SLOPE.points_m, SLOPE.zones, {"crest": [[70, 9], [70, 40]]})
     with pytest.raises(CrossSectionError, match="crest"):
         with_earthworks(ground, sizes())
+
+
+# several --------------------------------------------------------------------------------------------------------
+
+DITCH = DitchSizes(4.0, 0.5, 45.0)
+
+
+def two(**second) -> dict:
+    return {1: (sizes(), DITCH), 2: (sizes(**{"x_m": 110.0, "height_m": 3.0} | second), None)}
+
+
+def test_several_embankments_carry_their_numbers_from_uphill_to_downhill():
+    ground = with_numbered_earthworks(SLOPE, two())
+    assert [zone for zone in ground.zone_names if zone[-1].isdecimal()] == [
+        "ditch_1", "uphill_face_1", "crest_1", "downhill_face_1", "uphill_face_2", "crest_2", "downhill_face_2",
+    ]  # fmt: skip
+    assert list(ground.measure_lines) == [
+        f"{line}_{number}" for number in (1, 2) for line in ("arrival", "crest", "facing_1_3", "facing_2_3")
+    ]
+    first, second = ground.embankments
+    assert ground.points_m[second.left] == pytest.approx([110.0, 6.0]) and second.height_m == pytest.approx(
+        3.0
+    )
+    assert ground.zones[first.left : first.right] == ("uphill_face_1", "crest_1", "downhill_face_1")
+    assert first.crest_end == first.crest + 1 and first.right < second.left
+    named = np.array(ground.zones)[embankment_facets(ground)]
+    assert {zone[-1] for zone in named} == {"1", "2"} and len(named) == 6
+
+
+def test_uphill_of_a_further_embankment_nothing_changes():
+    alone = with_numbered_earthworks(SLOPE, {1: two()[1]})
+    both = with_numbered_earthworks(SLOPE, two())
+    plain = with_earthworks(SLOPE, sizes(), DITCH)
+    assert (alone.points_m == plain.points_m).all()
+    end = both.embankments[0].right + 1
+    assert (both.points_m[:end] == alone.points_m[:end]).all() and both.zones[: end - 1] == alone.zones[
+        : end - 1
+    ]
+    for name, ends in alone.measure_lines.items():
+        assert (both.measure_lines[name] == ends).all()
+
+
+def test_the_arrival_line_of_a_near_embankment_stands_behind_the_one_before():
+    end = with_earthworks(SLOPE, sizes(), DITCH)
+    back = end.points_m[end.embankments[0].right, 0]
+    near = with_numbered_earthworks(SLOPE, two(x_m=back + 1.0))
+    assert near.measure_lines["arrival_2"][0, 0] == back
+    touching = with_numbered_earthworks(SLOPE, two(x_m=back))
+    assert touching.embankments[0].right == touching.embankments[1].left
+
+
+@pytest.mark.parametrize(
+    ("works", "number", "key", "said"),
+    [
+        (two(x_m=79.0), 2, "x_m", "from uphill to downhill, but the foot of number 1 lies at x = 80 m"),
+        (two(x_m=85.0), 2, "x_m", "the embankment begins at x = 85 m, before embankment 1 ends at x = 9"),
+        (two() | {2: (sizes(x_m=96.0, height_m=2.0), DITCH)}, 2, "width_m", "the ditch begins at x = 86"),
+        (two(x_m=161.0), 2, "x_m", "beside the cross-section"),
+    ],
+)
+def test_embankments_that_overlap_or_stand_in_another_order_are_refused(works, number, key, said):
+    with pytest.raises(EarthworkError, match=said) as error:
+        with_numbered_earthworks(SLOPE, works)
+    assert (error.value.number, error.value.key) == (number, key)
+
+
+def test_measure_lines_know_their_embankment():
+    known = {
+        "crest_2": 2,
+        "facing_1_3_2": 2,
+        "arrival_12": 12,
+        "crest": None,
+        "facing_1_3": None,
+        "forest_2": None,
+    }
+    assert {name: number_of_line(name) for name in known} == known

@@ -386,7 +386,11 @@ def assumptions(result: Diagnosis, content: Mapping[str, Any], chain: Sequence[s
     }
     if raised:
         zones = listed([zone for zone in cross_section.zone_names if zone in raised])
-        lines.append(f"The embankment is recognised by its shape, not by its name: {zones}.")
+        lines.append(
+            f"The embankment is recognised by its shape, not by its name: {zones}."
+            if len(cross_section.embankments) == 1
+            else f"The embankments are recognised by the numbers of their zones: {zones}."
+        )
     else:
         lines.append("This cross-section has no embankment, so effects of an embankment cannot appear.")
     lines.append(

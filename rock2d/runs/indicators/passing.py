@@ -2,8 +2,9 @@
 
 A block *leaves its source* if it ends more than LEAVING_SIZES of its sizes, horizontally, from where it starts. It
 *arrives* if it passes the arrival line or a line beyond; before an embankment the arrival line is its own, elsewhere it
-is the first measure line. So a slow start on flat ground, where most blocks stay, changes the share of the released
-blocks and not that of the arriving ones.
+is the first measure line. Of several embankments each has its own: at the line `crest_2` those blocks arrived that came
+to `arrival_2`. So a slow start on flat ground, where most blocks stay, changes the share of the released blocks and not
+that of the arriving ones.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from rock2d.records.track import Track
 from rock2d.runs.indicators.indicator import Indicator
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-from rock2d.scene.earthworks import ARRIVAL_LINE
+from rock2d.scene.earthworks import ARRIVAL_LINE, is_line
 from rock2d.statistics import wilson_interval
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def arrivals(cross_section: CrossSection) -> Array:
     """(lines, lines) bool: a block that passes line j arrives at line i."""
     names = list(cross_section.measure_lines)
     x = np.array([cross_section.foot_and_head(ends)[0][0] for ends in cross_section.measure_lines.values()])
-    own = np.array([name.rstrip("_0123456789") == ARRIVAL_LINE for name in names], bool)
+    own = np.array([is_line(name, ARRIVAL_LINE) for name in names], bool)
     candidates = x[own] if own.any() else x[:0] if not len(x) else np.array([x.min()])
     first = [candidates[candidates <= at].max(initial=-np.inf) for at in x]
     first_x = np.where(np.isfinite(first), first, x)  # of a line before all arrival lines: the line itself

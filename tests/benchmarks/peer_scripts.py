@@ -1,8 +1,21 @@
 """What runs in the interpreter of the peers for `compare_peers`: a set-up as JSON in, legs of each release out.
 
 A leg goes from one contact to the next: x, y, vx, vy after the first, x of the second, whether the block rolls or
-slides, v² at the end if so. Nothing of the peers is changed but what they store: PlatRock in double precision.
+slides, v² at the end if so. Nothing of the peers is changed, except that PlatRock stores its output in double
+precision, loads no model of trees, and draws the greatest angle of roughness each time where the angle is constant.
 """
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+LEG_NUMBERS = 7
 
 PLATROCK = """
 import json, os, sys, tempfile
@@ -31,6 +44,8 @@ run = Simulations.Simulation(
                         "rocks_density": given["density"], "rocks_vx": vx, "rocks_vz": vz},
 )
 run.rocks_start_x, run.rocks_start_z = starts.T
+if given["angle"] == "constant":  # the angle of roughness is rand() times its greatest
+    run.random_generator = type("Greatest", (), {"rand": lambda self: 1.0})()
 os.makedirs("run")
 run.run()
 assert run.status == "finished", run.status
@@ -52,7 +67,7 @@ import numpy as np
 from pyrockfall import Analysis, Geometry, Material, Rock, Seeder, Slope, stats
 
 points, starts = np.array(given["points_m"], float), np.array(given["starts_m"])
-angle = stats.Uniform(0.0, given["alpha_deg"]) if given["alpha_deg"] else 0.0
+angle = given["alpha_deg"] if given["angle"] == "constant" else stats.Uniform(0.0, given["alpha_deg"])
 soil = Material("", given["r_n"], given["r_t"], given["slide_deg"], angle)
 at = np.array([starts[:, 0], np.interp(starts[:, 0], *points.T) + starts[:, 1]])
 mass = given["density"] * 4 / 3 * np.pi * given["radius_m"] ** 3
@@ -76,3 +91,21 @@ print(json.dumps(result))
 """
 
 PEERS = {"PlatRock": PLATROCK, "PyRockfall": PYROCKFALL}
+
+
+def peer_legs(name, given):
+    """Legs (n, LEG_NUMBERS) of each release, from a peer in a process of its own."""
+    python = os.environ.get("ROCK2D_PEER_PYTHON", sys.executable)
+    beside = {"PATH": f"{Path(python).absolute().parent}{os.pathsep}{os.environ['PATH']}"}
+    command = [python, "-c", PEERS[name.split(",")[0]]]
+    done = subprocess.run(
+        command, input=json.dumps(given), text=True, capture_output=True, env=os.environ | beside, check=False
+    )
+    if done.returncode != 0:
+        why = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1]
+        print(
+            f"{name} does not run in {python}; name an interpreter that has it by ROCK2D_PEER_PYTHON: {why}",
+            file=sys.stderr,
+        )
+        raise SystemExit(2)
+    return [np.array(legs).reshape(-1, LEG_NUMBERS) for legs in json.loads(done.stdout.splitlines()[-1])]

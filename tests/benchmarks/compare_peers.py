@@ -30,12 +30,12 @@ GIVEN = {
 }  # fmt: skip
 SINGLE = GIVEN | {"angle": "constant", "radius_m": 0.01, "starts_m": [[2.0, 3.0]]}  # a small block rolls late
 SMOOTH = HYPERBOLIC | {"alpha_deg": 0.0}
-CONSTANT_PEER = "PyRockfall, r_n = 0.3"
 CASES = [  # rock2d, the peer
     ("r_n(v), 15°", HYPERBOLIC, "PlatRock", HYPERBOLIC), ("r_n(v), 0°", SMOOTH, "PlatRock", SMOOTH),
-    ("1, 15°", ELASTIC, "PyRockfall", ELASTIC), ("r_n(v), 15°", HYPERBOLIC, CONSTANT_PEER, CONSTANT),
+    ("1, 15°", ELASTIC, "PyRockfall", ELASTIC), ("r_n(v), 15°", HYPERBOLIC, "PlatRock, r_n = 0.3", CONSTANT),
+    ("r_n(v), 15°", HYPERBOLIC, "PyRockfall, r_n = 0.3", CONSTANT),
 ]  # fmt: skip
-COLOURS = {"rock2d": "#0072B2", "PlatRock": "#D55E00", CONSTANT_PEER: "#009E73"}
+COLOURS = ("#0072B2", "#D55E00", "#9C4F86", "#009E73")
 X0, Y0, VX, VY, X1, ROLLS, END_SQUARE = range(7)  # a leg, from contact to contact; v² at its end if it rolls
 SPREAD = np.mean, lambda values: np.percentile(values, 95), np.max
 
@@ -126,8 +126,8 @@ def draw(drawn, path):
     figure = blank_figure(6.4, 7.2)
     axes = figure.subplots(3, 1, sharex=True)
     axes[2].plot(*np.divide(np.transpose(PROFILE), [[1], [62]]), "#8a8578", lw=1, label="ground, of 62 m")
-    for code, (passing, stops) in drawn.items():
-        look = {"color": COLOURS[code], "lw": 1.2} | ({"lw": 4, "alpha": 0.35} if code == "rock2d" else {})
+    for colour, (code, (passing, stops)) in zip(COLOURS, drawn.items(), strict=True):
+        look = {"color": colour, "lw": 1.2} | ({"lw": 4, "alpha": 0.35} if code == "rock2d" else {})
         for j, (line, of) in product((0, 1), zip(LINESTYLES, SPREAD, strict=False)):
             values = [of(many[:, j]) if len(many) >= 40 else np.nan for many in passing]
             axes[j].plot(STATIONS, values, linestyle=line, **look)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -23,6 +23,7 @@ from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
 if TYPE_CHECKING:
+    from rock2d.design.least_volume import Combination
     from rock2d.progress import Bar, Bars
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
@@ -121,17 +122,18 @@ def conclude(
     answer: Answer,
     command: str,
     bars: Bars,
-    others: Mapping[str, float] = MappingProxyType({}),
+    combinations: Sequence[Combination] = (),
     pdf: bool = False,
 ) -> str:
-    """Write design.json, design.csv, least.yaml and the page of an answer with these values of `Search.over`, and say
-    it."""
-    if others:
-        search = replace(search, scenario=variant(search.scenario, others, uncertain=True), over={})
+    """Write design.json, design.csv, least.yaml and the page of an answer, which is that of the first of the
+    `combinations`, if several numbers were sought; and say it."""
+    if combinations:
+        best = variant(search.scenario, combinations[0].values, uncertain=True)
+        search = replace(search, scenario=best, over={})
     about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
     _write(folder, search.scenario, answer, about)
     with bars.stage(PAGE, 1, "step") as bar:
-        taken = _write_page(folder, search.scenario, answer, (search.engine, search.seed), command, pdf)
+        taken = _write_page(folder, search, answer, command, combinations, pdf)
         bar.update()
     return "\n".join([answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
 
@@ -195,12 +197,7 @@ def _write(folder: Path, scenario: Scenario, answer: Answer, about: dict[str, An
 
 
 def _write_page(
-    folder: Path,
-    scenario: Scenario,
-    answer: Answer,
-    engine_and_seed: tuple[str, int],
-    command: str,
-    pdf: bool,
+    folder: Path, search: Search, answer: Answer, command: str, combinations: Sequence[Combination], pdf: bool
 ) -> list[str]:
     """The page about the least size, or the largest if none meets the target, with the releases of its scenario.
 
@@ -212,14 +209,13 @@ def _write_page(
     from rock2d.runs.resolution import unresolved_remarks
     from rock2d.runs.run import run
 
-    engine, seed = engine_and_seed
     size = answer.judgements[-1].size if answer.least is None else answer.least
-    chosen = variant(scenario, {answer.place: size}, uncertain=True)
+    chosen = variant(search.scenario, {answer.place: size}, uncertain=True)
     releases = min(chosen.releases, MOST_SHOWN)
-    sample = run(chosen, engine=compiled_engine(engine).name, seed=seed, releases=releases)
+    sample = run(chosen, engine=compiled_engine(search.engine).name, seed=search.seed, releases=releases)
     tables = {name: sample.to_pandas(name) for name in REPORTED_TABLES}
     remarks = unresolved_remarks(tables, chosen.longest_release_s())
-    results = ReportContent(chosen, sample, tables, remarks, answer=answer)
+    results = ReportContent(chosen, sample, tables, remarks, answer=answer, combinations=combinations)
     write_report(results, folder, command, pdf)
     taken = [f"{what}: {value} ({block})" for what, value, block in demand_tiles(results)]
     return [*taken, *filter(None, [norm_sentence(results)])]

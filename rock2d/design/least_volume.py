@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 MOST_OTHERS = 3
 MOST_COMBINATIONS = 40
 FIRST_STEP, LAST_STEP = 0.25, 0.02  # parts of a range
-TABLE, FIGURE = "combinations.csv", "combinations.png"
+TABLE = "combinations.csv"
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,6 @@ def run_least_volume(
 
     Raises InputError for a mistake in the scenario or the question.
     """
-    from rock2d.graphics.figure_style import save_figure
     from rock2d.progress import Bars
 
     if pdf:
@@ -114,14 +113,13 @@ def run_least_volume(
                 return _combination(scenario, values, answer)
 
             combinations = minimised(found, over)
-        best = min(combinations, key=lambda own: own.objective)
         with atomic_folder(out) as partial:
             table = combination_table(combinations)
             table.to_csv(partial / TABLE, index=False, lineterminator="\n")
-            save_figure(volume_figure(combinations), partial / FIGURE)
-            said = conclude(partial, search, best.answer, command, bars, best.values, pdf)
-    report(f"{volume_text(combinations)}\n\n{said}\nwritten: {out}")
-    return best
+            said = conclude(partial, search, combinations[0].answer, command, bars, combinations, pdf)
+    rows = table.to_string(index=False, na_rep="none", float_format=lambda value: f"{value:.4g}")
+    report(f"{volume_text(combinations)}\n{rows}\n\n{said}\nwritten: {out}")
+    return combinations[0]
 
 
 def _check(scenario: Scenario, place: str, over: Mapping[str, tuple[float, float]]) -> None:
@@ -146,7 +144,8 @@ def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer
 def minimised(
     found: Callable[[Mapping[str, float]], Combination], over: Mapping[str, tuple[float, float]]
 ) -> list[Combination]:
-    """Every combination that was tried, in order: corners and middle, then steps of COBYQA from the best of these."""
+    """Every combination that was tried, the best first: corners and middle, then steps of COBYQA from the best of
+    these."""
     from scipy.optimize import minimize
 
     low, high = np.array(list(over.values())).T
@@ -165,34 +164,31 @@ def minimised(
         "maxfev": MOST_COMBINATIONS - len(starts), "initial_tr_radius": FIRST_STEP, "final_tr_radius": LAST_STEP,
     }  # fmt: skip
     minimize(at, best, method="COBYQA", bounds=[(0.0, 1.0)] * len(over), options=options)
-    return list(known.values())
+    return sorted(known.values(), key=lambda own: own.objective)
 
 
 def combination_table(combinations: Sequence[Combination]) -> pd.DataFrame:
-    """A row for each combination, the least volume first: the values, the least size (NaN if none of the range holds),
+    """A row for each combination: the values, the least size (NaN if none of the range holds),
     fill, cut and both together in m³ per metre of embankment."""
     import pandas as pd
 
     rows = [
         {**own.values, f"least {own.answer.place}": own.answer.least, "fill_m3_m": own.fill_m2,
          "cut_m3_m": own.cut_m2, "earth_m3_m": own.earth_m2}
-        for own in sorted(combinations, key=lambda own: own.objective)
+        for own in combinations
     ]  # fmt: skip
     return pd.DataFrame(rows).astype(float)
 
 
 def volume_text(combinations: Sequence[Combination]) -> str:
-    """The best combination in words, and the table."""
-    best = min(combinations, key=lambda own: own.objective)
-    table = combination_table(combinations).to_string(
-        index=False, na_rep="none", float_format=lambda v: f"{v:.4g}"
-    )
+    """The best combination, the first, in words."""
+    best = combinations[0]
     if best.answer.least is None:
-        return f"no combination meets the target: {best.answer.target.text}\n{table}"
+        return f"no combination meets the target: {best.answer.target.text}"
     values = {**best.values, best.answer.place: best.answer.least}
     head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
     bound = "; the range begins there, so smaller ones may hold, too" if best.answer.is_bound else ""
-    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + f"{bound}\n{table}"
+    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + bound
 
 
 def volume_figure(combinations: Sequence[Combination]) -> Figure:
@@ -200,7 +196,7 @@ def volume_figure(combinations: Sequence[Combination]) -> Figure:
     from rock2d.graphics.figure_style import SMALL_PT, blank_figure, finish
     from rock2d.graphics.palette import INK, LINE_INK
 
-    best = min(combinations, key=lambda own: own.objective)
+    best = combinations[0]
     meets = np.array([own.answer.least is not None for own in combinations])
     earth = np.array([own.earth_m2 for own in combinations])
     names = list(best.values)

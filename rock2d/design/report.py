@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
     from rock2d.design.assessment import Assessment
     from rock2d.design.least_size import Answer
+    from rock2d.design.least_volume import Combination
 
 PAGE, PRINTED = "report.html", "report.pdf"
 REPORTED_TABLES = ("passing", "percentiles", "stops")  # tables over all releases
@@ -61,8 +62,8 @@ LIMITS = (
     "The embankment is ground with a contact law: it does not slide, yield or fail. Check its stability with a model "
     "of the structure.",
     "Intervals cover sampling and what is listed as not known, and nothing else.",
-    "The factors of UNI 11211-4 were compared with a secondary source only, those of ONR 24810 with none: compare them "
-    "with the text of the norm before use.",
+    "Few numbers of UNI 11211-4 and ONR 24810 could be compared with two published sources: compare those that are "
+    "marked with the text of the norm before use.",
 )
 
 
@@ -77,6 +78,7 @@ class ReportContent:
     remarks : what is not resolved
     assessment : over the possible sites, if something is not known
     answer : result of the search for the least size, if there was one
+    combinations : of a search for the least volume, the best first
     compared : before and after the scenario's diagnosis
     models : with other models, see `design.model_range`
     """
@@ -87,6 +89,7 @@ class ReportContent:
     remarks: Sequence[str] = ()
     assessment: Assessment | None = None
     answer: Answer | None = None
+    combinations: Sequence[Combination] = ()
     compared: pd.DataFrame | None = None
     models: pd.DataFrame | None = None
 
@@ -147,6 +150,7 @@ def report_page(content: ReportContent, figures: Mapping[str, Path], made: Made)
 def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
     """The function that draws each figure, and what it takes."""
     from rock2d.design.design_curve import design_figure
+    from rock2d.design.least_volume import volume_figure
     from rock2d.design.model_range import range_figure
     from rock2d.graphics.slope_figures import distributions_figure, envelopes_figure, stops_figure
     from rock2d.graphics.tornado import tornado_figure
@@ -165,6 +169,8 @@ def _figures(content: ReportContent) -> dict[str, tuple[Any, ...]]:
         found["tornado"] = (tornado_figure, content.assessment.told_apart)
     if content.answer is not None:
         found["design"] = (design_figure, content.answer)
+    if content.combinations:
+        found["combinations"] = (volume_figure, content.combinations)
     if content.models is not None:
         found["models"] = (range_figure, content.models)
     return found
@@ -261,7 +267,8 @@ def _sections(content: ReportContent, figures: Mapping[str, Path]) -> list[Secti
         return replace(section, tables=tables)
 
     return [
-        noted(_answer_section(content, figures)), _site_section(content, figures), _assumption_section(content),
+        noted(_answer_section(content, figures)), noted(_volume_section(content, figures)),
+        _assumption_section(content), _site_section(content, figures),
         noted(_passing_section(content, figures)), noted(_slope_section(content, figures)),
         noted(_line_section(content, figures)), noted(_design_section(content)),
         noted(_model_section(content, figures)), noted(_certainty_section(content, figures)),
@@ -287,6 +294,24 @@ def _answer_section(content: ReportContent, figures: Mapping[str, Path]) -> Sect
     )  # fmt: skip
     alt = f"Passing frequency of every block against {answer.place}, with the target and the least size"
     return Section("Which size holds", pictures=_picture(figures, "design", alt), tables=[shown])
+
+
+def _volume_section(content: ReportContent, figures: Mapping[str, Path]) -> Section | None:
+    if not content.combinations:
+        return None
+    from rock2d.design.least_volume import TABLE, combination_table, volume_text
+
+    table = combination_table(content.combinations)
+    rows = [tuple(map(three_digits, row)) for row in table.itertuples(index=False, name=None)]
+    shown = Table(
+        list(table.columns), rows, note="m³ per metre of embankment. A dash: no size of the range holds.",
+        data=data_of(TABLE, table),
+    )  # fmt: skip
+    alt = "Volume of earth against each number that was varied, and over each pair of them"
+    text = (
+        f"{volume_text(content.combinations).capitalize()}. Volume is not cost: a steep facing needs a wall."
+    )
+    return Section("Least volume", [text], pictures=_picture(figures, "combinations", alt), tables=[shown])
 
 
 def _percent(share: float) -> str:

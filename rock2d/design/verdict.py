@@ -155,8 +155,8 @@ def _largest(content: ReportContent, quantity: str) -> Any:
     if "percentiles" not in content.tables:
         return None
     table = content.design_values
-    arriving = table[table["line"].map(lambda line: is_line(line, ARRIVAL_LINE))]
-    own = arriving[arriving["quantity"] == quantity].dropna(subset="design")
+    arriving = table["line"].isin([line for line in table["line"].unique() if is_line(line, ARRIVAL_LINE)])
+    own = table[arriving & (table["quantity"] == quantity)].dropna(subset="design")
     return next(own.sort_values("design", ascending=False, kind="stable").itertuples(), None)
 
 

@@ -132,9 +132,8 @@ def placed_names(
         leader = np.array([[at[0], at[1] + 0.4 * gap], [at[0], y - 0.1 * gap]]) if apart else None
         names.append(PlacedName(text, box, NAME_INK, leader))
     busy = np.empty((0, 2)) if avoid_px is None else avoid_px
-    for name, line in cross_section.measure_lines.items():
-        text = name.replace("_", " ")
-        box = _line_label(view.pixels(line), surface, text_size(text, size_px), gap, taken, bounds, busy)
+    for text, ends in _line_names(cross_section, view, size_px):
+        box = _line_label(ends, surface, text_size(text, size_px), gap, taken, bounds, busy)
         taken.append(box)
         names.append(PlacedName(text, box, LINE_INK))
     return names
@@ -240,6 +239,18 @@ def _lowest(surface: Array, left: float, right: float, default: float) -> float:
             if x1 == x0:
                 rows.append(b[1])
     return float(max(rows))
+
+
+def _line_names(cross_section: CrossSection, view: Viewport, near_px: float) -> list[tuple[str, Array]]:
+    """Name and ends (px) of each measure line; upright lines that lie within `near_px` share one name."""
+    groups: list[tuple[list[str], Array]] = []
+    for name, line in sorted(cross_section.measure_lines.items(), key=lambda own: float(own[1][:, 0].min())):
+        ends = view.pixels(line)
+        if groups and np.abs(groups[-1][1][:, 0] - ends[:, 0]).max() < near_px:
+            groups[-1][0].append(name)
+        else:
+            groups.append(([name], ends))
+    return [(", ".join(names).replace("_", " "), ends) for names, ends in groups]
 
 
 def _line_label(

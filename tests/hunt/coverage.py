@@ -161,10 +161,13 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     held: list[Held] = []
     jobs = [(given.seed, number) for number in range(given.sites)]
-    with ProcessPoolExecutor(given.workers) as pool, Bars(True).stage("sites", len(jobs), "sites") as bar:
-        for found in pool.map(studied, jobs):
-            held += found
-            bar.update()
+    try:
+        with ProcessPoolExecutor(given.workers) as pool, Bars(True).stage("sites", len(jobs), "sites") as bar:
+            for found in pool.map(studied, jobs):
+                held += found
+                bar.update()
+    except KeyboardInterrupt:
+        print("interrupted: what is done so far")
     if given.save:
         pd.DataFrame(held).to_csv(given.save, index=False)
     print(coverage_table(held).to_string(float_format="{:.1f}".format))

@@ -161,13 +161,14 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     held: list[Held] = []
     jobs = [(given.seed, number) for number in range(given.sites)]
-    try:
-        with ProcessPoolExecutor(given.workers) as pool, Bars(True).stage("sites", len(jobs), "sites") as bar:
+    with ProcessPoolExecutor(given.workers) as pool, Bars(True).stage("sites", len(jobs), "sites") as bar:
+        try:
             for found in pool.map(studied, jobs):
                 held += found
                 bar.update()
-    except KeyboardInterrupt:
-        print("interrupted: what is done so far")
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            print("interrupted: what is done so far")
     if given.save:
         pd.DataFrame(held).to_csv(given.save, index=False)
     print(coverage_table(held).to_string(float_format="{:.1f}".format))

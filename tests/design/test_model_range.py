@@ -1,0 +1,59 @@
+"""How much depends on the model: the same releases with one change at a time."""
+
+from __future__ import annotations
+
+import pytest
+
+from rock2d.design.model_range import BASE, alternatives, compared, range_remarks, short_ranges, shown_lines
+from rock2d.files.scenario import load_scenario
+from rock2d.runs.run import run
+from rock2d.scene.soils import SOIL_CLASSES
+from tests.scenarios_of_tests import scenario_file
+
+RELEASES = 150
+SOILS = "{soils: {default: covered_bedrock}}"
+ROUGH = "roughness:\n  slope: {sd_deg: 3, length_m: 0.6}\n"
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    return load_scenario(scenario_file(folder, "site", model=SOILS, more=ROUGH))
+
+
+@pytest.fixture(scope="module")
+def table(scenario):
+    return compared(scenario, "batch", 3, RELEASES)
+
+
+def test_one_thing_changes_at_a_time(scenario):
+    found = {model.name: model for model in alternatives(scenario, "batch")}
+    assert set(found) == {
+        "probabilistic law", "smooth ground", "softer soil", "harder soil", "square blocks", "rectangle blocks",
+    }  # fmt: skip
+    assert found["probabilistic law"].engine == "point_mass"
+    assert not found["smooth ground"].scenario.roughness and found["softer soil"].scenario.roughness
+    restitution = [
+        SOIL_CLASSES[found[name].scenario.model.soils["default"]].restitution
+        for name in ("softer soil", "harder soil")
+    ]
+    assert restitution[0] < SOIL_CLASSES["covered_bedrock"].restitution < restitution[1]
+    ball, cube = (own.make_blocks()["ball"] for own in (scenario, found["square blocks"].scenario))
+    assert (cube.shape, cube.mass_kg) == ("square", ball.mass_kg)
+    assert cube.area_m2 == pytest.approx(ball.area_m2)
+
+
+def test_the_first_model_is_the_run_itself(scenario, table):
+    passing = run(scenario, engine="batch", seed=3, releases=RELEASES).to_pandas("passing").set_index("line")
+    own = table[table["model"] == BASE].set_index("line")
+    for column in ("frequency", "low95", "high95", "per_arriving"):
+        assert own[column].to_dict() == pytest.approx(passing[column].to_dict(), nan_ok=True)
+
+
+def test_the_range_is_that_of_the_table(table):
+    crest = table[table["line"] == "crest"]["frequency"]
+    (said,) = [text for text in range_remarks(table) if "crest, passes, % of released" in text]
+    least, most = (f"{100 * value:.3g}" for value in (crest.min(), crest.max()))
+    assert least in said and most in said
+    assert short_ranges(table)["crest", "frequency"].endswith("over 7 models")
+    assert {line for line, _ in shown_lines(table)} == {"crest", "arrival"}

@@ -171,14 +171,17 @@ class _AddedEffect:
         self._jacobian = jacobian_by_differences(
             self._model, self._p, data, fit.residuals, fit.scatter, noise, fit.jacobian
         )
-        owner = [e.name for e in self._model.effects for _ in e.parameters]
-        self._own = np.array([False] * len(BASE_WIDTH) + [name == effect.name for name in owner])
+        own, self._others = self._model.places[effect.name], np.ones(self._model.size, bool)
+        self._others[own] = False
+        # the parameter that is its size, and of an effect that each block has of its own that of each
+        step = len(effect.parameters) if self._model.of_each(effect) else own.stop - own.start
+        self._sizes = np.arange(own.start, own.stop, step)
         scatters = [e.name == effect.name for e in self._model.scatter_effects]
         further = self._jacobian.scatter.shape[-1] - len(BASE_WIDTH) - len(scatters)
         self._wide = np.array([False] * len(BASE_WIDTH) + scatters + [False] * further)
-        own = size_parameter(effect, world)
-        assert own is not None
-        self._size, self._unit = own, 0.5 * (own.high - own.low)
+        size = size_parameter(effect, world)
+        assert size is not None
+        self._size, self._unit = size, 0.5 * (size.high - size.low)
         rng = np.random.default_rng(np.random.SeedSequence(0))
         n = len(data.order)
         self._weights = rng.multinomial(n, np.full(n, 1.0 / n), size=BOOTSTRAPS)
@@ -207,13 +210,15 @@ class _AddedEffect:
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
         ahead, own = model.residuals(moved, data), fit.residuals
         change = Residuals(np.nan_to_num(ahead.impacts - own.impacts), ahead.flights - own.flights)
-        at = int(self._own.argmax())
-        unit = abs(moved[at] - p[at])
-        column = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
+        unit = np.abs(moved - p)[self._sizes]
+        further = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
+        if model.of_each(self._effect):  # there are no impacts
+            blocks = [list(model.setup.blocks).index(name) for name in model.flown]
+            further.flights *= np.equal.outer(data.flight_block, blocks)[:, None, None]
 
         def gain(share: float) -> Array:
             left = Residuals(own.impacts - share * change.impacts, own.flights - share * change.flights)
-            return LinearModel(self._without(left), data).expected(column, [np.ones(1)]).gain
+            return LinearModel(self._without(left), data).expected(further, [np.ones(len(unit))]).gain
 
         return [gain(sign) - gain(0.0) for sign in ((1.0, -1.0) if two_sided(self._size) else (1.0,))]
 
@@ -232,7 +237,7 @@ class _AddedEffect:
 
     def _without(self, residuals: Residuals) -> Fit:
         """The fit without the parameters of the effect, with these residuals."""
-        keep, jacobian = ~self._own, self._jacobian
+        keep, jacobian = self._others, self._jacobian
         jacobian = replace(jacobian, impacts=jacobian.impacts[..., keep], flights=jacobian.flights[..., keep])
         others = [e for e in self._model.effects if e.name != self._effect.name]
         model = replace(self._model, effects=others)
@@ -265,8 +270,12 @@ class _AddedEffect:
             (data.impact_release, data.flight_release),
             len(data.order),
         )
-        at = int(self._own.argmax())
-        z = self._p[at] - np.linalg.solve(curvature, grad)[at]
-        half = ONE_SIDED_Z * np.sqrt(of_p[at, at])
-        low, value, high = (from_scale(self._size, z + s * half) for s in (-1, 0, 1))
-        return min(distance_from_neutral(self._size, low, high), largest_size(self._size)), value
+        z = self._p - np.linalg.solve(curvature, grad)
+        half = ONE_SIDED_Z * np.sqrt(np.diag(of_p))
+        parameters = self._model.parameters_of(self._effect)[:: len(self._effect.parameters)]
+        ends = np.array([
+            [from_scale(q, z[at] + s * half[at]) for s in (-1, 0, 1)]
+            for at, q in zip(self._sizes, parameters, strict=True)
+        ])  # fmt: skip
+        farthest = max(distance_from_neutral(self._size, low, high) for low, _, high in ends)
+        return min(farthest, largest_size(self._size)), float(ends[:, 1].mean())

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rock2d.diagnosis.model import BASE_WIDTH, Model, is_factor, to_scale
+from rock2d.diagnosis.model import Model, is_factor, to_scale
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect, Parameter
 from rock2d.errors import InputError
@@ -57,15 +57,11 @@ def with_cause(
 
     What the effect already has in the model adds up with the cause; factors multiply. A scatter is left as it is.
     """
-    names = [e.name for e in model.effects]
-    if effect.name not in names:
+    if effect.name not in model.places:
         model = replace(model, effects=[*model.effects, effect])
         p = np.concatenate([p, model.start()[len(p) :]])
-        names.append(effect.name)
-    k = names.index(effect.name)
-    first = len(BASE_WIDTH) + sum(map(len, model.parameters[:k]))
     moved = p.copy()
-    for at, q in enumerate(model.parameters[k], first):
+    for at, q in enumerate(model.parameters_of(effect), model.places[effect.name].start):
         if q.name in values and not effect.scatter:
             moved[at] = to_scale(q, values[q.name]) + (0.0 if q.choices else p[at])
     return model, p, moved

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -59,6 +60,16 @@ class Model:
         """Whether each block has its own parameters of an effect."""
         return bool(self.flown) and effect.origin == FLIGHT
 
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """Effect -> where its parameters are among all."""
+        ends = np.cumsum([len(BASE_WIDTH), *map(len, self.parameters)]).tolist()
+        return {e.name: slice(*own) for e, own in zip(self.effects, pairwise(ends), strict=True)}
+
+    def parameters_of(self, effect: Effect) -> list[Parameter]:
+        """Those of one of its effects, as in `parameters`."""
+        return self.parameters[list(self.places).index(effect.name)]
+
     def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
         """The world with an effect at its `values`."""
         if not self.of_each(effect):
@@ -105,11 +116,10 @@ class Model:
 
     def values(self, p: Array) -> list[list[float]]:
         """Values of each effect's parameters at p."""
-        out, i = [], len(BASE_WIDTH)
-        for own in self.parameters:
-            out.append([from_scale(q, p[i + k]) for k, q in enumerate(own)])
-            i += len(own)
-        return out
+        return [
+            [from_scale(q, z) for q, z in zip(own, p[at], strict=True)]
+            for own, at in zip(self.parameters, self.places.values(), strict=True)
+        ]
 
     def world(self, p: Array, order: Array, amounts: Sequence[Sequence[float]] | None = None) -> World:
         """The world at p for releases at these places in their series; `amounts` replace the values of the effects."""
@@ -177,5 +187,4 @@ def discrete(model: Model) -> list[int]:
 
 def scatters(model: Model) -> list[int]:
     """Positions of the parameters that are standard deviations of what varies from impact to impact."""
-    owners = [e for e in model.effects for _ in e.parameters]
-    return [len(BASE_WIDTH) + i for i, e in enumerate(owners) if e.scatter]
+    return [model.places[e.name].start for e in model.scatter_effects]

@@ -20,7 +20,7 @@ from rock2d.errors import counted
 from rock2d.files.folders import write_whole
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flight_gravity import FlightGravity, Measured, flight_gravity
-from rock2d.kinematics.rest_heights import LEAST_HEIGHT_RADII, RestHeight, rest_heights
+from rock2d.kinematics.rest_heights import RestHeight, rest_heights
 from rock2d.kinematics.window_gravity import LARGEST_RATIO, LEAST_RATIO
 from rock2d.records.columns import X, Y
 from rock2d.scene.blocks import Block
@@ -33,7 +33,6 @@ SCALE_OR_RATE = ("scale_error", "frame_rate_error")
 DRAG_COEFFICIENT = {"circle": 0.5}  # for a ball; Hoerner (1965), Fluid-dynamic drag
 OTHER_DRAG_COEFFICIENT = 1.0  # for a body with edges
 LOCAL_GRAVITY = 0.003  # by which gravity differs between places of the earth, about its mean
-CLEAR_HEIGHT = 4.0  # standard errors
 
 
 @dataclass(frozen=True)
@@ -248,10 +247,7 @@ def _rest_sentence(own: RestHeight) -> str:
     way = "above" if own.height_m > 0 else "below"
     size = f"{1e3 * abs(own.height_m):.2g}"
     error = "" if own.error_m is None else f" ± {1e3 * own.error_m:.1g}"
-    clear = own.error_m is not None and own.height_m > max(
-        CLEAR_HEIGHT * own.error_m, LEAST_HEIGHT_RADII * own.height_m / own.height_radii
-    )
-    ask = ": are its size, the scale, the origin and the ground right?" if clear else ""
+    ask = ": are its size, the scale, the origin and the ground right?" if own.clear else ""
     return (
         f"at rest, block {own.block} lies {size}{error} mm {way} the stated ground, "
         f"{100 * abs(own.height_radii):.2g} % of its radius ({counted(own.rests, 'release')}){ask}"

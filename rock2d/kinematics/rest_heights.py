@@ -37,6 +37,12 @@ class RestHeight:
     error_m: float | None
     height_radii: float
 
+    @property
+    def clear(self) -> bool:
+        """Whether the block lies above the ground by more than chance."""
+        above = self.height_radii > LEAST_HEIGHT_RADII
+        return above and self.error_m is not None and self.height_m > CLEAR_HEIGHT * self.error_m
+
 
 def rest_heights(film: Film, world: World) -> list[RestHeight]:
     """Height at rest of each block that comes to rest on the ground of a world, or near it."""

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rock2d.diagnosis.detection import detection_curves
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.predict import diagnosed_world
@@ -103,6 +104,16 @@ def test_a_prediction_takes_the_drag_of_each_ball(drops, content, tmp_path):
     each = content["model"]["parameters"]["air_drag"]["drag_per_mass_1_m"]["by_block"]
     for name, block in world.blocks.items():
         assert max(block.air) == pytest.approx(each[name]["value"] * block.mass_kg)
+
+
+def test_limits_know_that_each_ball_has_its_own_drag(drops):
+    curves = detection_curves(drops, {name: catalogue()[name] for name in ("air_drag", "scale_error")})
+    drag, each = curves["air_drag"], [DRAG[name] / coefficient(ball, 1.0) for name, ball in BALLS.items()]
+    assert drag.value == pytest.approx(np.mean(each), rel=0.05)
+    assert max(each) < drag.compatible < 1.1 * max(each)
+    assert drag.found and drag.seen50 < max(each) and drag.limit()["upper95"] is None
+    scale = curves["scale_error"].limit()
+    assert scale["seen50"] < scale["seen90"] <= scale["upper95"] < 0.02
 
 
 def test_lift_of_an_unmeasured_spin_is_no_error_of_the_camera():

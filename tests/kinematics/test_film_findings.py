@@ -78,6 +78,20 @@ def test_the_height_at_rest_is_stated_against_the_size_of_the_block(tmp_path):
     assert content["rests"][0]["block"] == "ball" and content["gravity"]["flights"] == 1
 
 
+def test_a_block_may_rest_exactly_on_the_ground():
+    """Two releases of a simulation, without noise."""
+    film = tossed(rest_m=0.0)
+    table = film.trajectories
+    table.loc[60:, ["x_m", "y_m"]] = 1.25, 0.03125
+    both = pd.concat([table, table.assign(release=1)], ignore_index=True)
+    ball = make_block("ball", "circle", 0.2, "solid_sphere", diameter_m=0.0625)
+    said = stated(replace(film, trajectories=both, blocks={"ball": ball}))
+    (rest,) = said.rests
+    assert rest.height_m == rest.error_m == 0.0
+    (line,) = (line for line in said.sentences() if "at rest" in line)
+    assert "block ball lies 0 ± 0 mm" in line and not line.endswith("?")
+
+
 def test_without_a_flight_nothing_is_said_of_gravity():
     short = tossed()
     said = stated(replace(short, trajectories=short.trajectories[:5]))

@@ -81,11 +81,9 @@ def read_record(folder: Path, workers: int, progress: bool) -> Record:
     fewest = math.ceil((1.0 + HELDOUT_SHARE) * FEWEST_CASE_RELEASES)
     if table["release"].nunique() < fewest:
         raise InputError(f"expected at least {fewest} releases", folder, code="bad_value")
-    fit = found.final.fit if found.named else found.base
     effects = {name: catalogue()[name] for name in effects_of_size("")}
-    return Record(
-        result.experiment, result.setup, fit, sorted(found.named), detection_curves(result, effects)
-    )
+    curves = detection_curves(result, effects)
+    return Record(result.experiment, result.setup, found.settled, sorted(found.named), curves)
 
 
 def bases_of(

@@ -19,7 +19,7 @@ import numpy as np
 from rock2d.blind.case_files import CASES
 from rock2d.blind.injection import SERIES_EFFECTS, injected
 from rock2d.blind.running import RESULTS, run_cases
-from rock2d.diagnosis.detection import Curve, corrected, detection_curves
+from rock2d.diagnosis.detection import Curve, detection_curves, limits_of
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
 from rock2d.diagnosis.known_causes import largest_size, size_parameter, two_sided, values_of_size
@@ -94,17 +94,17 @@ def make_cases(
     """
     found, known, cases = result.found, catalogue(), {}
     assert found is not None
-    fit = found.final.fit if found.named else found.base
     curves = detection_curves(result, {name: known[name] for name in effects})
-    expected = {name: curve.limit() for name, curve in corrected(curves, []).items()}
     with atomic_folder(out / CASES) as folder:
-        for k, (name, size) in enumerate(plan.of(expected)):
+        for k, (name, size) in enumerate(plan.of(limits_of(curves))):
             effect, parameter = known[name], size_parameter(known[name], result.setup)
             assert parameter is not None
             has, below = curves[name].value, bool(k % 2) and two_sided(parameter)
             size = min(size, largest_size(parameter), _room(parameter, has, below))
             values = values_of_size(effect, size, result.setup, below)
-            changed = injected(result.experiment, fit.model, fit.p, effect, values, plan.seed + k)
+            changed = injected(
+                result.experiment, found.settled.model, found.settled.p, effect, values, plan.seed + k
+            )
             write_experiment(folder / f"{k:03d}", changed.experiment)
             # with what the record has of it anyway, named or not
             put = values[parameter.name]
@@ -170,7 +170,7 @@ def recovered(folder: Path) -> tuple[list[dict[str, Any]], dict[str, dict[str, A
         cases.append({"case": name, **case, "seen": seen, "found": value, "false": false})
     curves = {name: Curve(**own) for name, own in truth["curves"].items()}
     shown = [(case["effect"], case["size"], case["seen"]) for case in cases]
-    return cases, {name: curve.limit() for name, curve in corrected(curves, shown).items()}
+    return cases, limits_of(curves, shown)
 
 
 def case_lines(

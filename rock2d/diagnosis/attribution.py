@@ -113,6 +113,11 @@ class Attribution:
         return self.chain[-1]
 
     @property
+    def settled(self) -> Fit:
+        """The fit that the diagnosis settles on: that with all named effects, or the base."""
+        return self.final.fit if self.named else self.base
+
+    @property
     def uncertain(self) -> list[str]:
         """Effects that act with the learnt changes, although they are not named."""
         return [e.name for e in self.learnt.fit.model.effects if e.name not in self.named]
@@ -192,7 +197,7 @@ def registered_by_fit(base: Fit, data: FilmData) -> tuple[FilmData, World] | Non
     setup, effects = base.model.setup, [known[name] for name in REGISTERED + BESIDE_REGISTERED]
     model = Model(setup, base.model.base, effects)
     p = extended(base, model)
-    first = len(BASE_WIDTH) + np.cumsum([0, *(len(own) for own in model.parameters)])[: len(REGISTERED)]
+    first = [model.places[name].start for name in REGISTERED]
     for _ in range(MOST_REGISTRATIONS):
         own = fit(model, data, p)
         p, world = own.p, setup

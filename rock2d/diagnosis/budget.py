@@ -20,7 +20,7 @@ import numpy as np
 
 from rock2d.diagnosis.cause_sets import Names
 from rock2d.diagnosis.data import Data, Residuals
-from rock2d.diagnosis.likelihood import chi_square
+from rock2d.diagnosis.likelihood import chi_square, standard_deviations
 from rock2d.diagnosis.replicates import Ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, RegressedResiduals
 
@@ -76,7 +76,7 @@ class Sizes:
 
     def __init__(self, data: Data, covariance: Array) -> None:
         self._data, self._covariance = data, covariance
-        self._sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+        self._sd = standard_deviations(covariance)
         n = len(data.order)
         self.impacts = np.bincount(data.impact_release, minlength=n).astype(float)
         self.count = self.impacts + np.bincount(data.flight_release, minlength=n)

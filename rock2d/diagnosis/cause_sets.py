@@ -16,7 +16,6 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import HeldOut, cross_validate, held_out_gain, load_fit, save_fit
 from rock2d.diagnosis.data import Data
-from rock2d.diagnosis.derivatives import Jacobian
 from rock2d.diagnosis.exploring import REFIT_GAIN, Explored, explored, fit_effects, fit_to_some
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.model import BASE_WIDTH, Model
@@ -342,24 +341,16 @@ class Reduction:
         return replace(known, effects=fewer, beside=self.before.p)
 
     def fitted(self, data: Data) -> Fit:
-        model, first = self.before.model, len(BASE_WIDTH)
-        kept = np.ones(model.size, bool)
-        for effect, own in zip(model.effects, model.parameters, strict=True):
-            kept[first : first + len(own)] = effect.name != self.name
-            first += len(own)
-        smaller = self.model
-        return fit(smaller, data, self.before.p[kept], old=self._without(kept, smaller))
-
-    def _without(self, kept: Array, model: Model) -> Fit:
-        """The fit before, without the effect's parameters: its noise and derivatives are near those of the new one."""
-        before, own = self.before, self.before.jacobian
-        scatter = np.ones(len(before.scatter), bool)
+        before, model = self.before, self.model
+        kept, scatter = np.ones(before.model.size, bool), np.ones(len(before.scatter), bool)
+        kept[before.model.places[self.name]] = False
         for k, effect in enumerate(before.model.scatter_effects, len(BASE_WIDTH)):
             scatter[k] = effect.name != self.name
-        slope = Jacobian(
-            own.impacts[..., kept], own.flights[..., kept], own.scatter[..., scatter], own.covariance
-        )
-        return replace(before, model=model, p=before.p[kept], scatter=before.scatter[scatter], jacobian=slope)
+        p, slope = before.p[kept], before.jacobian.only(kept)
+        slope.scatter = slope.scatter[..., scatter]
+        # noise and derivatives of the fit before are near those of the new one
+        old = replace(before, model=model, p=p, scatter=before.scatter[scatter], jacobian=slope)
+        return fit(model, data, p, old=old)
 
 
 def _explore_step(data: Data, step: _Addition, on_some: float, folder: Path | None) -> Explored:

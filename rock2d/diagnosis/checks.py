@@ -24,7 +24,7 @@ from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import path_quantities
-from rock2d.diagnosis.likelihood import FLIGHT_STUDENT_DF, IMPACT_STUDENT_DF, chi_square
+from rock2d.diagnosis.likelihood import chi_square, flight_weight, impact_weight, standard_deviations
 from rock2d.diagnosis.quantities import (
     BLOCK,
     CONSTANT,
@@ -192,9 +192,9 @@ class _Left:
         r, covariance = fit.residuals.impacts, fit.covariance()
         root = np.linalg.cholesky(covariance)
         whiten, known = np.linalg.inv(root), np.isfinite(r).all(axis=1)
-        heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
+        heavy = impact_weight(chi_square(r, covariance), r.shape[1])
         # standard deviations of the rates, the last columns
-        self._sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, -3:]
+        self._sd = standard_deviations(covariance)[:, -3:]
         self._soil = whiten @ fit.jacobian.scatter
         self._impacts = _Side(
             data.impact_release, np.einsum("nij,nj->ni", whiten, np.nan_to_num(r)),
@@ -209,7 +209,7 @@ class _Left:
             quantities[BLOCK] = data.segmentation.flights.block.astype(float)
             lever = data.lever()
         self._flights = _Side(
-            data.flight_release, z, (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + z**2),
+            data.flight_release, z, flight_weight(z),
             fit.jacobian.flights[..., free].reshape(*z.shape, len(free)), ("x", "y", "angle"),
             np.tile(np.kron(np.eye(3), np.arange(degrees) == 0), (m, 1, 1)), quantities, lever,
         )  # fmt: skip

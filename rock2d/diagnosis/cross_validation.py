@@ -10,7 +10,6 @@ Fits and their scores on disk, so that an interrupted diagnosis can continue: pl
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ from rock2d.diagnosis.likelihood import (
 )
 from rock2d.diagnosis.model import Model, discrete
 from rock2d.diagnosis.significance import Gain
-from rock2d.files.folders import atomic_file
+from rock2d.files.saved_arrays import load_arrays, save_arrays
 
 Array = np.ndarray
 
@@ -141,21 +140,17 @@ def by_release(data: Data, residuals: Residuals, covariance: Array) -> Array:
 
 def save_fit(path: Path, fit: Fit, out: HeldOut) -> None:
     """Write a fit and its held-out residuals; whole or not at all."""
-    with atomic_file(path) as partial, open(partial, "wb") as file:
-        np.savez(
-            file, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
-            slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, covariance=fit.jacobian.covariance,
-            impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
-            out_flights=out.residuals.flights, score=out.score,
-        )  # fmt: skip
+    save_arrays(
+        path, p=fit.p, p_covariance=fit.p_covariance, scatter=fit.scatter, slope_impacts=fit.jacobian.impacts,
+        slope_flights=fit.jacobian.flights, slope_scatter=fit.jacobian.scatter, covariance=fit.jacobian.covariance,
+        impacts=fit.residuals.impacts, flights=fit.residuals.flights, out_impacts=out.residuals.impacts,
+        out_flights=out.residuals.flights, score=out.score,
+    )  # fmt: skip
 
 
 def load_fit(path: Path, model: Model) -> tuple[Fit, HeldOut] | None:
     """Read what `save_fit` wrote; None if there is no readable file."""
-    try:
-        with np.load(path, allow_pickle=False) as found:
-            a = dict(found)
-    except (OSError, ValueError, zipfile.BadZipFile):
+    if (a := load_arrays(path)) is None:
         return None
     jacobian = Jacobian(a["slope_impacts"], a["slope_flights"], a["slope_scatter"], a["covariance"])
     residuals = Residuals(a["impacts"], a["flights"])

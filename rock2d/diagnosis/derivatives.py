@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,10 @@ class Jacobian:
     flights: Array
     scatter: Array
     covariance: Array
+
+    def only(self, parameters: Array | slice) -> Jacobian:
+        """The same by some of the parameters."""
+        return replace(self, impacts=self.impacts[..., parameters], flights=self.flights[..., parameters])
 
 
 def jacobian_by_differences(

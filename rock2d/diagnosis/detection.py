@@ -92,7 +92,6 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     """Effect -> its curve; without effects that have no size, or that no plausible size shows."""
     found, data = result.found, result.data
     assert found is not None and data is not None
-    fit = found.final.fit if found.named else found.base
     # what the forms of the laws that are there may leave
     others = [found.evidence[name].alone.total for name in found.named if not catalogue()[name].camera]
     least = max(LEAST_GAIN, EFFECT_FORM_SHARE * sum(others))
@@ -101,7 +100,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
         own = size_parameter(effect, result.setup)
         if own is None:
             continue
-        tried = _AddedEffect(fit, data, effect, result.setup, least)
+        tried = _AddedEffect(found.settled, data, effect, result.setup, least)
         low, high = SMALLEST_TRIED * largest_size(own), largest_size(own)
         for _ in range(ZOOMS):
             sizes = np.geomspace(low, high, TRIED_SIZES)
@@ -154,10 +153,16 @@ def corrected(curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, boo
     return found
 
 
+def limits_of(
+    curves: Mapping[str, Curve], cases: Sequence[tuple[str, float, bool]] = ()
+) -> dict[str, dict[str, Any]]:
+    """Effect -> limit, of the `corrected` curves."""
+    return {name: curve.limit() for name, curve in corrected(curves, cases).items()}
+
+
 def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Effect -> limit, as the linear model expects it."""
-    curves = detection_curves(result, {name: catalogue()[name] for name in effects})
-    return {name: curve.limit() for name, curve in corrected(curves, []).items()}
+    return limits_of(detection_curves(result, {name: catalogue()[name] for name in effects}))
 
 
 class _AddedEffect:
@@ -208,8 +213,8 @@ class _AddedEffect:
         fit, data = self._fit, self._data
         values = values_of_size(self._effect, size, self._world)
         model, p, moved = with_cause(fit.model, fit.p, self._effect, values)
-        ahead, own = model.residuals(moved, data), fit.residuals
-        change = Residuals(np.nan_to_num(ahead.impacts - own.impacts), ahead.flights - own.flights)
+        own = fit.residuals
+        change = model.residuals(moved, data).beyond(own)
         unit = np.abs(moved - p)[self._sizes]
         further = Residuals(change.impacts[..., None] / unit, change.flights[..., None] / unit)
         if model.of_each(self._effect):  # there are no impacts
@@ -237,11 +242,11 @@ class _AddedEffect:
 
     def _without(self, residuals: Residuals) -> Fit:
         """The fit without the parameters of the effect, with these residuals."""
-        keep, jacobian = self._others, self._jacobian
-        jacobian = replace(jacobian, impacts=jacobian.impacts[..., keep], flights=jacobian.flights[..., keep])
-        others = [e for e in self._model.effects if e.name != self._effect.name]
-        model = replace(self._model, effects=others)
-        return replace(self._fit, model=model, p=self._p[keep], jacobian=jacobian, residuals=residuals)
+        keep, others = self._others, [e for e in self._model.effects if e.name != self._effect.name]
+        return replace(
+            self._fit, model=replace(self._model, effects=others), p=self._p[keep],
+            jacobian=self._jacobian.only(keep), residuals=residuals,
+        )  # fmt: skip
 
     def as_it_is(self) -> tuple[float, float]:
         """The largest size that the record as it is allows, one-sided 95 %, and the value that is most probable: one
@@ -257,9 +262,8 @@ class _AddedEffect:
             return float(sizes[total >= total.max() - 0.5 * ONE_SIDED_Z**2].max()), float(
                 sizes[total.argmax()]
             )
-        keep = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
         covariance, (centre, precision) = fit.covariance(), prior(self._model)
-        curvature, grad = normal_equations(fit.residuals, jacobian, covariance, keep)
+        curvature, grad = normal_equations(fit.residuals, jacobian, covariance)
         curvature, grad = curvature + np.diag(precision), grad + precision * (self._p - centre)
         grad[discrete(self._model)] = 0.0
         of_p = clustered_covariance(
@@ -272,7 +276,7 @@ class _AddedEffect:
         )
         z = self._p - np.linalg.solve(curvature, grad)
         half = ONE_SIDED_Z * np.sqrt(np.diag(of_p))
-        parameters = self._model.parameters_of(self._effect)[:: len(self._effect.parameters)]
+        parameters = self._model.parameters_of(self._effect.name)[:: len(self._effect.parameters)]
         ends = np.array([
             [from_scale(q, z[at] + s * half[at]) for s in (-1, 0, 1)]
             for at, q in zip(self._sizes, parameters, strict=True)

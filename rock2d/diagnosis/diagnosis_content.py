@@ -15,7 +15,7 @@ from rock2d.diagnosis.evidence import inclusion
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.levers import FLIGHT
-from rock2d.diagnosis.model import BASE_NAMES, BASE_WIDTH, Model, is_factor
+from rock2d.diagnosis.model import BASE_NAMES, Model, is_factor
 from rock2d.diagnosis.next_release import next_release
 from rock2d.diagnosis.significance import OverReleases
 from rock2d.diagnosis.visibility import SPIN_TWINS
@@ -36,11 +36,10 @@ UNKNOWN_IF_FAULTY = 0.5  # probability of "unknown" for an experiment that could
 def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
     """Effect name -> parameter name -> value, 95 % interval and unit."""
     out: dict[str, dict[str, dict[str, Any]]] = {}
-    k = len(BASE_WIDTH)
     model = fit.model
     for effect, own, values in zip(model.effects, model.parameters, model.values(fit.p), strict=True):
-        entries = []
-        for parameter, value in zip(own, values, strict=True):
+        entries, first = [], model.places[effect.name].start
+        for k, (parameter, value) in enumerate(zip(own, values, strict=True), first):
             half = 1.96 * float(np.hypot(np.sqrt(fit.p_covariance[k, k]), MODEL_ERROR * fit.p[k]))
             if is_factor(parameter):
                 low, high = value * np.exp(-half), value * np.exp(half)
@@ -54,7 +53,6 @@ def effect_values(fit: Fit) -> dict[str, dict[str, dict[str, Any]]]:
             entries.append({"value": float(value), "ci95": [float(low), float(high)], "unit": parameter.unit})
             if (name := parameter.called(float(value))) is not None:
                 entries[-1]["choice"] = name
-            k += 1
         size = len(effect.parameters)
         out[effect.name] = {
             parameter.name: _of_blocks(model, effect, entries[j::size])
@@ -325,7 +323,6 @@ def _model_json(found: Attribution) -> dict[str, Any] | None:
     learnt = found.learnt
     if not (found.named or learnt.changes):
         return None
-    plain = found.final.fit if found.named else found.base
     changes = [
         own.basis.content()
         | {"lever": own.lever, "coefficients": own.coefficients.tolist()}
@@ -333,7 +330,7 @@ def _model_json(found: Attribution) -> dict[str, Any] | None:
         for own in learnt.changes
     ]
     changed = _law_json(learnt.fit) | {"changes": changes} if changes else None
-    return _law_json(plain) | {"learnt": changed}
+    return _law_json(found.settled) | {"learnt": changed}
 
 
 def _chain_json(found: Attribution) -> list[dict[str, Any]]:

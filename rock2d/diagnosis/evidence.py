@@ -27,7 +27,6 @@ from rock2d.diagnosis.fitting import START_SCATTER, Fit
 from rock2d.diagnosis.learnt import Learnt, learn
 from rock2d.diagnosis.levers import FLIGHT, LEVERS, state_units
 from rock2d.diagnosis.likelihood import flight_log_likelihood, log_likelihood
-from rock2d.diagnosis.model import BASE_WIDTH
 from rock2d.diagnosis.significance import Gain
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects.changes import AIM_PARAMETERS
@@ -224,14 +223,9 @@ def _any_scatter(data: Data, less: Validated) -> Gain:
 def size(fit: Fit, name: str) -> float:
     """The largest size among the parameters of an effect, over the plausible range on its side; a choice has size 1.
     Where the camera aims is no size."""
-    model, first = fit.model, len(BASE_WIDTH)
-    low, high = model.bounds()
-    for effect, parameters in zip(model.effects, model.parameters, strict=True):
-        if effect.name == name:
-            break
-        first += len(parameters)
+    low, high = fit.model.bounds()
     sizes = []
-    for k, parameter in enumerate(parameters, first):
+    for k, parameter in enumerate(fit.model.parameters_of(name), fit.model.places[name].start):
         if parameter not in AIM_PARAMETERS:
             room = high[k] if fit.p[k] > 0.0 else -low[k]
             sizes.append(1.0 if parameter.must_choose else abs(fit.p[k]) / max(room, 1e-9))

@@ -139,7 +139,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
     With the `jacobian` of a fit nearby, the parameters of that fit follow each step of the grid: the linear model says
     which value would then be best, and a simulation checks it.
     """
-    model, data = cached.model, cached.data
+    model = cached.model
     low, high = model.bounds()
     parameters = [q for own in model.parameters for q in own]
     first = model.size - len(parameters)
@@ -162,7 +162,7 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
             if own > best:
                 best, p = own, trial
             if jacobian is not None:
-                step, after = _followed(model, trial, residuals, jacobian, covariance, data)
+                step, after = _followed(model, trial, residuals, jacobian, covariance)
                 followed.append((value(after), np.clip(trial - step, low, high)))
         expected, other = max(followed, key=lambda pair: pair[0], default=(-np.inf, p))
         if expected > best and (own := value(cached.residuals(other))) > best:
@@ -171,14 +171,13 @@ def scan(cached: CachedResiduals, p: Array, covariance: Array, jacobian: Jacobia
 
 
 def _followed(
-    model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array, data: Data
+    model: Model, p: Array, residuals: Residuals, jacobian: Jacobian, covariance: Array
 ) -> tuple[Array, Residuals]:
     """(P,) step of the parameters of the base law to subtract, and the residuals that the linear model expects then."""
     n = len(BASE_WIDTH)
     centre, prior_precision = prior(model)
-    own = Jacobian(jacobian.impacts[..., :n], jacobian.flights[..., :n], jacobian.scatter, covariance)
-    everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
-    curvature, grad = normal_equations(residuals, own, covariance, everything)
+    own = jacobian.only(slice(n))
+    curvature, grad = normal_equations(residuals, own, covariance)
     grad += prior_precision[:n] * (p[:n] - centre[:n])
     step = np.zeros(model.size)
     step[:n] = np.linalg.solve(curvature + np.diag(prior_precision[:n]), grad).clip(

@@ -19,7 +19,6 @@ from rock2d.diagnosis.quantities import (
 from rock2d.diagnosis.residuals import Residuals
 from rock2d.engines.batch import BATCH_STEP_FRACTION
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
-from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -97,9 +96,7 @@ class FilmData(FilmSegments):
 
     def incident(self, world: World) -> Array:
         """(n, 6) states at the starts of the simulations."""
-        impacts = self.impacts
-        start = impacts.start_s * world.view.time_scale
-        return move_freely(world, impacts.block, self.states(world).middle[impacts.before], start)
+        return self.states_at(world, self.impacts.before, self.impacts.start_s)
 
     def state_noise(self, world: World) -> Array:
         """(n, 6, 6) covariance of the states before the impacts, in that world."""
@@ -138,8 +135,7 @@ class FilmData(FilmSegments):
     def outcome_quantities(self, world: World) -> dict[str, Array]:
         """The same of the flights after, as far as it is known then."""
         impacts = self.impacts
-        begin = impacts.begin_s * world.view.time_scale
-        after = move_freely(world, impacts.block, self.states(world).middle[impacts.after], begin)
+        after = self.states_at(world, impacts.after, impacts.begin_s)
         known = {SERIES: impacts.order.astype(float), TIME_S: self._times(world)}
         return moving_quantities(after[:, RATES]) | known
 

@@ -124,7 +124,6 @@ def fit(
     p = np.clip(model.start() if start is None else start, low, high)
     begin, at = p, _Point(p, model.residuals(p, data))
     scatter, noise_known = _start_scatter(model, data, old), old is not None
-    everything = np.ones(len(data.impact_release), bool), np.ones(len(data.flight_release), bool)
     jacobian: Jacobian | None = old.jacobian if old is not None else None
     known_at = extended(old, model) if old is not None else np.full(model.size, np.inf)
     damping, curvature = START_DAMPING, np.eye(model.size)
@@ -143,7 +142,7 @@ def fit(
         assert jacobian is not None
         scatter = fit_scatter(at.residuals.impacts, jacobian, np.maximum(scatter, SMALLEST_START_SCATTER))
         covariance = residual_covariance(jacobian, scatter)
-        curvature, grad = normal_equations(at.residuals, jacobian, covariance, everything)
+        curvature, grad = normal_equations(at.residuals, jacobian, covariance)
         grad = grad + posterior.prior_precision * (at.p - posterior.centre)
         grad[discrete(model)] = 0.0  # a scan chooses them
         before, now = at, posterior.cost(at, covariance)

@@ -15,6 +15,7 @@ import numpy as np
 from rock2d.diagnosis.attribution import Attribution, Candidate
 from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget, share
 from rock2d.diagnosis.data import Data
+from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replicates import replicate_ratio
 from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
 
@@ -106,15 +107,15 @@ def explained(found: Attribution) -> tuple[Array, Array]:
     """Squares by which the best explanation reduces those of impacts and flights: the best model, with the flexible
     regression on top where it finds more, or the regression alone where no effect helps."""
     base, better = found.base_regressed, (found.best_regressed, found.left_regressed)
-    impacts = min(
-        (base.impacts_remaining, *(v for b in better for v in (b.impacts, b.impacts_remaining))),
-        key=lambda v: float((v**2).sum()),
+
+    def least(plain: str, remaining: str) -> Array:
+        tried = [getattr(base, remaining), *(getattr(b, name) for b in better for name in (plain, remaining))]
+        return np.asarray(min(tried, key=lambda v: float((v**2).sum())) ** 2)
+
+    return (
+        base.impacts**2 - least("impacts", "impacts_remaining"),
+        base.flights**2 - least("flights", "flights_remaining"),
     )
-    flights = min(
-        (base.flights_remaining, *(v for b in better for v in (b.flights, b.flights_remaining))),
-        key=lambda v: float((v**2).sum()),
-    )
-    return base.impacts**2 - impacts**2, base.flights**2 - flights**2
 
 
 def impact_part(
@@ -126,8 +127,7 @@ def impact_part(
     if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
         taken = _spread_stated(found)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
-        covariance = found.final.fit.covariance()
-        scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+        scale = standard_deviations(found.final.fit.covariance())
         taken = clipped(bare / scale) ** 2 - found.base_regressed.impacts**2 + taken
     squares = np.stack([taken, found.base_regressed.impacts**2, found.left_regressed.impacts**2])
     n, d = taken.shape

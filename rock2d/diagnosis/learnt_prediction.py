@@ -78,10 +78,8 @@ def predicted_poses(
 
     `shift` (n, 6) is added to the states at the starts.
     """
-    scale, block = world.view.time_scale, segments.block
-    before = data.states(world).middle[segments.flight]
-    starts = move_freely(world, block, before, data.start_s[segments.flight] * scale) + shift
-    times = segments.instants_s * scale
+    starts = data.states_at(world, segments.flight, data.start_s[segments.flight]) + shift
+    block, times = segments.block, segments.instants_s * world.view.time_scale
     limits = np.where(np.isfinite(times), times, 0.0).max(axis=1) + END_MARGIN_S
     if changes:
         samples = LearntMotion(changes, world, data, segments, starts, limits).samples(times)

@@ -91,7 +91,7 @@ class LeverDerivatives:
         """(n, d) derivatives of the residuals of impacts by the slope of the ground."""
         setup = self.model.setup
         tilted = replace(self.model, setup=replace(setup, slope_rad=setup.slope_rad + SLOPE_STEP_RAD))
-        return self._change(tilted.residuals(self.p, self.data)) / SLOPE_STEP_RAD
+        return tilted.residuals(self.p, self.data).beyond(self.at).impacts / SLOPE_STEP_RAD
 
     @cached_property
     def by_state(self) -> Array:
@@ -99,11 +99,8 @@ class LeverDerivatives:
         setup, columns = self.model.setup, []
         for k, unit in enumerate(STATE_STEP * state_units(setup)):
             shift = unit * (np.arange(STATE_SIZE) == k)
-            columns.append(self._change(self.model.residuals(self.p, self.data, shift)) / unit)
+            columns.append(self.model.residuals(self.p, self.data, shift).beyond(self.at).impacts / unit)
         return np.stack(columns, axis=-1)
-
-    def _change(self, ahead: Residuals) -> Array:
-        return np.nan_to_num(ahead.impacts - self.at.impacts)
 
 
 def by_coefficients(response: LeverResponse, derivatives: LeverDerivatives) -> Residuals:

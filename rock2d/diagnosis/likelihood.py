@@ -55,22 +55,40 @@ def newton_step(curvature: Array, grad: Array, p: Array, low: Array | float, hig
     return step
 
 
+def impact_weight(chi2: Array, d: int) -> Array:
+    """(n,) weight of an impact with d residuals in the robust likelihood."""
+    return (IMPACT_STUDENT_DF + d) / (IMPACT_STUDENT_DF + chi2)
+
+
+def flight_weight(r: Array) -> Array:
+    """Weight of each residual of a flight in the robust likelihood."""
+    return (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + r**2)
+
+
+def standard_deviations(covariance: Array) -> Array:
+    """(n, d) standard deviations of covariances (n, d, d), never 0."""
+    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+
+
 def normal_equations(
-    residuals: Residuals, jacobian: Jacobian, covariance: Array, keep: tuple[Array, Array]
+    residuals: Residuals, jacobian: Jacobian, covariance: Array, keep: tuple[Array, Array] | None = None
 ) -> tuple[Array, Array]:
-    """Curvature (P, P) and gradient (P,) of minus the log likelihood over the impacts and flights in `keep`."""
-    impacts, flights = keep
+    """Curvature (P, P) and gradient (P,) of minus the log likelihood over the impacts and flights in `keep`, or all."""
+    impacts, flights = keep or (
+        np.ones(len(residuals.impacts), bool),
+        np.ones(len(residuals.flights), bool),
+    )
     r = np.nan_to_num(residuals.impacts)
     good = impacts & np.isfinite(residuals.impacts).all(axis=1)
     inverse = np.linalg.inv(covariance[good])
     u = np.einsum("nij,nj->ni", inverse, r[good])
     chi2 = np.einsum("ni,ni->n", r[good], u)
-    weight = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi2)
+    weight = impact_weight(chi2, r.shape[1])
     j = jacobian.impacts[good]
     curvature = np.einsum("n,nip,nij,njq->pq", weight, j, inverse, j, optimize=True)
     grad = np.einsum("n,nip,ni->p", weight, j, u)
     rf, jf = residuals.flights[flights], jacobian.flights[flights]
-    wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
+    wf = flight_weight(rf)
     curvature += np.einsum("mcd,mcdp,mcdq->pq", wf, jf, jf, optimize=True)
     grad += np.einsum("mcd,mcd,mcdp->p", wf, rf, jf)
     return curvature, grad
@@ -99,7 +117,7 @@ def clustered_covariance(
     pull = np.einsum("nip,ni->np", jacobian.impacts, u)
     np.add.at(scores, release[0], weight[:, None] * pull)
     rf, jf = residuals.flights, jacobian.flights
-    wf = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + rf**2)
+    wf = flight_weight(rf)
     np.add.at(scores, release[1], np.einsum("mcd,mcd,mcdp->mp", wf, rf, jf))
     # the curvature of the Student distribution itself: `curvature` takes its weights as constant
     bent = np.einsum("n,np,nq->pq", 2.0 / df * weight**2, pull, pull)

@@ -16,10 +16,11 @@ from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import (
-    FLIGHT_STUDENT_DF,
     IMPACT_STUDENT_DF,
     chi_square,
     flight_log_likelihood,
+    flight_weight,
+    impact_weight,
     prior,
 )
 from rock2d.diagnosis.model import discrete
@@ -54,11 +55,10 @@ class LinearModel:
         r = np.nan_to_num(fit.residuals.impacts)
         self._known = np.isfinite(fit.residuals.impacts).all(axis=1)
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-        heavy = (IMPACT_STUDENT_DF + r.shape[1]) / (IMPACT_STUDENT_DF + chi_square(r, covariance))
-        self._weight = self._known * heavy
+        self._weight = self._known * impact_weight(chi_square(r, covariance), r.shape[1])
         self._z = np.einsum("nij,nj->ni", self._whiten, r)
         self._flights = fit.residuals.flights
-        self._flight_weight = (FLIGHT_STUDENT_DF + 1) / (FLIGHT_STUDENT_DF + self._flights**2)
+        self._flight_weight = flight_weight(self._flights)
         self._own = self._whiten @ fit.jacobian.impacts
         fold = folds(data)
         self._fold, self._flight_fold = fold[data.impact_release], fold[data.flight_release]

@@ -66,9 +66,9 @@ class Model:
         ends = np.cumsum([len(BASE_WIDTH), *map(len, self.parameters)]).tolist()
         return {e.name: slice(*own) for e, own in zip(self.effects, pairwise(ends), strict=True)}
 
-    def parameters_of(self, effect: Effect) -> list[Parameter]:
+    def parameters_of(self, name: str) -> list[Parameter]:
         """Those of one of its effects, as in `parameters`."""
-        return self.parameters[list(self.places).index(effect.name)]
+        return self.parameters[list(self.places).index(name)]
 
     def applied(self, effect: Effect, world: World, values: Sequence[float]) -> World:
         """The world with an effect at its `values`."""

@@ -19,7 +19,6 @@ from rock2d.diagnosis.learnt import Learnt
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses
 from rock2d.diagnosis.replay import with_drawn_soils
 from rock2d.diagnosis.segments import Segments
-from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import THETA
 
 Array = np.ndarray
@@ -171,9 +170,7 @@ def _replicate_misses(data: FilmData, segments: Segments, learnt: Learnt, seed: 
     expected = predicted_poses(data, segments, world, changes)
     seen = np.where(np.isfinite(measured(data, segments)), expected, np.nan)
     dt = data.start_s[segments.flight]
-    starts = move_freely(
-        world, segments.block, data.states(world).middle[segments.flight], dt * world.view.time_scale
-    )
+    starts = data.states_at(world, segments.flight, dt)
     covariance = data.true_covariance(world, segments.flight, dt, starts)
     root = np.linalg.cholesky(covariance + TINY * np.eye(starts.shape[1]))
     rng = np.random.default_rng(np.random.SeedSequence(seed))

@@ -15,7 +15,6 @@ from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.model import BASE_WIDTH, with_changed_law
 from rock2d.diagnosis.segments import END_MARGIN_S, recorded_poses
 from rock2d.engines.batch import run_world
-from rock2d.kinematics.states import move_freely
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -94,10 +93,9 @@ def recorded_simulation(
     The simulation starts at the recorded instant `start_s` (n,) from the state fitted to each of `flights` (n,). Where
     a block has left the cross-section its last pose stays.
     """
-    scale, middle = world.view.time_scale, data.basis.middle[flights]
     block = data.segmentation.flights.block[flights]
-    starts = move_freely(world, block, data.states(world).middle[flights], (start_s - middle) * scale)
-    times = (t_s - start_s[:, None]) * scale
+    starts = data.states_at(world, flights, start_s - data.basis.middle[flights])
+    times = (t_s - start_s[:, None]) * world.view.time_scale
     limits, instants = np.nanmax(times, axis=1) + END_MARGIN_S, np.where(np.isfinite(times), times, np.inf)
     samples = run_world(world, starts, block, time_limit_s=limits, times_s=instants).samples
     poses = recorded_poses(world, block, samples, samples[:, 0]) * signs

@@ -13,6 +13,7 @@ import numpy as np
 
 from rock2d.diagnosis.cross_validation import FOLDS, folds
 from rock2d.diagnosis.data import Data, Residuals
+from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.scene.world import World
 
 Array = np.ndarray
@@ -42,8 +43,7 @@ def regress(
     world: World, data: Data, residuals: Residuals, covariance: Array, seed: int = 0
 ) -> RegressedResiduals:
     """Predict residuals of impacts and flights from their features in a world."""
-    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
-    impacts = clipped(residuals.impacts / scale)
+    impacts = clipped(residuals.impacts / standard_deviations(covariance))
     flights = clipped(residuals.flights[:, :, :FLIGHT_DEGREES]).reshape(
         len(residuals.flights), 3 * FLIGHT_DEGREES
     )

@@ -19,3 +19,7 @@ class Residuals:
 
     impacts: Array
     flights: Array
+
+    def beyond(self, other: Residuals) -> Residuals:
+        """By how much they are larger than others; 0 where an impact cannot be simulated."""
+        return Residuals(np.nan_to_num(self.impacts - other.impacts), self.flights - other.flights)

@@ -17,7 +17,7 @@ from rock2d.diagnosis.residual_regression import clipped
 from rock2d.engines.batch import run_world
 from rock2d.kinematics.film_segments import STATE_SIZE
 from rock2d.kinematics.rest_heights import REST_FRAMES
-from rock2d.kinematics.states import centroid_poses, move_freely
+from rock2d.kinematics.states import centroid_poses
 from rock2d.records.columns import THETA
 from rock2d.scene.world import World
 
@@ -63,8 +63,7 @@ def rest_variance(data: FilmData, rests: Rests, fit: Fit) -> Array:
         ahead = _residuals(data, rests, _world(data, rests, fit, p))
         variance += np.nan_to_num((ahead - at) * sigma / SCATTER_STEP) ** 2
     start = data.start_s[rests.flight]
-    block = data.segmentation.flights.block[rests.flight]
-    states = move_freely(world, block, data.states(world).middle[rests.flight], start * world.view.time_scale)
+    states = data.states_at(world, rests.flight, start)
     noise = data.true_covariance(world, rests.flight, start, states)
     for k in range(STATE_SIZE):
         sigma_state = np.sqrt(noise[:, k, k])
@@ -80,11 +79,7 @@ def _world(data: FilmData, rests: Rests, fit: Fit, p: Array) -> World:
 
 def _residuals(data: FilmData, rests: Rests, world: World, shift: Array | float = 0.0) -> Array:
     """(n, 3) simulated - recorded pose at the end of the film."""
-    scale, block = world.view.time_scale, data.segmentation.flights.block[rests.flight]
-    starts = (
-        move_freely(world, block, data.states(world).middle[rests.flight], data.start_s[rests.flight] * scale)
-        + shift
-    )
-    wait_s = rests.wait_s * scale
+    block, wait_s = data.segmentation.flights.block[rests.flight], rests.wait_s * world.view.time_scale
+    starts = data.states_at(world, rests.flight, data.start_s[rests.flight]) + shift
     samples = run_world(world, starts, block, time_limit_s=wait_s + 1e-9, times_s=wait_s[:, None]).samples
     return world.view.record(centroid_poses(world, block, samples))[:, 0] - rests.pose

@@ -97,9 +97,7 @@ class Screening:
 
     def _change(self, model: Model, start: Array, step: Array) -> Residuals:
         """How the residuals change with a step of the parameters."""
-        found = model.residuals(start + step, self._data)
-        own = self._fit.residuals
-        return Residuals(np.nan_to_num(found.impacts - own.impacts), found.flights - own.flights)
+        return model.residuals(start + step, self._data).beyond(self._fit.residuals)
 
 
 def _places(start: Array, first: int, parameters: Sequence[Parameter]) -> list[Array]:

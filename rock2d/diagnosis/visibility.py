@@ -14,6 +14,7 @@ import numpy as np
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, some_releases
+from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.model import BASE_WIDTH, Model
 from rock2d.effects.effect import Effect
 from rock2d.kinematics.film_findings import SCALE_OR_RATE, FilmFindings
@@ -33,7 +34,7 @@ def unseen(
     part = base.only(some[data.impact_release], some[data.flight_release])
     own = data.only(some).coarse()
     at = base.model.residuals(base.p, own)
-    sd = np.sqrt(np.diagonal(part.covariance(), axis1=1, axis2=2))
+    sd = standard_deviations(part.covariance())
     found = _hidden_by_spin(data, film)
     for name, effect in effects.items():
         if name not in found:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rock2d.kinematics.flights import Film, Segmentation, segment_film
 from rock2d.kinematics.impacts import Impacts, find_impacts, release_order, start_instants
-from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key
+from rock2d.kinematics.states import Basis, States, fit_states, flight_basis, free_motion_key, move_freely
 from rock2d.records.columns import OMEGA, RATES, THETA, VX, VY, X, Y
 from rock2d.scene.world import World
 
@@ -88,6 +88,11 @@ class FilmSegments:
                 del self._states[next(iter(self._states))]
             self._states[key] = fit_states(world, self.film, self.segmentation.flights, self.basis)
         return self._states[key]
+
+    def states_at(self, world: World, which: Array, dt: Array) -> Array:
+        """(n, 6) true states of flights `which` in a world, at recorded instants dt (n,) from their middle."""
+        block = self.segmentation.flights.block[which]
+        return move_freely(world, block, self.states(world).middle[which], dt * world.view.time_scale)
 
     def true_covariance(self, world: World, which: Array, dt: Array, states: Array) -> Array:
         """`state_covariance` of the recorded states, transformed to the true `states` (n, 6) there."""

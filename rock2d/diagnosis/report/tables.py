@@ -12,6 +12,7 @@ from rock2d.diagnosis.diagnose import Diagnosis
 from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit
+from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replay import Releases, Signs, recorded_simulation
 from rock2d.diagnosis.report.figures import EFFECT_COLOUR, Misses, Segment
 from rock2d.diagnosis.residual_regression import LARGEST_RESIDUAL_SD, clipped
@@ -19,7 +20,6 @@ from rock2d.graphics.canvas import Limits
 from rock2d.graphics.clips import Clip
 from rock2d.graphics.palette import MEASURED_COLOUR, SIMULATED_COLOUR
 from rock2d.kinematics.sanity import MIRRORED_SIGNS
-from rock2d.kinematics.states import move_freely
 from rock2d.records.columns import POSITION
 from rock2d.scene.cross_section import CrossSection
 
@@ -67,8 +67,8 @@ def impact_squares(result: Diagnosis, out: HeldOut) -> Array:
     """(n,) mean square of each impact's held-out residuals in standard deviations."""
     found = result.found
     assert found is not None
-    variance = np.maximum(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), 1e-300)
-    return (clipped(out.residuals.impacts / np.sqrt(variance)) ** 2).mean(axis=1)
+    sd = standard_deviations(found.final.fit.covariance())
+    return (clipped(out.residuals.impacts / sd) ** 2).mean(axis=1)
 
 
 def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
@@ -84,12 +84,12 @@ def misses_of(result: Diagnosis, out: HeldOut) -> Misses:
 def _touch(result: Diagnosis, data: FilmData, signs: Signs) -> Array:
     """(n, 2) centroid half-way between the ends of the flights around each impact, with mirrored axes corrected."""
     corrected = replace(result.setup, view=replace(result.setup.view, mirror=signs))
-    impacts, states = data.impacts, data.states(corrected).middle
+    impacts = data.impacts
     ends = (
         data.film.t_s[data.segmentation.flights.last[impacts.before] - 1] - data.basis.middle[impacts.before]
     )
-    leaves = move_freely(corrected, impacts.block, states[impacts.before], ends)
-    arrives = move_freely(corrected, impacts.block, states[impacts.after], impacts.begin_s)
+    leaves = data.states_at(corrected, impacts.before, ends)
+    arrives = data.states_at(corrected, impacts.after, impacts.begin_s)
     return 0.5 * (leaves + arrives)[:, POSITION]
 
 

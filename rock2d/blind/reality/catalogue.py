@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CAUSES = {**known_causes(), **outside_causes()}
 FORMS = {name: cause.forms for name, cause in known_causes().items()}  # number of forms of each effect
-OUTSIDE = {name: cause.sentence for name, cause in outside_causes().items()}
+OUTSIDE = tuple(outside_causes())
 LEAST_SHARE_OF_STRENGTH = 0.85  # sizes are drawn between this share of `strength` and all of it
 
 

@@ -36,37 +36,28 @@ class Cause:
 
     Attributes
     ----------
-    name : the name of its file
-    sizes : (form, share, rng, scale) -> values in SI; share 1 is the largest plausible size
+    sizes : (form, share, rng, scale) -> values in SI of a form; share 1 is the largest plausible size
     forms : number of physically different forms
     columns : column of `parameters` in which the compiled motion finds each value
     switches : columns of `parameters` that are 1 while the cause acts
-    recorded : (poses, view, values) -> poses that the camera records; None if the recording is correct
-    sentence : what happens, for a cause outside the catalogue
+    recorded : (poses, view, values) -> poses (releases, frames, 3) that the camera records; None if the recording is
+        correct
     draw_order : place among the causes when a seed assigns them to cases; causes of the same place follow by name
     """
 
-    name: str
     sizes: Sizes
     forms: int = 1
     columns: Mapping[str, int] = field(default_factory=dict)
     switches: tuple[int, ...] = ()
     recorded: Callable[[Array, View, Values], Array] | None = None
-    sentence: str = ""
     draw_order: int = LAST_IN_DRAW_ORDER
 
 
 def causes_in(package: str, folder: Path) -> dict[str, Cause]:
-    """The causes of a package, one for each file, in draw order. Raises ValueError if name and file differ."""
-    found = []
-    for path in folder.glob("*.py"):
-        if path.stem == "__init__":
-            continue
-        cause: Cause = import_module(f"{package}.{path.stem}").CAUSE
-        if cause.name != path.stem:
-            raise ValueError(f"{path.name} defines the cause {cause.name}; file and cause need the same name")
-        found.append(cause)
-    return {cause.name: cause for cause in sorted(found, key=lambda cause: (cause.draw_order, cause.name))}
+    """The causes of a package, name of the file -> cause, in draw order."""
+    names = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+    found: dict[str, Cause] = {name: import_module(f"{package}.{name}").CAUSE for name in names}
+    return dict(sorted(found.items(), key=lambda item: (item[1].draw_order, item[0])))
 
 
 def random_sign(rng: Rng) -> float:

@@ -8,13 +8,11 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     pull = (12.0, 18.0)[form] * share * scale.mass * scale.gravity
     return {"pull_N": pull, "fades": float(form), "onset_m_s": 0.05 * scale.speed}
 
 
 CAUSE = Cause(
-    "adhesion",
     sizes,
     forms=2,
     columns={

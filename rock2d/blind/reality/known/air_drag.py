@@ -8,16 +8,9 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     power = (2.0, 1.7)[form]
     per_length = 0.012 / scale.size
     return {"drag": share * per_length * (IMPACT_SPEED * scale.speed) ** (2.0 - power), "power": power}
 
 
-CAUSE = Cause(
-    "air_drag",
-    sizes,
-    forms=2,
-    columns={"drag": parameters.DRAG, "power": parameters.DRAG_POWER},
-    draw_order=0,
-)
+CAUSE = Cause(sizes, forms=2, columns={"drag": parameters.DRAG, "power": parameters.DRAG_POWER}, draw_order=0)

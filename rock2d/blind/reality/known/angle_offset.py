@@ -10,23 +10,15 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     offset = 0.4 * share * random_sign(rng)
     return {"offset_rad": offset, "jitter_rad": 0.1 * abs(offset) if form == 1 else 0.0}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     jitter = np.random.default_rng([view.seed, 12]).normal(0.0, 1.0, len(poses))
     out = poses.copy()
     out[..., 2] += values["offset_rad"] + values["jitter_rad"] * jitter[:, None]
     return out
 
 
-CAUSE = Cause(
-    "angle_offset",
-    sizes,
-    forms=2,
-    recorded=recorded,
-    draw_order=20,
-)
+CAUSE = Cause(sizes, forms=2, recorded=recorded, draw_order=20)

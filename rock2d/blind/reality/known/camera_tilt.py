@@ -10,7 +10,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     turn = 0.12 * share * random_sign(rng)
     if form == 0:
         return {"turn_rad": turn, "off_x": 0.0, "off_y": 0.0, "keystone": 0.0}
@@ -19,7 +18,6 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     pivot = view.centre_m + view.extent_m * np.array([values["off_x"], values["off_y"]])
     c, s = np.cos(values["turn_rad"]), np.sin(values["turn_rad"])
     turned = (poses[..., :2] - pivot) @ np.array([[c, s], [-s, c]])
@@ -29,10 +27,4 @@ def recorded(poses: Array, view: View, values: Values) -> Array:
     return out
 
 
-CAUSE = Cause(
-    "camera_tilt",
-    sizes,
-    forms=2,
-    recorded=recorded,
-    draw_order=16,
-)
+CAUSE = Cause(sizes, forms=2, recorded=recorded, draw_order=16)

@@ -8,7 +8,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     mass = scale.mass / (0.6 * share)
     if form == 0:
         return {"mass_kg": mass, "spring_1_s2": 0.0, "dashpot_1_s": 0.0, "grip_m_s2": 0.5 * scale.gravity}
@@ -17,7 +16,6 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    "embankment_yield",
     sizes,
     forms=2,
     columns={

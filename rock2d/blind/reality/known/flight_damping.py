@@ -10,13 +10,11 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     rate = 0.1 * share * np.sqrt(scale.gravity / scale.size)
     return {"rate_1_s": rate, "spin_rate_1_s": (1.0, 0.7)[form] * rate}
 
 
 CAUSE = Cause(
-    "flight_damping",
     sizes,
     forms=2,
     columns={"rate_1_s": parameters.VELOCITY_DECAY, "spin_rate_1_s": parameters.SPIN_DECAY},

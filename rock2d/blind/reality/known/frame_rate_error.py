@@ -9,14 +9,8 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     factor = float(np.exp(0.14 * share * random_sign(rng)))
     return {"factor": factor, "jitter": 0.0 if form == 0 else 0.5 * share}
 
 
-CAUSE = Cause(
-    "frame_rate_error",
-    sizes,
-    forms=2,
-    draw_order=18,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=18)

@@ -7,7 +7,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return (
         {"turn_rad": 0.2 * share * random_sign(rng)}
         if form == 0
@@ -15,9 +14,4 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
     )
 
 
-CAUSE = Cause(
-    "geometry_error",
-    sizes,
-    forms=2,
-    draw_order=6,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=6)

@@ -9,15 +9,9 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     whole = random_sign(rng) * np.log(2.0) * share
     shares = np.ones(scale.n_blocks) if form == 0 else rng.uniform(0.2, 1.0, scale.n_blocks)
     return {f"factor_{i}": float(np.exp(whole * part)) for i, part in enumerate(shares)}
 
 
-CAUSE = Cause(
-    "inertia_error",
-    sizes,
-    forms=2,
-    draw_order=4,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=4)

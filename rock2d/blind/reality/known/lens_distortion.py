@@ -10,12 +10,10 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"k": 0.05 * share * random_sign(rng), "division": float(form)}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     offset = poses[..., :2] - view.centre_m
     square = np.sum((offset / view.extent_m) ** 2, axis=-1, keepdims=True)
     distortion = values["k"] * square
@@ -27,10 +25,4 @@ def recorded(poses: Array, view: View, values: Values) -> Array:
     return out
 
 
-CAUSE = Cause(
-    "lens_distortion",
-    sizes,
-    forms=2,
-    recorded=recorded,
-    draw_order=19,
-)
+CAUSE = Cause(sizes, forms=2, recorded=recorded, draw_order=19)

@@ -8,14 +8,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"lift": random_sign(rng) * (0.03, 0.04)[form] * share, "arm_m": (0.0, 0.5 * scale.size)[form]}
 
 
-CAUSE = Cause(
-    "magnus_lift",
-    sizes,
-    forms=2,
-    columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM},
-    draw_order=2,
-)
+CAUSE = Cause(sizes, forms=2, columns={"lift": parameters.LIFT, "arm_m": parameters.LIFT_ARM}, draw_order=2)

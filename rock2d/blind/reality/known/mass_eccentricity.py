@@ -7,7 +7,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     offset = 0.15 * share * scale.size * random_sign(rng)
     return (
         {"x_m": offset, "y_m": 0.0}
@@ -16,9 +15,4 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
     )
 
 
-CAUSE = Cause(
-    "mass_eccentricity",
-    sizes,
-    forms=2,
-    draw_order=3,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=3)

@@ -8,22 +8,14 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"x": -1.0, "theta": 1.0} if form == 0 else {"x": 1.0, "theta": -1.0}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     out = poses.copy()
     out[..., 0] *= values["x"]
     out[..., 2] *= values["theta"]
     return out
 
 
-CAUSE = Cause(
-    "mirrored_axis",
-    sizes,
-    forms=2,
-    recorded=recorded,
-    draw_order=21,
-)
+CAUSE = Cause(sizes, forms=2, recorded=recorded, draw_order=21)

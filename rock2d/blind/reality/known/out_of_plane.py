@@ -8,14 +8,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"share": (0.3, 0.45)[form] * share, "random": float(form == 0)}
 
 
-CAUSE = Cause(
-    "out_of_plane",
-    sizes,
-    forms=2,
-    switches=(parameters.SPEED_LOSS,),
-    draw_order=15,
-)
+CAUSE = Cause(sizes, forms=2, switches=(parameters.SPEED_LOSS,), draw_order=15)

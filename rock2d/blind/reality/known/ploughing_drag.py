@@ -8,14 +8,12 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     linear = 6.0 * share * scale.spring * scale.mass / scale.size
     speed = IMPACT_SPEED * scale.speed
     return {"linear": linear, "square": 0.0} if form == 0 else {"linear": 0.0, "square": 1.5 * linear / speed}
 
 
 CAUSE = Cause(
-    "ploughing_drag",
     sizes,
     forms=2,
     columns={"linear": parameters.PLOUGHING, "square": parameters.PLOUGHING_SQUARE},

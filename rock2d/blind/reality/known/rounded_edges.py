@@ -7,13 +7,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"share": (0.9, 0.7)[form] * share}
 
 
-CAUSE = Cause(
-    "rounded_edges",
-    sizes,
-    forms=2,
-    draw_order=5,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=5)

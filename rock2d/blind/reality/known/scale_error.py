@@ -10,23 +10,15 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     error = 0.14 * share * random_sign(rng)
     uneven = 0.05 * error if form == 1 else 0.0
     return {"x": 1.0 + error + uneven, "y": 1.0 + error - uneven}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     out = poses.copy()
     out[..., :2] = view.centre_m + (poses[..., :2] - view.centre_m) * np.array([values["x"], values["y"]])
     return out
 
 
-CAUSE = Cause(
-    "scale_error",
-    sizes,
-    forms=2,
-    recorded=recorded,
-    draw_order=17,
-)
+CAUSE = Cause(sizes, forms=2, recorded=recorded, draw_order=17)

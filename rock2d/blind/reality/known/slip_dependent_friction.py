@@ -8,13 +8,11 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     change = 1.5 * share if rng.random() < 0.5 else -0.8 * share
     return {"change": change, "speed_m_s": 2.0 * scale.speed, "hyperbolic": float(form)}
 
 
 CAUSE = Cause(
-    "slip_dependent_friction",
     sizes,
     forms=2,
     columns={

@@ -7,13 +7,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"growth": 3.0 * share, "blows": 12.0} if form == 0 else {"growth": 1.0 * share, "blows": 0.0}
 
 
-CAUSE = Cause(
-    "soil_compaction",
-    sizes,
-    forms=2,
-    draw_order=9,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=9)

@@ -7,15 +7,9 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     if form == 0:
         return {"sd_rad": 0.2 * share}
     return {"sd_rad": 0.2 * share, "spacing_m": 1.5 * scale.size, "profile": float(rng.integers(1 << 30))}
 
 
-CAUSE = Cause(
-    "surface_roughness",
-    sizes,
-    forms=2,
-    draw_order=7,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=7)

@@ -8,14 +8,12 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     dashpot = 0.9 * share * scale.mass * scale.spring
     depth = IMPACT_SPEED * scale.speed / scale.spring
     return {"dashpot": dashpot, "hunt": 0.0} if form == 0 else {"dashpot": 0.0, "hunt": 1.6 * dashpot / depth}
 
 
 CAUSE = Cause(
-    "viscous_damping",
     sizes,
     forms=2,
     columns={"dashpot": parameters.DASHPOT, "hunt": parameters.DEPTH_DASHPOT},

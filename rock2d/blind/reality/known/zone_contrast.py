@@ -9,16 +9,10 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     stiffness = float(np.exp(random_sign(rng) * np.log(5.0) * share))
     if form == 0:
         return {"k_l": stiffness, "k_ul": 1.0, "mu": 1.0}
     return {"k_l": stiffness, "k_ul": stiffness, "mu": float(np.exp(random_sign(rng) * np.log(2.2) * share))}
 
 
-CAUSE = Cause(
-    "zone_contrast",
-    sizes,
-    forms=2,
-    draw_order=8,
-)
+CAUSE = Cause(sizes, forms=2, draw_order=8)

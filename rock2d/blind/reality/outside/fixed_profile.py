@@ -7,7 +7,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     # as of one wave with an amplitude of a tenth of a block
     return {
         "height_m": 0.07 * share * scale.size,
@@ -16,8 +15,4 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
     }
 
 
-CAUSE = Cause(
-    "fixed_profile",
-    sizes,
-    sentence="The ground has small hills and dips that nobody surveyed; they are the same for all releases.",
-)
+CAUSE = Cause(sizes)

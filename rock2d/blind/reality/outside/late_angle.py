@@ -10,22 +10,14 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"lag_s": 0.4 * share * np.sqrt(scale.size / scale.gravity)}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     out = poses.copy()
     for i, release in enumerate(poses):
         out[i, :, 2] = np.interp(view.times_s - values["lag_s"], view.times_s, release[:, 2])
     return out
 
 
-CAUSE = Cause(
-    "late_angle",
-    sizes,
-    recorded=recorded,
-    sentence="The recorded orientation lags behind the recorded position.",
-    draw_order=5,
-)
+CAUSE = Cause(sizes, recorded=recorded, draw_order=5)

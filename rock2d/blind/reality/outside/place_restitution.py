@@ -10,7 +10,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {
         "log_factor": 1.2 * share,
         "wave_number_rad_m": 2.0 * np.pi / (scale.high[0] - scale.low[0]),
@@ -19,12 +18,10 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    "place_restitution",
     sizes,
     columns={
         "log_factor": parameters.WAVE_LOG_FACTOR,
         "wave_number_rad_m": parameters.WAVE_NUMBER,
         "phase_rad": parameters.WAVE_PHASE,
     },
-    sentence="The restitution of the ground changes along the section in one slow wave.",
 )

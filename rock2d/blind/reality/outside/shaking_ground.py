@@ -10,7 +10,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     rate = 2.0 * np.pi * rng.uniform(1.0, 3.0) * np.sqrt(scale.gravity / scale.size)
     return {
         "amplitude_m": 0.6 * share * scale.speed / rate,
@@ -20,13 +19,11 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    "shaking_ground",
     sizes,
     columns={
         "amplitude_m": parameters.SHAKE_AMPLITUDE,
         "rate_rad_s": parameters.SHAKE_RATE,
         "phase_rad": parameters.SHAKE_PHASE,
     },
-    sentence="All ground swings up and down like a shaking table.",
     draw_order=3,
 )

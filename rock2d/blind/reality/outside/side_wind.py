@@ -8,7 +8,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     floor = scale.low[1] + 1.5 * scale.size
     return {
         "push_m_s2": 0.8 * share * scale.gravity * random_sign(rng),
@@ -18,9 +17,7 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    "side_wind",
     sizes,
     columns={"push_m_s2": parameters.WIND, "low_m": parameters.WIND_LOW, "high_m": parameters.WIND_HIGH},
-    sentence="The block is pushed sideways while it passes a band of heights.",
     draw_order=0,
 )

@@ -10,12 +10,10 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"speed_m_s": 0.5 * share * scale.speed}
 
 
 def recorded(poses: Array, view: View, values: Values) -> Array:
-    """The poses (releases, frames, 3) that the camera records."""
     direction = np.random.default_rng([view.seed, 13]).uniform(0.0, 2.0 * np.pi, len(poses))
     slide = values["speed_m_s"] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
     out = poses.copy()
@@ -23,10 +21,4 @@ def recorded(poses: Array, view: View, values: Values) -> Array:
     return out
 
 
-CAUSE = Cause(
-    "sliding_camera",
-    sizes,
-    recorded=recorded,
-    sentence="The camera slides during each release, each time in another direction.",
-    draw_order=6,
-)
+CAUSE = Cause(sizes, recorded=recorded, draw_order=6)

@@ -10,14 +10,11 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"log_ratio": 2.5 * share, "angle_rad": rng.uniform(-np.pi, np.pi)}
 
 
 CAUSE = Cause(
-    "soft_side",
     sizes,
     columns={"log_ratio": parameters.SIDE_LOG_RATIO, "angle_rad": parameters.SIDE_ANGLE},
-    sentence="One side of the block is much softer than the others.",
     draw_order=4,
 )

@@ -10,7 +10,6 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     left = scale.low[0] + rng.uniform(0.0, 8.0) * scale.size
     return {
         "factor": float(np.exp(-2.0 * share)),
@@ -21,7 +20,6 @@ def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
 
 
 CAUSE = Cause(
-    "soft_strips",
     sizes,
     columns={
         "factor": parameters.STRIP_FACTOR,
@@ -29,6 +27,5 @@ CAUSE = Cause(
         "width_m": parameters.STRIP_WIDTH,
         "period_m": parameters.STRIP_PERIOD,
     },
-    sentence="Strips of the ground are much softer than the zone they lie in.",
     draw_order=2,
 )

@@ -8,14 +8,7 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     return {"kick": 0.3 * share}
 
 
-CAUSE = Cause(
-    "spin_kick",
-    sizes,
-    columns={"kick": parameters.SPIN_KICK},
-    sentence="At lift-off the block gains speed off the ground in proportion to its spin.",
-    draw_order=8,
-)
+CAUSE = Cause(sizes, columns={"kick": parameters.SPIN_KICK}, draw_order=8)

@@ -8,20 +8,17 @@ from rock2d.blind.reality.scale import Scale
 
 
 def sizes(form: int, share: float, rng: Rng, scale: Scale) -> dict[str, float]:
-    """Values of a form at `share` (0 to 1) of the largest plausible size."""
     # narrow, or the flights that it carries would show no more than another gravity
     left = scale.low[0] + rng.uniform(0.0, 4.0) * scale.size
     return {"lift_m_s2": 1.2 * share * scale.gravity, "left_m": left, "right_m": left + 3.0 * scale.size}
 
 
 CAUSE = Cause(
-    "updraught",
     sizes,
     columns={
         "lift_m_s2": parameters.UPDRAUGHT,
         "left_m": parameters.UPDRAUGHT_LEFT,
         "right_m": parameters.UPDRAUGHT_RIGHT,
     },
-    sentence="Air rises in a band of the set-up and carries the block.",
     draw_order=9,
 )

@@ -193,8 +193,8 @@ def predict(
     InputError
         If the experiment has no trajectories or fails its sanity checks, or the file is no diagnosis.
     """
-    from rock2d.diagnosis.diagnosis_file import read_for_prediction
     from rock2d.diagnosis.predict import predict as predict_segments
+    from rock2d.diagnosis.predict import read_for_prediction
 
     if isinstance(diagnosis, DiagnosisResult):
         content = diagnosis.to_dict()

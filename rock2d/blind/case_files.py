@@ -19,7 +19,6 @@ import numpy as np
 
 from rock2d.blind import reality
 from rock2d.blind.cases import Case, assign_causes, draw_case
-from rock2d.blind.filming import film_case
 from rock2d.blind.record_cases import Record, bases_of, write_record_case
 from rock2d.blind.signal_to_noise import signals_to_noise
 from rock2d.errors import InputError
@@ -77,8 +76,8 @@ def _make(
 def write_case(case: Case, folder: Path) -> dict[str, Any]:
     """Film a case into folder/fit and folder/heldout, and its twins without causes; returns its label."""
     times = case.times_s
-    film = film_case(case, times, case.hidden, noisy=True)
-    twin = film_case(case, times, [], noisy=True) if case.hidden else film
+    film = case.filmed(times, case.hidden, noisy=True)
+    twin = case.filmed(times, [], noisy=True) if case.hidden else film
     law = case.world.law
     assert isinstance(law, reality.Law)
     together, each = signals_to_noise(case)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -63,6 +63,21 @@ class Case:
     def times_s(self) -> Array:
         """The stated instants of the frames."""
         return np.arange(int(self.duration_s * self.fps)) / self.fps
+
+    def filmed(
+        self, times_s: Array, hidden: list[reality.Hidden], *, noisy: bool, soil_sd: Array | None = None
+    ) -> Array:
+        """(releases, frames, 3) poses that the camera records with the causes `hidden` at work."""
+        poses = reality.simulate_poses(
+            self.world, self.releases, times_s, soil_sd=self.soil_sd if soil_sd is None else soil_sd, hidden=hidden,
+            seed=self.seed,
+        )  # fmt: skip
+        camera = (
+            self.camera
+            if noisy
+            else replace(self.camera, position_noise_m=0.0, angle_noise_rad=0.0, lost=0.0)
+        )
+        return reality.record_poses(poses, times_s, camera, hidden, self.seed + 1)
 
 
 def assign_causes(count: int, seed: np.random.SeedSequence) -> list[tuple[str, ...]]:

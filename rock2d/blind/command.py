@@ -77,9 +77,9 @@ def inject(
     from rock2d.blind.record_cases import diagnosed_film
     from rock2d.blind.recovery import case_lines, make_cases, recovered, run_study
     from rock2d.diagnosis.command import FITS
+    from rock2d.diagnosis.detection import LIMITS, TRUTH
     from rock2d.diagnosis.known_causes import effects_of_size
-    from rock2d.diagnosis.limits import LIMITS, TRUTH
-    from rock2d.diagnosis.report.limits_section import limit_lines
+    from rock2d.diagnosis.report.sections import limit_lines
     from rock2d.files.experiment import load_experiment
 
     read, names = load_experiment(experiment), effects_of_size(effects)

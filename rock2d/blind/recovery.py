@@ -19,11 +19,10 @@ import numpy as np
 from rock2d.blind.case_files import CASES
 from rock2d.blind.injection import SERIES_EFFECTS, injected
 from rock2d.blind.running import RESULTS, run_cases
-from rock2d.diagnosis.detection import Curve, detection_curves, limits_of
+from rock2d.diagnosis.detection import TRUTH, Curve, detection_curves, limits_of
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import effect_values
 from rock2d.diagnosis.known_causes import largest_size, size_parameter, two_sided, values_of_size
-from rock2d.diagnosis.limits import TRUTH
 from rock2d.diagnosis.model import from_scale, to_scale
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Parameter

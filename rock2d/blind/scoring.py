@@ -17,7 +17,7 @@ import numpy as np
 
 from rock2d.blind.case_files import read_labels
 from rock2d.blind.running import RESULTS
-from rock2d.blind.size_errors import SizeError, size_errors, size_summary
+from rock2d.blind.size_errors import SizeError, median, size_errors, size_summary
 from rock2d.diagnosis.predicted_gap import HARMFUL_TAIL
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
@@ -341,7 +341,7 @@ def closures(cases: Iterable[ScoredCase]) -> dict[str, Any]:
     for name, own in groups.items():
         off = [claimed - true for _, claimed, true in own]
         out[name] = {
-            "median_claimed_less_true": float(np.median(off)) if off else float("nan"),
+            "median_claimed_less_true": median(off),
             "within_15_points": wilson_share([abs(each) <= CLOSURE_MARGIN for each in off]),
             "claimed_too_much": wilson_share([each > CLOSURE_MARGIN for each in off]),
         }
@@ -356,9 +356,7 @@ def predicted(cases: Sequence[ScoredCase]) -> dict[str, Any]:
     for name, own in groups.items():
         known = [c.missed for c in own if c.missed]
         out[name] = {
-            "median_smaller": float(np.median([1.0 - m["diagnosed"] / m["base"] for m in known]))
-            if known
-            else float("nan"),
+            "median_smaller": median([1.0 - m["diagnosed"] / m["base"] for m in known]),
             "tail_not_worse": wilson_share(
                 [m["diagnosed_tail"] <= HARMFUL_TAIL * m["base_tail"] for m in known]
             ),

@@ -17,7 +17,6 @@ import numpy as np
 
 from rock2d.blind import reality
 from rock2d.blind.cases import Case
-from rock2d.blind.filming import film_case
 
 Array = np.ndarray
 
@@ -107,13 +106,13 @@ class _FirstFlights:
 
     def statistics(self, case: Case, hidden: list[reality.Hidden], soil_sd: Array | None = None) -> Array:
         """(releases, 15) statistics of the films of a case without noise."""
-        film = film_case(case, self.times_s, hidden, noisy=False, soil_sd=soil_sd)
+        film = case.filmed(self.times_s, hidden, noisy=False, soil_sd=soil_sd)
         return _all_statistics(film, self.first_impact, self.window)
 
 
 def _first_flights(case: Case) -> _FirstFlights:
     times = case.times_s
-    film = film_case(case, times, [], noisy=False)
+    film = case.filmed(times, [], noisy=False)
     first_impact = _first_impact(case, film, times)
     window = WINDOW_AFTER_IMPACT * np.sqrt(_sizes_m(case) / case.world.gravity_m_s2) * case.fps
     frames = window.astype(int)

@@ -113,12 +113,17 @@ def size_summary(errors: Iterable[SizeError]) -> dict[str, Any]:
     return {name: _summary(own) for name, own in groups.items()}
 
 
+def median(values: list[float]) -> float:
+    """The median; NaN of nothing."""
+    return float(np.median(values)) if len(values) else float("nan")
+
+
 def _summary(errors: list[SizeError]) -> dict[str, Any]:
-    relative = np.array([e.relative for e in errors])
+    relative = [e.relative for e in errors]
     return {
         "count": len(errors),
-        "median": float(np.median(relative)) if len(relative) else float("nan"),
-        "median_absolute": float(np.median(np.abs(relative))) if len(relative) else float("nan"),
+        "median": median(relative),
+        "median_absolute": median([abs(error) for error in relative]),
         "within": wilson_share([abs(e.relative) <= LARGEST_ERROR for e in errors]),
         "covered": wilson_share([e.covered for e in errors]),
     }

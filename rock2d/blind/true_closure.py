@@ -16,10 +16,11 @@ from rock2d.diagnosis.attribution import fit_base
 from rock2d.diagnosis.budget import Sizes
 from rock2d.diagnosis.data import Data, Residuals
 from rock2d.diagnosis.diagnose import Diagnosis, prepared
-from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.learnt import residuals_on
 from rock2d.files.experiment import load_experiment
+from rock2d.kinematics.sanity import Sanity
 from rock2d.kinematics.setup_world import base_start, setup_world
+from rock2d.scene.world import World
 
 Array = np.ndarray
 
@@ -31,10 +32,12 @@ def true_closure(case: Path, result: Diagnosis) -> float | None:
     found = result.found
     if not (case / TWIN).is_dir():
         return None
-    null = _null_fit(case / TWIN_FIT)
-    held, twin = _data(case / HELDOUT), _data(case / TWIN)
-    if found is None or null is None or held is None or twin is None:
+    (setup, start, sanity, data), (*_, held), (*_, twin) = (
+        _read(case / n) for n in (TWIN_FIT, HELDOUT, TWIN)
+    )
+    if found is None or data is None or held is None or twin is None:
         return None
+    null = fit_base(setup, start, data, sanity.registered)
     variance = np.median(np.diagonal(found.final.fit.covariance(), axis1=1, axis2=2), axis=0)
     base = _gap(held, found.base.model.residuals(found.base.p, held), variance)
     closed = _gap(held, residuals_on(held, found.learnt), variance)
@@ -48,13 +51,8 @@ def _gap(data: Data, residuals: Residuals, variance: Array) -> float:
     return float(np.exp(sizes.of(residuals).sum() / sizes.count.sum()))
 
 
-def _null_fit(folder: Path) -> Fit | None:
+def _read(folder: Path) -> tuple[World, Array, Sanity, Data | None]:
+    """The stated world of a film, its base law, and what `prepared` finds."""
     experiment = load_experiment(folder)
     setup = setup_world(experiment)
-    sanity, data = prepared(experiment, setup)
-    return None if data is None else fit_base(setup, base_start(experiment), data, sanity.registered)
-
-
-def _data(folder: Path) -> Data | None:
-    experiment = load_experiment(folder)
-    return prepared(experiment, setup_world(experiment))[1]
+    return setup, base_start(experiment), *prepared(experiment, setup)

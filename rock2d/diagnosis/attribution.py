@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -290,11 +289,11 @@ def _attribution(search: Search) -> Attribution:
     candidates = {name: _candidate(search, own, name) for name, own in search.alone.items()}
     largest = max(candidates, key=lambda name: candidates[name].total)
     chain = _chain(search, best, candidates) or [candidates[largest]]
-    regressed = _regressed(search, chain[-1], learnt)
+    of_base, of_best, left = _regressed(search, chain[-1], learnt)
     return Attribution(
-        search.base.fit, search.base.held_out, candidates, chain, regressed.base, regressed.best,
+        search.base.fit, search.base.held_out, candidates, chain, of_base, of_best,
         single_answers(evidence, p_outside, catalogue()), evidence, p_outside,
-        [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, regressed.left, best.names,
+        [d for d in discrepancies(chain[-1].fit, data) if _is_significant(d)], learnt, left, best.names,
         {names: own.held_out for names, own in search.within(best.names).items()},
     )  # fmt: skip
 
@@ -355,22 +354,15 @@ def _weighed(search: Search) -> tuple[dict[str, Evidence], Learnt, Learnt]:
         search.best = search.joint(names)
 
 
-class Regressed(NamedTuple):
+def _regressed(search: Search, final: Candidate, learnt: Learnt) -> list[RegressedResiduals]:
     """Flexible regressions of the residuals of the base, of the best set, and of what is left beside the learnt."""
-
-    base: RegressedResiduals
-    best: RegressedResiduals
-    left: RegressedResiduals
-
-
-def _regressed(search: Search, final: Candidate, learnt: Learnt) -> Regressed:
     base, data = search.base, search.data
     setup, covariance = base.fit.model.setup, final.fit.covariance()
     of_base = regress(setup, data, base.held_out.residuals, covariance)
     of_best = regress(setup, data, final.held_out.residuals, covariance)
     known = {id(base.fit): of_base, id(final.fit): of_best}
     left = known.get(id(learnt.fit)) or regress(setup, data, learnt.held_out.residuals, covariance)
-    return Regressed(of_base, of_best, left)
+    return [of_base, of_best, left]
 
 
 def _chain(search: Search, best: CauseSet, candidates: Mapping[str, Candidate]) -> list[Candidate]:

@@ -10,14 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rock2d.diagnosis.detection import expected_limits
+from rock2d.diagnosis.detection import EXPECTED, expected_limits, read_limits
 from rock2d.diagnosis.diagnose import Diagnosis, diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json, film_sentences
-from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.diagnosis.evidence import NAMED_PROBABILITY
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.limits import EXPECTED, read_limits
-from rock2d.diagnosis.predict import predict
+from rock2d.diagnosis.predict import predict, read_for_prediction
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, counted
@@ -99,7 +97,7 @@ def _refuse_foreign(out: Path) -> None:
 
 def summary(result: Diagnosis, content: dict[str, Any]) -> list[str]:
     """The diagnosis in a few lines, and what to do."""
-    from rock2d.diagnosis.report.checks_section import checks_sentence
+    from rock2d.diagnosis.report.sections import checks_sentence
     from rock2d.diagnosis.report.text import common_words, physical_misses, predicted_words, unseen_words
     from rock2d.diagnosis.report.what_to_do import what_to_do
 

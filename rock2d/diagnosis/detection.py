@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from scipy.optimize import minimize
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
@@ -44,10 +46,18 @@ from rock2d.diagnosis.significance import LARGEST_GAIN, LEAST_GAIN, SMALLEST_ERR
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.effects import catalogue
 from rock2d.effects.effect import Effect
+from rock2d.errors import InputError
+from rock2d.files.diagnosis_keys import Limit
+from rock2d.files.text_files import read_json
 from rock2d.scene.world import World
 
 Array = np.ndarray
 
+LIMITS, TRUTH = "limits.json", "truth.json"  # files in the folder of a study
+EXPECTED = (
+    "The limits of the effects are what a linear model expects; no film with a known cause was diagnosed for them "
+    "(see `rock2d blind inject`)."
+)
 SEEN_Z = 3.0  # standard errors that the gain of an effect must have to be named
 BOOTSTRAPS = 400
 TRIED_SIZES, ZOOMS = 7, 2  # sizes of a search, and searches, each between two sizes of the one before
@@ -163,6 +173,19 @@ def limits_of(
 def expected_limits(result: Diagnosis, effects: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Effect -> limit, as the linear model expects it."""
     return limits_of(detection_curves(result, {name: catalogue()[name] for name in effects}))
+
+
+def read_limits(folder: Path, experiment: str) -> dict[str, dict[str, Any]]:
+    """Effect -> limit, of the study in a folder. Raises InputError if it holds none, or one of another experiment."""
+    truth = read_json(folder / TRUTH)
+    try:
+        found = TypeAdapter(dict[str, Limit]).validate_python(read_json(folder / LIMITS))
+    except ValidationError:
+        raise InputError("these are no limits", folder / LIMITS, code="not_a_result") from None
+    known = found.keys() <= catalogue().keys()
+    if not known or not isinstance(truth, dict) or truth.get("experiment") != experiment:
+        raise InputError(f"expected limits of {experiment}", folder, code="not_a_result")
+    return {name: limit.model_dump() for name, limit in found.items()}
 
 
 class _AddedEffect:

@@ -182,7 +182,7 @@ def _found_json(result: Diagnosis) -> dict[str, Any]:
         "effects": {
             name: {"parameters": effect_values(c.fit)[name], "base": base_values(c.fit)}
             | _gain_json(c)
-            | {"closure": result.gaps[name].share_closed, "closure_ci95": list(result.gaps[name].ci95)}
+            | {"closure": result.gaps[name].closes, "closure_ci95": list(result.gaps[name].ci95)}
             for name, c in found.candidates.items()
         },
         "where": [vars(cell) for cell in result.cells],
@@ -356,10 +356,7 @@ def _physical_json(result: Diagnosis) -> dict[str, dict[str, float]]:
 
 def _series(result: Diagnosis) -> dict[str, int]:
     """Releases of each block that were filmed, for effects that change from release to release."""
-    names = list(result.experiment.blocks)
-    if isinstance(result.data, FilmData):
-        blocks = result.data.film.release_block
-    else:
-        assert result.data is not None
-        blocks = result.data.impact_block[np.unique(result.data.impact_release, return_index=True)[1]]
-    return {name: int((blocks == i).sum()) for i, name in enumerate(names)}
+    data = result.data
+    assert data is not None
+    blocks = data.film.release_block if isinstance(data, FilmData) else data.release_block
+    return {name: int((blocks == i).sum()) for i, name in enumerate(result.experiment.blocks)}

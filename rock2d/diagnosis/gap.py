@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from rock2d.diagnosis.attribution import Attribution, Candidate
-from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Sizes, budget, share
+from rock2d.diagnosis.budget import SMALLEST_SD, Budget, Draws, Share, Sizes, budget, share
 from rock2d.diagnosis.data import Data
 from rock2d.diagnosis.likelihood import standard_deviations
 from rock2d.diagnosis.replicates import replicate_ratio
@@ -22,13 +21,6 @@ from rock2d.diagnosis.residual_regression import FLIGHT_DEGREES, clipped
 Array = np.ndarray
 
 SIGNIFICANT_CELL_Z = 2.0
-
-
-class Gap(NamedTuple):
-    """Share of the gap that a model closes, with its 95 % interval."""
-
-    share_closed: float
-    ci95: tuple[float, float]
 
 
 class Gaps:
@@ -49,11 +41,10 @@ class Gaps:
         sets = {names: sizes.of(out.residuals) for names, out in found.sets.items()}
         self.budget: Budget = budget(sets, found.named, learnt, floors, self._draws)
 
-    def of(self, candidate: Candidate) -> Gap:
+    def of(self, candidate: Candidate) -> Share:
         """What a candidate closes."""
         augmented = self._draws.gap(self._sizes.of(candidate.held_out.residuals))
-        own = share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
-        return Gap(own.closes, own.ci95)
+        return share(self._base - augmented, self._base - np.minimum(self._floor, augmented))
 
 
 @dataclass

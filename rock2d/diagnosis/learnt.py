@@ -108,11 +108,6 @@ class Change(KnownChange, OverReleases):
     gain: Array
     units: Array
 
-    @property
-    def name(self) -> str:
-        """Lever and what it depends on."""
-        return f"{self.lever} of {self.basis.name}"
-
 
 @dataclass
 class Learnt:

@@ -57,6 +57,11 @@ class KnownChange:
     basis: q.Basis
     coefficients: Array
 
+    @property
+    def name(self) -> str:
+        """Lever and what it depends on."""
+        return f"{self.lever} of {self.basis.name}"
+
     def of(self, quantities: Mapping[str, Array]) -> Array:
         """(n, numbers of the lever) change at quantities (n,)."""
         return np.asarray(self.basis.features(quantities) @ self.coefficients.T)

@@ -5,18 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rock2d.diagnosis.impact_table_data import TableData
 from rock2d.diagnosis.learnt_prediction import KnownChange, predicted_poses, read_changes
-from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, OUTCOME, STATE
+from rock2d.diagnosis.levers import FRAME, FRAME_COLUMNS, LAW, LEVER_QUANTITIES, LEVER_SIZES, OUTCOME, STATE
 from rock2d.diagnosis.model import with_changed_law
 from rock2d.diagnosis.segments import Segments, as_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
+from rock2d.files.checked_yaml import Document, key_shown
+from rock2d.files.diagnosis import read_model
 from rock2d.files.experiment import Experiment
+from rock2d.files.fitted_keys import ChangeKeys
 from rock2d.kinematics import sanity
 from rock2d.kinematics.film_segments import STATE_SIZE, FilmSegments
 from rock2d.kinematics.flights import Film, load_film
@@ -86,6 +90,40 @@ def learnt_changes(content: dict[str, Any]) -> list[KnownChange]:
     return read_changes((_joint(content) or {}).get("changes", []))
 
 
+def read_for_prediction(path: str | Path) -> dict[str, Any]:
+    """Content of diagnosis.json, checked for what a prediction needs.
+
+    Raises InputError if it cannot be used; warns if it has keys with old names.
+    """
+    document, read = read_model(path)
+    if read.model is not None and read.model.learnt is not None:
+        for i, change in enumerate(read.model.learnt.changes):
+            _check_change(document, i, change)
+    return read.content()
+
+
+def _check_change(document: Document, i: int, change: ChangeKeys) -> None:
+    """Refuse a learnt change whose coefficients do not fit its curves, or whose quantities its lever does not have."""
+
+    def wrong(message: str, *place: str | int, **fields: Any) -> InputError:
+        return document.error(message, "model", "learnt", "changes", i, *place, **fields)
+
+    for k, curve in enumerate(change.curves):
+        if curve.quantity not in LEVER_QUANTITIES[change.lever]:
+            message = f"no quantity {key_shown(curve.quantity)}"
+            raise wrong(message, "curves", k, "quantity", code="unknown_name", name=curve.quantity)
+    given = read_changes([change.model_dump()])[0]
+    try:
+        functions = given.basis.features(
+            {c.quantity: np.zeros(1) for c in change.curves} or {"": np.zeros(1)}
+        )
+    except ValueError:
+        raise wrong("breakpoints of a spline must rise", "curves") from None
+    widths = {len(row) for row in change.coefficients}
+    if widths != {functions.shape[1]} or len(change.coefficients) not in LEVER_SIZES[change.lever]:
+        raise wrong("coefficients do not fit the curves", "coefficients")
+
+
 def predict(experiment: Experiment, content: dict[str, Any], *, base_only: bool = False) -> pd.DataFrame:
     """Motion predicted from each measured flight, at the camera's instants in its frame: `COLUMNS`.
 
@@ -140,9 +178,8 @@ def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -
     given = experiment.impacts.dropna(subset=list(BEFORE_COLUMNS)).fillna(dict.fromkeys(AFTER_COLUMNS, 0.0))
     given = given.sort_values("release", kind="stable")
     data = TableData.of(replace(experiment, impacts=given))
-    names = list(experiment.blocks)
-    block = data.impact_block[np.unique(data.impact_release, return_index=True)[1]]
-    data.impact_order = _places(content, names, block, data.order)[data.impact_release]
+    places = _places(content, list(experiment.blocks), data.release_block, data.order)
+    data.impact_order = places[data.impact_release]
     world = diagnosed_world(content, setup_world(experiment), data.impact_order, base_only)
     changes = [] if base_only else learnt_changes(content)
     known = data.impact_quantities(world).keys() | data.outcome_quantities(world).keys()
@@ -151,7 +188,7 @@ def _impacts(experiment: Experiment, content: dict[str, Any], base_only: bool) -
         acts = rates or change.lever in (LAW, STATE, FRAME)
         if not acts or not {curve.quantity for curve in change.basis.curves} <= known:
             message = (
-                f"the diagnosis learnt a change of a film ({change.lever} of {change.basis.name}), which a table of "
+                f"the diagnosis learnt a change of a film ({change.name}), which a table of "
                 "impacts does not show; predict with --base-only, or diagnose a table"
             )
             raise InputError(message, experiment.folder, code="wrong_kind")

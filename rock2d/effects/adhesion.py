@@ -35,7 +35,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """The pull in N."""
-    pull = fitted.number("pull_per_weight", fitted.mass_kg * STANDARD_GRAVITY_M_S2)
+    pull = fitted.number("pull_per_weight", mean_mass_kg(fitted.setup) * STANDARD_GRAVITY_M_S2)
     return (
         "Press a block into the soil and lift it with a spring balance: beside its weight a pull of "
         f"{pull} N is expected. Dry the soil or clean the blocks and film again, or add "

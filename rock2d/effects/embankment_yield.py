@@ -28,7 +28,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """The mass ratio gives the mass that moves."""
-    moving = fitted.mass_kg / max(fitted.values["mass_ratio"], 1e-9)
+    moving = mean_mass_kg(fitted.setup) / max(fitted.values["mass_ratio"], 1e-9)
     return (
         f"Look whether the embankment slides: film a mark on its crest. A moving mass of {number(moving)} kg is "
         "expected. Fix the embankment to its base and film again, or weigh it and state that it moves."

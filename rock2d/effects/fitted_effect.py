@@ -72,16 +72,6 @@ class FittedEffect:
         moved = [of_world(self.world({name: self.values[name] + half})) for name, half in self.half.items()]
         return value, np.sqrt(np.sum([(other - value) ** 2 for other in moved], axis=0))
 
-    @property
-    def mass_kg(self) -> float:
-        """Mean mass of the blocks."""
-        return float(np.mean([block.mass_kg for block in self.setup.blocks.values()]))
-
-    @property
-    def size_m(self) -> float:
-        """Mean size of the blocks."""
-        return float(np.mean([block.size_m for block in self.setup.blocks.values()]))
-
     def origin(self) -> str:
         """Where the point of the default origin truly is; the camera's axis is part of what was fitted."""
         at, half = self.propagated(lambda world: np.asarray(world.view.true(np.zeros(3))[:2]))

@@ -69,7 +69,7 @@ def remedy(fitted: FittedEffect) -> str:
     turn, width = np.rad2deg([fitted.values["facing_rad"], fitted.half["facing_rad"]])
     more, less = "steeper", "flatter"
     rise = fitted.setup.cross_section.embankment
-    height = 1e3 * (rise.height_m if rise is not None else fitted.size_m)
+    height = 1e3 * (rise.height_m if rise is not None else fitted.setup.mean_size_m)
     level, fine = height * fitted.values["ditch_level"], height * fitted.half["ditch_level"]
     what = "the facing", "the ditch"
     if rise is None:

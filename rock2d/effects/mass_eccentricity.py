@@ -34,7 +34,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """Centre of mass less centroid, in the block's own axes."""
-    along, across = (fitted.number(key, 1e3 * fitted.size_m) for key in ("along", "across"))
+    along, across = (fitted.number(key, 1e3 * fitted.setup.mean_size_m) for key in ("along", "across"))
     return (
         f"Balance the blocks on an edge: the centre of mass should lie {along} mm along the block's own x and "
         f"{across} mm along its own y from the centroid. No key of experiment.yaml states it. Make the blocks of one "

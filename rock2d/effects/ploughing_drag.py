@@ -30,7 +30,7 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """The drag coefficient of the ploughed front."""
-    drag = fitted.values["rate_1_s"] * fitted.mass_kg / fitted.size_m
+    drag = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
     return (
         "Measure depth and length of the grooves: deep, fast ones should brake the block more than friction does. "
         f"Then add a tangential force F = c δ u against the slip u, with c = {number(drag)} N s/m² and the "

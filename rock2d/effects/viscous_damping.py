@@ -33,8 +33,8 @@ def apply(world: World, values: Sequence[float]) -> World:
 
 def remedy(fitted: FittedEffect) -> str:
     """Dashpots, the same for every block, so that light blocks feel them more."""
-    constant = fitted.values["rate_1_s"] * fitted.mass_kg
-    deep = fitted.values["deep_rate_1_s"] * fitted.mass_kg / fitted.size_m
+    constant = fitted.values["rate_1_s"] * mean_mass_kg(fitted.setup)
+    deep = fitted.values["deep_rate_1_s"] * mean_mass_kg(fitted.setup) / fitted.setup.mean_size_m
     return (
         "Drop a light and a heavy block of one shape vertically on the flat soil, from several heights: the lighter "
         "one should rebound less. If so, add a dashpot beside the normal spring: F = (c + h δ) dδ/dt with c = "

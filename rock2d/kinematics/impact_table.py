@@ -62,6 +62,11 @@ class ImpactTable:
             index, order[index], order,
         )  # fmt: skip
 
+    @property
+    def release_block(self) -> Array:
+        """(releases,) index of the block of each."""
+        return self.impact_block[np.unique(self.impact_release, return_index=True)[1]]
+
     def only(self, releases: Array) -> Self:
         """The impacts of some of the releases, given as a mask; releases keep their numbers."""
         own = releases[self.impact_release]

@@ -11,11 +11,10 @@ import pytest
 
 from rock2d.blind import recovery
 from rock2d.blind.recovery import Plan, read_sizes
-from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves
+from rock2d.diagnosis.detection import ODDS_90, Curve, corrected, detection_curves, read_limits
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.known_causes import effects_of_size
-from rock2d.diagnosis.limits import read_limits
-from rock2d.diagnosis.report.limits_section import HEAD, limit_lines, limit_rows
+from rock2d.diagnosis.report.sections import HEAD, limit_lines, limit_rows
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment

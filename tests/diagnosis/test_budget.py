@@ -10,7 +10,7 @@ import pytest
 from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD, Budget, Draws, Sizes, budget
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.replicates import replicate_ratio
-from rock2d.diagnosis.report.budget_section import budget_section
+from rock2d.diagnosis.report.sections import budget_section
 
 RELEASES = 40
 

@@ -14,7 +14,7 @@ from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Fit, fit
 from rock2d.diagnosis.likelihood import normal_equations
 from rock2d.diagnosis.model import Model
-from rock2d.diagnosis.report.checks_section import checks_sentence
+from rock2d.diagnosis.report.sections import checks_sentence
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.kinematics.setup_world import base_start
 from tests.kinematics.synthetic_films import data_of, film, series_order, world

@@ -13,8 +13,7 @@ import pytest
 from rock2d.diagnosis.command import run_diagnosis
 from rock2d.diagnosis.diagnose import diagnose, prepared
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
-from rock2d.diagnosis.diagnosis_file import read_for_prediction
-from rock2d.diagnosis.predict import COLUMNS, predict
+from rock2d.diagnosis.predict import COLUMNS, predict, read_for_prediction
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import Experiment, write_experiment

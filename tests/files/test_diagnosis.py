@@ -13,9 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rock2d.diagnosis.command import run_comparison
-from rock2d.diagnosis.diagnosis_file import read_for_prediction
 from rock2d.diagnosis.levers import DEPENDENCES, FRAME, LEVER_SIZES, LEVERS
-from rock2d.diagnosis.predict import diagnosed_world, learnt_changes
+from rock2d.diagnosis.predict import diagnosed_world, learnt_changes, read_for_prediction
 from rock2d.diagnosis.quantities import bases, quantities_of, waves
 from rock2d.effects import catalogue
 from rock2d.errors import InputError, ParameterError

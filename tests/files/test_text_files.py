@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from rock2d.diagnosis.diagnosis_file import read_for_prediction
+from rock2d.diagnosis.predict import read_for_prediction
 from rock2d.errors import InputError
 from rock2d.files.experiment import load_experiment
 from rock2d.files.scenario import load_scenario

@@ -67,14 +67,13 @@ def _read_experiment(folder: Path) -> None:
 
 
 def _read_diagnosis(folder: Path) -> None:
-    from rock2d.diagnosis.diagnosis_file import read_for_prediction
+    from rock2d.diagnosis.predict import read_for_prediction
 
     read_for_prediction(folder / "diagnosis.json")
 
 
 def _use_diagnosis(folder: Path) -> None:
-    from rock2d.diagnosis.diagnosis_file import read_for_prediction
-    from rock2d.diagnosis.predict import predict
+    from rock2d.diagnosis.predict import predict, read_for_prediction
 
     predict(_film(), read_for_prediction(folder / "diagnosis.json"))
 

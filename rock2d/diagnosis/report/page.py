@@ -13,11 +13,8 @@ from rock2d.diagnosis.diagnosis_content import reported_effect
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.replay import measured_releases, simulated_releases
 from rock2d.diagnosis.report import downloads, parameters, tables, text
-from rock2d.diagnosis.report.budget_section import budget_section
-from rock2d.diagnosis.report.checks_section import checks_section
 from rock2d.diagnosis.report.figures import section_alt, section_figure, segment_alt, segment_figure
 from rock2d.diagnosis.report.learnt_figures import described, learnt_figure
-from rock2d.diagnosis.report.limits_section import limits_section
 from rock2d.diagnosis.report.practical_indicators import (
     PASSING,
     Quantity,
@@ -25,6 +22,7 @@ from rock2d.diagnosis.report.practical_indicators import (
     measure_lines,
     table_quantities,
 )
+from rock2d.diagnosis.report.sections import budget_section, checks_section, limits_section
 from rock2d.diagnosis.report.side_by_side import video_section
 from rock2d.diagnosis.report.what_to_do import what_to_do
 from rock2d.diagnosis.workload import REPORT

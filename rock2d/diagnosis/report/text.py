@@ -81,11 +81,15 @@ def _beside(content: Mapping[str, Any], effect: str) -> list[Mapping[str, Any]]:
     return [cause for cause in acting(content) if cause["effect"] != effect]
 
 
+def learnt(content: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """What was learnt without a name, if anything."""
+    return (content.get("outside") or {}).get("learnt")
+
+
 def best_model(content: Mapping[str, Any], chain: Sequence[str]) -> str:
     """What the best model has that the base law has not: its effects and what was learnt."""
     named = [cause["effect"] for cause in acting(content)]
-    learnt = bool(content.get("outside") and content["outside"]["learnt"])
-    return listed([*named, *["what was learnt"] * learnt] or chain)
+    return listed([*named, *["what was learnt"] * bool(learnt(content))] or chain)
 
 
 def verdict_sentence(content: Mapping[str, Any], effects: Mapping[str, Effect]) -> tuple[str, str]:

@@ -61,8 +61,7 @@ def what_to_do(content: Mapping[str, Any], experiment: Experiment) -> list[str]:
 
 def _learnt(content: Mapping[str, Any]) -> list[str]:
     """What learnt changes are good for."""
-    learnt = (content.get("outside") or {}).get("learnt")
-    if not learnt:
+    if not (learnt := text.learnt(content)):
         return []
     uncertain = listed(learnt["effects"])
     beside = (

@@ -1,0 +1,207 @@
+"""Sections of the report: the budget of the gap, a waterfall from the base law to the floor; the predictive checks;
+and the limits, which sizes of each effect the film would have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from rock2d.diagnosis.budget import TRUE_FLOOR, TRUE_FLOOR_SD
+from rock2d.diagnosis.checks import FALSE_ALARMS, Checks
+from rock2d.diagnosis.known_causes import largest_size, size_parameter
+from rock2d.diagnosis.model import is_factor
+from rock2d.diagnosis.report import text
+from rock2d.effects import catalogue
+from rock2d.graphics.bar_charts import Axis, Mark, axis_over, chart, tick_labels
+from rock2d.graphics.downloads import download
+from rock2d.graphics.pages import PAGE_ACCENT, PAGE_INK, PAGE_WARM, blank_axes, embedded
+from rock2d.scene.world import World
+from rock2d.wording import listed, number, spoken
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
+
+Limits = Mapping[str, Mapping[str, Any]]
+
+LEAST_SHOWN = 0.005  # share of the gap
+HEAD = ("effect", "size", "seen in 5 of 10", "seen in 9 of 10", "at most (95 %)")
+
+
+def budget_section(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What the template shows of the budget; nothing where there is no gap to close."""
+    gap, outside = content["gap"], content.get("outside")
+    if outside is None or content["verdict"] == "none" or gap["noise_floor"] >= gap["base"]:
+        return {"budget_rows": []}
+    parts = _parts(content)
+    axis, rows, at = Axis(0.0, 100.0), [], 0.0
+    table: list[tuple[str, str, float, float | None, float | None]] = []
+    for name, origin, share, ci95, model in parts:
+        end = at + share
+        rows.append((name, origin, _step(axis, at, end, model, name), _said(share, ci95)))
+        table.append((name, origin, share, *(ci95 or (None, None))))
+        at = end
+    return {
+        "budget_rows": rows,
+        "budget_scale": tick_labels(axis),
+        "budget_sentence": _sentence(content),
+        "budget_data": download("budget.csv", ("part", "origin", "share", "low95", "high95"), table),
+    }
+
+
+def _parts(
+    content: Mapping[str, Any],
+) -> list[tuple[str, str, float, tuple[float, float] | None, str]]:
+    """Parts of the gap in order: name, origin, share, 95 % interval, colour."""
+    outside = content["outside"]
+    found: list[tuple[str, str, float, tuple[float, float] | None, str]] = [
+        (
+            spoken(cause["effect"])
+            + _size(cause)
+            + (f" (or {listed(cause['group'], 'or')})" if cause["group"] else ""),
+            cause["origin"],
+            cause["closes"],
+            tuple(cause["closes_ci95"]),
+            "effect",
+        )
+        for cause in sorted(text.acting(content), key=lambda cause: -cause["closes"])
+    ]
+    learnt = outside["learnt"]
+    if learnt is not None and learnt["closes"] >= LEAST_SHOWN:
+        beside = f", with {listed(learnt['effects'])} (not certain)" if learnt["effects"] else ""
+        what = f"learnt: {listed(learnt['changes'])}{beside}"
+        found.append((what, "no name", learnt["closes"], _ends(learnt), "plain"))
+    unlearnt = outside["share"] - (learnt["closes"] if learnt is not None else 0.0)
+    if unlearnt >= LEAST_SHOWN:
+        found.append(("dependence without a name", "not learnt", unlearnt, None, "plain"))
+    rest = 1.0 - sum(part[2] for part in found)
+    if rest >= LEAST_SHOWN:
+        found.append(("not explained", "", rest, None, "base"))
+    return found
+
+
+def _size(cause: Mapping[str, Any]) -> str:
+    """Its first parameter, unless that is a pure number."""
+    first = catalogue()[cause["effect"]].parameters[0]
+    pure = first.unit == "1" and not is_factor(first)
+    return "" if pure else f" {text.size(first, cause['parameters'][first.name])}"
+
+
+def _ends(part: Mapping[str, Any]) -> tuple[float, float]:
+    low, high = part["closes_ci95"]
+    return low, high
+
+
+def _step(axis: Axis, start: float, end: float, model: str, name: str) -> Markup:
+    """A bar from one share to the next."""
+    mark = Mark(model, 100 * end, 100 * start, 100 * end, f"{name}: {round(100 * (end - start))} %", "step")
+    return chart(axis, [mark])
+
+
+def _said(share: float, ci95: tuple[float, float] | None) -> str:
+    return f"{round(100 * share)} %".replace("-", "−") if ci95 is None else text.share_closed(share, ci95)
+
+
+def _sentence(content: Mapping[str, Any]) -> str:
+    gap, floor = content["gap"], content["floor"]
+    lower = "near-replicates" if floor["replicates"] <= floor["regression"] else "the regression"
+    return (
+        f"The typical residual of the base law is {gap['base']:.2f} standard deviations of noise and soil. "
+        f"A perfect model would leave {floor['used']:.2f} (near-replicates say {floor['replicates']:.2f}, a regression "
+        f"says {floor['regression']:.2f}; the lower one less {100 * (1 - TRUE_FLOOR):.0f} % counts, here {lower}, "
+        f"and is known to {100 * TRUE_FLOOR_SD:.0f} %). The difference is the gap, 100 %."
+    )
+
+
+def checks_sentence(checks: Checks) -> str:
+    """How many checks are as the model would make them, and which are not."""
+    every = checks.all
+    failed = [f"{c.name} ({c.largest}, p {_chance(c.p)})" for c in every if c.fails]
+    rest = f"; not: {', '.join(failed)}" if failed else ""
+    return f"{len(every) - len(failed)} of {len(every)} as the model would make them{rest}"
+
+
+def checks_section(checks: Checks | None) -> dict[str, Any]:
+    """What the template shows of the checks."""
+    if checks is None or not checks.all:
+        return {"check_rows": []}
+    axis = axis_over([v for c in checks.all for v in (c.value, c.replicates[2])])
+    rows = []
+    for c in checks.all:
+        low, _, high = c.replicates
+        said = f"{c.name}: {c.value:.1f}, replicates {low:.1f} to {high:.1f}"
+        mark = Mark("base" if c.fails else "measured", c.value, low, high, said, "span")
+        rows.append((c.name, c.largest, chart(axis, [mark]), _chance(c.p), c.fails))
+    columns = ("check", "compared", "film", "replicates_05", "replicates_50", "replicates_95", "p")
+    table = [(c.name, c.words, c.value, *c.replicates, c.p) for c in checks.all]
+    return {
+        "check_rows": rows,
+        "check_scale": tick_labels(axis),
+        "check_sentence": checks_sentence(checks),
+        "check_chance": _chance(checks.p),
+        "false_alarms": f"{100 * FALSE_ALARMS:.0f} %",
+        "checks_data": download("checks.csv", columns, table),
+    }
+
+
+def _chance(p: float) -> str:
+    return f"{p:.4f}" if p < 0.01 else f"{p:.2f}"
+
+
+def limit_rows(limits: Limits) -> list[tuple[str, ...]]:
+    """A row `HEAD` of texts for each effect."""
+    rows = []
+    for name, limit in limits.items():
+        own, cells = catalogue()[name].parameters[0], []
+        for key in ("seen50", "seen90", "upper95"):
+            value, unit = text.in_degrees(own, limit[key] or 0.0)
+            cells.append("found" if limit[key] is None else f"{number(value)} {unit}".strip())
+        off = "" if own.neutral == 0.0 else f", off {number(own.neutral)}"
+        rows.append((spoken(name), own.meaning + off, *cells))
+    return rows
+
+
+def limit_lines(limits: Limits) -> list[str]:
+    """What the limits mean, for an engineer."""
+    return [
+        f"{name} of {more} ({what}) would have been seen in 9 of 10 such films; "
+        + ("it was found" if most == "found" else f"none was found, so it is at most {most}")
+        for name, what, _, more, most in limit_rows(limits)
+    ]
+
+
+def limits_figure(limits: Limits, world: World) -> Figure:
+    """Bars from the size that is seen in 5 of 10 films to that in 9 of 10, and a mark at the upper limit, all over the
+    largest plausible size."""
+    figure, (axis,) = blank_axes(7.0, 0.8 + 0.24 * len(limits))
+    for row, (name, limit) in enumerate(limits.items()):
+        own = size_parameter(catalogue()[name], world)
+        assert own is not None
+        ends = [100.0 * limit[key] / largest_size(own) for key in ("seen50", "seen90")]
+        axis.plot(ends, [row, row], color=PAGE_ACCENT, linewidth=6, solid_capstyle="butt")
+        if limit["upper95"] is not None:
+            axis.plot(
+                [100.0 * limit["upper95"] / largest_size(own)],
+                [row],
+                marker="|",
+                color=PAGE_WARM,
+                markersize=10,
+            )
+    axis.set_yticks(range(len(limits)), [spoken(name) for name in limits], color=PAGE_INK)
+    axis.invert_yaxis()
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter("")
+    axis.set_xlabel("size in % of the largest plausible one")
+    return figure
+
+
+def limits_section(content: Mapping[str, Any], world: World) -> dict[str, Any]:
+    """What the template shows of the limits of diagnosis.json."""
+    own = content.get("limits") or {}
+    return {
+        "limit_lines": limit_lines(own),
+        "limit_head": HEAD,
+        "limit_rows": limit_rows(own),
+        "limits_figure": embedded(limits_figure(own, world), "svg") if own else "",
+    }

@@ -19,10 +19,10 @@ from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.experiment import write_experiment
 from tests.diagnosis.test_impact_table_data import impacts
-from tests.kinematics.synthetic_films import film, world
+from tests.kinematics.synthetic_films import effects, film, world
 from tests.programs import commanded
 
-TRIED = {name: catalogue()[name] for name in ("camera_tilt", "air_drag", "angle_offset")}
+TRIED = effects("camera_tilt", "air_drag", "angle_offset")
 CURVES = {name: Curve(0.1, 4.0, "1", 0.05, 0.0, False, 1.0) for name in ("air_drag", "inertia_error")}
 
 
@@ -65,8 +65,8 @@ def test_a_linear_model_expects_stronger_effects_to_be_seen(diagnosed):
 
 def test_what_was_found_has_no_upper_limit_and_a_scatter_has_a_curve():
     tilted = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
-    effects = {name: catalogue()[name] for name in ("camera_tilt", "surface_roughness")}
-    curves = detection_curves(diagnose(film(tilted, 10, seed=1), effects=effects), effects)
+    tried = effects("camera_tilt", "surface_roughness")
+    curves = detection_curves(diagnose(film(tilted, 10, seed=1), effects=tried), tried)
     assert curves["camera_tilt"].found and curves["camera_tilt"].limit()["upper95"] is None
     assert curves["camera_tilt"].seen50 < 0.03
     assert 5e-4 < curves["surface_roughness"].seen50 < 0.02

@@ -14,27 +14,29 @@ from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.exploring import REFIT_GAIN
 from rock2d.diagnosis.film_data import FilmData
 from rock2d.diagnosis.fitting import Convergence, fit
-from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.workload import DiagnosisBars
 from rock2d.effects import catalogue
 from rock2d.kinematics.flights import load_film
 from rock2d.kinematics.setup_world import base_start, setup_world
 from rock2d.laws.contact import ROLLING_IN_INDENTATION
-from tests.kinematics.synthetic_films import LAW, START, data_of, film, series_order, world
+from tests.kinematics.synthetic_films import (
+    LAW,
+    base_fit,
+    data_of,
+    effects,
+    film,
+    series_order,
+    with_causes,
+    world,
+)
 
 RELEASES, FEW = 16, 10  # per block; ten tell apart what is as large as the hidden effects here
-RIVALS = (
-    "angle_offset",
-    "inertia_error",
-    "surface_roughness",
-    "zone_contrast",
-)  # the whole catalogue takes minutes
+# the whole catalogue takes minutes
+RIVALS = ("angle_offset", "inertia_error", "surface_roughness", "zone_contrast")
 
 
 def test_base_law_is_recovered():
-    experiment = film(world(), RELEASES, seed=2)
-    setup, data = data_of(experiment)
-    found = fit(Model(setup, START), data)
+    _, found = base_fit(film(world(), RELEASES, seed=2))
     law = found.model.law(found.p)
     truth = np.array(
         [LAW.k_l_N_m, LAW.k_ul_N_m, LAW.k_t_N_m, np.tan(np.deg2rad(LAW.friction_angle_deg)), LAW.k_r_Nm_rad]
@@ -68,11 +70,9 @@ def diagnosed(request):
     """The diagnosis of a film with one effect of the catalogue at these values."""
 
     def make(name: str | None, values: list[float], seed: int):
-        true = world(series_order(FEW))
-        if name is not None:
-            true = catalogue()[name].apply(true, values)
-        rivals = {n: catalogue()[n] for n in (*RIVALS, *([name] if name else []))}
-        return diagnosis_json(diagnose(film(true, FEW, seed=seed), effects=rivals))
+        own = {name: values} if name else {}
+        seen = film(with_causes(world(series_order(FEW)), own), FEW, seed=seed)
+        return diagnosis_json(diagnose(seen, effects=effects(*RIVALS, *own)))
 
     return make
 
@@ -105,29 +105,23 @@ def test_no_effect_is_named_without_one(diagnosed):
 @pytest.fixture(scope="module")
 def plain():
     """A film without an effect, two effects to try, and the content of its diagnosis in one process."""
-    experiment = film(world(), 6, seed=3)
-    effects = {name: catalogue()[name] for name in ("angle_offset", "inertia_error")}
-    return experiment, effects, diagnosis_json(diagnose(experiment, effects=effects))
+    experiment, tried = film(world(), 6, seed=3), effects("angle_offset", "inertia_error")
+    return experiment, tried, diagnosis_json(diagnose(experiment, effects=tried))
 
 
 def test_result_does_not_depend_on_the_number_of_processes(plain):
-    experiment, effects, one = plain
-    assert one == diagnosis_json(diagnose(experiment, effects=effects, workers=2))
+    experiment, tried, one = plain
+    assert one == diagnosis_json(diagnose(experiment, effects=tried, workers=2))
 
 
 def test_a_better_law_found_with_an_effect_becomes_the_base():
     """With a poor base any effect would look good, because its fit finds the better law."""
     experiment = film(world(), 12, seed=2)
-    (setup, data), start = data_of(experiment), base_start(experiment)
-    proper = fit(Model(setup, start), data)
-    stuck = fit(
-        Model(setup, start),
-        data,
-        proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0]),
-        convergence=Convergence(np.inf),
-    )
+    data, proper = base_fit(experiment, base_start(experiment))
+    off = proper.p + np.array([0.4, -0.2, 0.5, 0.0, 0.0])
+    stuck = fit(proper.model, data, off, convergence=Convergence(np.inf))
     assert stuck.total() < proper.total() - 50.0
-    found = attribute(stuck, data, {name: catalogue()[name] for name in ("angle_offset", "air_drag")})
+    found = attribute(stuck, data, effects("angle_offset", "air_drag"))
     assert found.base.total() == pytest.approx(proper.total(), abs=REFIT_GAIN)
     assert max(c.total for c in found.candidates.values()) < REFIT_GAIN
 
@@ -143,7 +137,7 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
     setup, data = data_of(experiment)
     base = fit_base(setup, base_start(experiment), data)
     assert not base.model.setup.contact[..., ROLLING_IN_INDENTATION].any()
-    found = attribute(base, data, {name: catalogue()[name] for name in ("mirrored_axis", "inertia_error")})
+    found = attribute(base, data, effects("mirrored_axis", "inertia_error"))
     law = found.final.fit.model
     assert found.named == {"mirrored_axis"} and found.outside < 0.05
     assert law.setup.contact[..., ROLLING_IN_INDENTATION].all()
@@ -151,7 +145,7 @@ def test_the_law_is_fitted_anew_beside_a_cause_to_which_the_base_had_adapted():
 
 
 def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path):
-    experiment, effects, undisturbed = plain
+    experiment, tried, undisturbed = plain
 
     class StopAfterOne(DiagnosisBars):
         def fitted(self, names):
@@ -159,10 +153,10 @@ def test_an_interrupted_diagnosis_continues_with_the_same_result(plain, tmp_path
                 raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        diagnose(experiment, effects=effects, folder=tmp_path, bars=StopAfterOne(False, len(effects), 1))
+        diagnose(experiment, effects=tried, folder=tmp_path, bars=StopAfterOne(False, len(tried), 1))
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
     names = sorted(path.stem.rsplit("_", 1)[0] for path in kept)
-    assert names == ["angle_offset", *(f"explored_{name}" for name in sorted(effects))]
-    again = diagnosis_json(diagnose(experiment, effects=effects, folder=tmp_path))
+    assert names == ["angle_offset", *(f"explored_{name}" for name in sorted(tried))]
+    again = diagnosis_json(diagnose(experiment, effects=tried, folder=tmp_path))
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert again == undisturbed

@@ -20,7 +20,15 @@ from rock2d.effects.mirrored_axis import MIRROR_THETA
 from rock2d.effects.zone_contrast import FACE
 from rock2d.kinematics.setup_world import base_start
 from rock2d.processes import Processes
-from tests.kinematics.synthetic_films import data_of, film, series_order, world
+from tests.kinematics.synthetic_films import (
+    base_fit,
+    data_of,
+    effects,
+    film,
+    series_order,
+    with_causes,
+    world,
+)
 
 RELEASES = 16
 TRIED = ("camera_tilt", "zone_contrast", "angle_offset", "inertia_error")
@@ -28,16 +36,11 @@ HIDDEN = {"camera_tilt": [0.03, 0.0, 0.0], "zone_contrast": [0.4, 1.0, 1.0, FACE
 
 
 def searched(hidden: dict[str, list[float]]) -> Search:
-    true = world(series_order(RELEASES))
-    for name, values in hidden.items():
-        true = catalogue()[name].apply(true, values)
-    experiment = film(true, RELEASES, seed=7)
-    setup, data = data_of(experiment)
-    base = fit(Model(setup, base_start(experiment)), data)
-    effects = {name: catalogue()[name] for name in TRIED}
+    experiment = film(with_causes(world(series_order(RELEASES)), hidden), RELEASES, seed=7)
+    data, base = base_fit(experiment, base_start(experiment))
     with Processes(1, (data,)) as processes:
-        bars = DiagnosisBars(False, len(effects), 1)
-        search = Search(data, effects, processes, CauseSet(base, cross_validate(base, data)), bars)
+        bars = DiagnosisBars(False, len(TRIED), 1)
+        search = Search(data, effects(*TRIED), processes, CauseSet(base, cross_validate(base, data)), bars)
         search.try_alone()
         search.run()
     return search
@@ -97,8 +100,8 @@ def test_no_effect_makes_the_empty_set():
 
 
 def test_the_order_in_which_effects_are_tried_does_not_matter(two):
-    effects = dict(reversed(two.effects.items()))
-    again = Search(two.data, effects, Processes(1, (two.data,)), two.base, two.bars)
+    tried = dict(reversed(two.effects.items()))
+    again = Search(two.data, tried, Processes(1, (two.data,)), two.base, two.bars)
     again.try_alone()
     again.run()
     assert again.best.names == two.best.names

@@ -11,13 +11,12 @@ from rock2d.diagnosis import checks
 from rock2d.diagnosis.checks import FALSE_ALARMS, predictive_checks
 from rock2d.diagnosis.data import Residuals
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.likelihood import normal_equations
-from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.report.sections import checks_sentence
 from rock2d.diagnosis.soil_scatter import fit_scatter
 from rock2d.kinematics.setup_world import base_start
-from tests.kinematics.synthetic_films import data_of, film, series_order, world
+from tests.kinematics.synthetic_films import base_fit, film, series_order, world
 
 RELEASES = 20  # per block
 FILMS = 60  # draws of residuals; would miss false alarms at twice the stated rate
@@ -27,8 +26,7 @@ FILMS = 60  # draws of residuals; would miss false alarms at twice the stated ra
 def fitted() -> tuple[FilmData, Fit]:
     """A film of the base law, and the base law fitted to it."""
     experiment = film(world(series_order(RELEASES)), RELEASES, seed=3, fps=500.0)
-    setup, data = data_of(experiment)
-    return data, fit(Model(setup, base_start(experiment)), data)
+    return base_fit(experiment, base_start(experiment))
 
 
 def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
@@ -46,12 +44,12 @@ def drawn(own: tuple[FilmData, Fit], seed: int, **shifts: np.ndarray) -> Fit:
     flights = rng.normal(size=shape)
     if "bend" in shifts:
         flights[:, 1, 0] += shifts["bend"]
-    every, scatter = (np.ones(n, bool), np.ones(shape[0], bool)), found.scatter
+    scatter = found.scatter
     for _ in range(4):
         residuals = Residuals(impacts, flights)
         scatter = fit_scatter(impacts, found.jacobian, np.maximum(scatter, 3e-3))
         left = replace(found, residuals=residuals, scatter=scatter)
-        curve, grad = normal_equations(residuals, found.jacobian, left.covariance(), every)
+        curve, grad = normal_equations(residuals, found.jacobian, left.covariance())
         step = np.linalg.solve(curve + 1e-9 * np.diag(np.diag(curve)), grad)
         impacts, flights = impacts - found.jacobian.impacts @ step, flights - found.jacobian.flights @ step
     return replace(found, residuals=Residuals(impacts, flights), scatter=scatter)

@@ -14,11 +14,11 @@ from rock2d.diagnosis.comparison import agree
 from rock2d.effects import catalogue
 from rock2d.errors import InputError
 from rock2d.files.fitted_keys import FittedParameter
+from tests import diagnosed_files
 from tests.diagnosed_files import CLOSED, GAIN
 from tests.diagnosis.test_report import Page
 from tests.programs import commanded, refusal
 
-NAMES = ("camera_tilt", "air_drag")
 NASTY = "<script>alert(1)</script> & $co$"
 
 
@@ -28,17 +28,14 @@ def diagnosis(verdict: str = "camera_tilt", tilt: float = -0.035, half: float = 
     closed = {**GAIN, **CLOSED}
     tilts = {"tilt_rad": {"value": tilt, "ci95": [tilt - half, tilt + half], "unit": "rad"}}
     drags = {"drag_per_mass_1_m": {"value": 0.1, "ci95": [0.1, 0.1], "unit": "1/m"}}
-    return {
-        "schema": 1, "experiment": "tests",
-        "base": {"k_l_N_m": 5e3, "k_ul_N_m": 3e4, "k_t_N_m": 1e3, "friction_angle_deg": 22.0, "k_r_Nm_rad": 0.02},
-        "verdict": verdict, "group": [verdict] if verdict in NAMES else [], "probabilities": chances,
-        "effects": {"camera_tilt": {"parameters": tilts, **closed}, "air_drag": {"parameters": drags, **closed}},
-        "where": [{"phase": "flight", "zone": "ditch", "block": "cube", "channel": "x", "share": 0.7, "z": 9.0},
-                  {"phase": "impact", "zone": "crest", "block": "cube", "channel": "spin", "share": 0.3, "z": 3.0}],
-        "gap": {"unit": "noise", "base": 4.0, "augmented": 1.2, "noise_floor": 1.0, "closure": 0.93,
-                "closure_ci95": [0.9, 0.96]},
-        "next_release": "A cube.", "sanity": {"faults": [], "remarks": []}, **changes,
-    }  # fmt: skip
+    effects = {"camera_tilt": {"parameters": tilts, **closed}, "air_drag": {"parameters": drags, **closed}}
+    where = [
+        {"phase": "flight", "zone": "ditch", "block": "cube", "channel": "x", "share": 0.7, "z": 9.0},
+        {"phase": "impact", "zone": "crest", "block": "cube", "channel": "spin", "share": 0.3, "z": 3.0},
+    ]
+    sanity = {"faults": [], "remarks": []}
+    more = {"probabilities": chances, "where": where, "next_release": "A cube.", "sanity": sanity, **changes}
+    return diagnosed_files.content(verdict, effects) | more
 
 
 def not_diagnosed() -> dict:

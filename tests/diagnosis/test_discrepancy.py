@@ -12,25 +12,18 @@ from rock2d.diagnosis.learnt import LEAST_GAIN
 from rock2d.diagnosis.linear_model import LinearModel
 from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.quantities import HISTORY, IMPACT_DEPENDENCES, bases, history_quantities
-from rock2d.effects import catalogue
-from tests.kinematics.synthetic_films import START, data_of, film, series_order, world
+from tests.kinematics.synthetic_films import START, base_fit, effects, film, series_order, with_causes, world
 
 RELEASES = 16
 
 
 def _fitted(effect: str | None, values: list[float]) -> tuple[Fit, Fit, object]:
     """The base law, and the law with the effect, fitted to a film in which the effect is at work."""
-    true = world(series_order(RELEASES))
-    known = catalogue()
-    if effect is not None:
-        true = known[effect].apply(true, values)
-    experiment = film(true, RELEASES, seed=4)
-    setup, data = data_of(experiment)
-    base = fit(Model(setup, START), data)
-    if effect is None:
-        return base, base, data
-    full = Model(setup, START, [known[effect]])
-    return base, fit(full, data, np.concatenate([base.p, full.start()[len(base.p) :] + 0.05])), data
+    causes = {effect: values} if effect else {}
+    data, base = base_fit(film(with_causes(world(series_order(RELEASES)), causes), RELEASES, seed=4))
+    full = Model(base.model.setup, START, list(effects(*causes).values()))
+    start = np.concatenate([base.p, full.start()[len(base.p) :] + 0.05])
+    return base, fit(full, data, start) if effect else base, data
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from rock2d.files.experiment import Experiment
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.scene.blocks import Block, make_block
 from rock2d.scene.cross_section import CrossSection
+from tests.kinematics.synthetic_films import effects
 
 G, NOISE_M, STEP_S, STEPS_PER_FRAME = 9.81, 2e-3, 1e-3, 17
 BALLS = {
@@ -107,7 +108,7 @@ def test_a_prediction_takes_the_drag_of_each_ball(drops, content, tmp_path):
 
 
 def test_limits_know_that_each_ball_has_its_own_drag(drops):
-    curves = detection_curves(drops, {name: catalogue()[name] for name in ("air_drag", "scale_error")})
+    curves = detection_curves(drops, effects("air_drag", "scale_error"))
     drag, each = curves["air_drag"], [DRAG[name] / coefficient(ball, 1.0) for name, ball in BALLS.items()]
     assert drag.value == pytest.approx(np.mean(each), rel=0.05)
     assert max(each) < drag.compatible < 1.1 * max(each)

@@ -15,11 +15,13 @@ from rock2d.diagnosis.predict import predict
 from rock2d.effects import catalogue
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
+from rock2d.kinematics.impact_table import AFTER_COLUMNS, BEFORE_COLUMNS
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import AFTER, BEFORE
 from rock2d.scene.blocks import make_block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
+from tests.kinematics.synthetic_films import effects
 
 FLOOR = CrossSection([[-2.0, 0.0], [2.0, 0.0]], ["floor"])
 SQUARE = {"square": make_block("square", "square", 0.05, side_m=0.06)}
@@ -38,11 +40,8 @@ def impacts(world: World, n: int, *, seed: int, noise: float) -> Experiment:
     before, after = row[:, BEFORE], row[:, AFTER]
     after[:, 3:] *= 1 + noise * rng.normal(size=(n, 3))
     columns = {"release": np.arange(n), "block": "square"}
-    names = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s")
-    columns |= {name: before[:, k] for k, name in enumerate(names)}
-    columns |= {
-        n: after[:, 3 + k] for k, n in enumerate(("vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"))
-    }
+    columns |= dict(zip(BEFORE_COLUMNS, before.T, strict=True))
+    columns |= dict(zip(AFTER_COLUMNS, after[:, 3:].T, strict=True))
     return Experiment("table", 9.81, 250.0, 1e-4, 1e-3, FLOOR, SQUARE, impacts=pd.DataFrame(columns))
 
 
@@ -69,7 +68,7 @@ def test_slow_impacts_and_those_that_end_at_rest_have_an_outcome():
 
 def test_a_table_is_predicted_from_the_states_before_the_impacts_alone():
     experiment = impacts(plain_world(), 40, seed=3, noise=0.0)
-    after = ["vx_after_m_s", "vy_after_m_s", "omega_after_rad_s"]
+    after = list(AFTER_COLUMNS)
     unmeasured = replace(experiment, impacts=experiment.impacts.assign(**dict.fromkeys(after, np.nan)))
     names = ("k_l_N_m", "k_ul_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
     law = {name: getattr(HARD, name) for name in names}
@@ -81,9 +80,7 @@ def test_a_table_is_predicted_from_the_states_before_the_impacts_alone():
 
 def test_only_the_ratio_of_stiffnesses_is_told():
     experiment = impacts(plain_world(), 120, seed=2, noise=0.01)
-    content = diagnosis_json(
-        diagnose(experiment, effects={n: catalogue()[n] for n in ("inertia_error", "angle_offset")})
-    )
+    content = diagnosis_json(diagnose(experiment, effects=effects("inertia_error", "angle_offset")))
     base = content["base"]
     assert base["k_ul_N_m"] / base["k_l_N_m"] == pytest.approx(4.0, rel=0.15)
     assert base["friction_angle_deg"] == pytest.approx(20.0, abs=1.5)
@@ -92,10 +89,8 @@ def test_only_the_ratio_of_stiffnesses_is_told():
 
 def test_effect_is_found_in_a_table():
     world = catalogue()["inertia_error"].apply(plain_world(), [1.3])
-    names = ("inertia_error", "angle_offset", "surface_roughness")
-    content = diagnosis_json(
-        diagnose(impacts(world, 150, seed=3, noise=0.01), effects={n: catalogue()[n] for n in names})
-    )
+    tried = effects("inertia_error", "angle_offset", "surface_roughness")
+    content = diagnosis_json(diagnose(impacts(world, 150, seed=3, noise=0.01), effects=tried))
     assert content["verdict"] == "inertia_error"
     assert content["effects"]["inertia_error"]["parameters"]["factor"]["value"] == pytest.approx(
         1.3, rel=0.06
@@ -105,7 +100,7 @@ def test_effect_is_found_in_a_table():
 def test_columns_the_wrong_way_round_are_said():
     experiment = impacts(plain_world(), 30, seed=4, noise=0.0)
     table = experiment.impacts
-    pairs = [("vx_m_s", "vx_after_m_s"), ("vy_m_s", "vy_after_m_s"), ("omega_rad_s", "omega_after_rad_s")]
+    pairs = list(zip(BEFORE_COLUMNS[3:], AFTER_COLUMNS, strict=True))
     experiment.impacts = table.rename(columns=dict(pairs) | {b: a for a, b in pairs})
     result = diagnose(experiment)
     assert "exchanged" in result.sanity.faults[0].message

@@ -10,11 +10,10 @@ import pytest
 from rock2d.diagnosis.cross_validation import FOLDS, cross_validate, folds
 from rock2d.diagnosis.diagnosis_content import base_values
 from rock2d.diagnosis.film_data import FilmData
-from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.fitting import Fit
 from rock2d.diagnosis.flight_fields import flight_paths, flight_response, integral
 from rock2d.diagnosis.learnt import Learnt, best_predicting, learn, residuals_on
 from rock2d.diagnosis.levers import LAW, SLOPE, Levers
-from rock2d.diagnosis.model import Model
 from rock2d.diagnosis.predict import predict
 from rock2d.diagnosis.quantities import CONSTANT, FLIGHT_DEPENDENCES, Basis, Curve, bases, read_basis
 from rock2d.files.experiment import Experiment
@@ -22,7 +21,7 @@ from rock2d.kinematics.states import move_freely
 from rock2d.laws.contact import K_UL
 from rock2d.scene.world import World
 from tests.diagnosed_files import with_learnt
-from tests.kinematics.synthetic_films import BLOCKS, START, data_of, film, series_order, world
+from tests.kinematics.synthetic_films import BLOCKS, base_fit, data_of, film, series_order, world
 
 RELEASES = 24
 HARDENED = 2.5  # factor on k_ul in the second half of the series: a step, which no effect of the catalogue is
@@ -38,8 +37,7 @@ def hardening(releases: int) -> World:
 
 
 def fitted(experiment: Experiment) -> tuple[FilmData, Fit, Learnt]:
-    setup, data = data_of(experiment)
-    base = fit(Model(setup, START), data)
+    data, base = base_fit(experiment)
     return data, base, learn(Learnt(base, cross_validate(base, data), []), data)
 
 

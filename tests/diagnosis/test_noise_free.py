@@ -8,14 +8,13 @@ import pytest
 from rock2d.diagnosis.diagnose import diagnose
 from rock2d.diagnosis.diagnosis_content import diagnosis_json
 from rock2d.diagnosis.noise_free_film import CAMERA_NOISE, with_camera_noise
-from rock2d.effects import catalogue
 from rock2d.files.diagnosis import diagnosis_text
 from rock2d.kinematics.film_segments import FilmSegments
 from rock2d.kinematics.flights import load_film
 from tests.diagnosis.test_impact_table_data import impacts, plain_world
-from tests.kinematics.synthetic_films import film, without_angles, world
+from tests.kinematics.synthetic_films import effects, film, without_angles, world
 
-NAMES = ("air_drag", "camera_tilt", "viscous_damping")
+EFFECTS = effects("air_drag", "camera_tilt", "viscous_damping")
 
 
 @pytest.mark.parametrize(
@@ -29,7 +28,7 @@ NAMES = ("air_drag", "camera_tilt", "viscous_damping")
 )
 def test_a_simulation_is_diagnosed_with_the_noise_of_a_camera(noise_m, noise_rad, said):
     exact = film(world(), 10, seed=1, noise_m=noise_m, noise_rad=noise_rad, soil=0.0)
-    found = diagnose(exact, effects={name: catalogue()[name] for name in NAMES})
+    found = diagnose(exact, effects=EFFECTS)
     assert found.verdict == "none"
     remarks = [line for line in found.sanity.remarks if "shows no noise" in line]
     assert len(remarks) == bool(said) and all(part in line for line in remarks for part in said)
@@ -52,8 +51,6 @@ def test_an_angle_without_marks_stays_unknown():
 
 
 def test_a_table_of_exact_impacts_is_diagnosed():
-    found = diagnose(
-        impacts(plain_world(), 60, seed=1, noise=0.0), effects={n: catalogue()[n] for n in NAMES}
-    )
+    found = diagnose(impacts(plain_world(), 60, seed=1, noise=0.0), effects=EFFECTS)
     assert found.verdict == "none"
     assert diagnosis_text(diagnosis_json(found))

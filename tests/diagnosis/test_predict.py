@@ -19,7 +19,7 @@ from rock2d.errors import InputError, OldKeyWarning
 from rock2d.files.experiment import Experiment, write_experiment
 from rock2d.kinematics.setup_world import setup_world
 from tests.diagnosed_files import with_learnt
-from tests.kinematics.synthetic_films import SOIL, film, world, yielded
+from tests.kinematics.synthetic_films import SOIL, effects, film, world, yielded
 from tests.programs import commanded, refusal, rock2d
 
 TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
@@ -27,9 +27,8 @@ TILTED = catalogue()["camera_tilt"].apply(world(), [0.03, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def content():
-    known = catalogue()
-    effects = {name: known[name] for name in ("camera_tilt", "angle_offset")}
-    return json.loads(json.dumps(diagnosis_json(diagnose(film(TILTED, 10, seed=1), effects=effects))))
+    found = diagnose(film(TILTED, 10, seed=1), effects=effects("camera_tilt", "angle_offset"))
+    return json.loads(json.dumps(diagnosis_json(found)))
 
 
 def misses(table: pd.DataFrame, measured: pd.DataFrame) -> np.ndarray:

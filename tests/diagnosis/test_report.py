@@ -33,11 +33,11 @@ from rock2d.kinematics.sanity import Fault, Sanity
 from rock2d.kinematics.setup_world import setup_world
 from rock2d.kinematics.states import move_freely
 from rock2d.progress import Bars
-from tests.kinematics.synthetic_films import film, series_order, world
+from tests.kinematics.synthetic_films import effects, film, series_order, world
 
 NAME = "<script>alert(1)</script> & $co$"
 RELEASES = 6  # per block: as few as can be diagnosed
-EFFECTS = {name: catalogue()[name] for name in ("camera_tilt", "inertia_error")}
+EFFECTS = effects("camera_tilt", "inertia_error")
 
 
 class Page(HTMLParser):
@@ -72,13 +72,13 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.attributes if name == tag]
 
 
-def quick(experiment: Experiment, **effects: Effect) -> Diagnosis:
+def quick(experiment: Experiment, **tried: Effect) -> Diagnosis:
     """A diagnosis with coarse fits that do not fit the scatter of the soil: enough to test the page."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fitting, "fit_scatter", lambda residuals, slope, start: start)
         patch.setattr(exploring, "SCAN_VALUES", 3)
         patch.setattr(exploring, "MOST_RESCANS", 0)
-        return diagnose(experiment, effects=effects)
+        return diagnose(experiment, effects=tried)
 
 
 @pytest.fixture(scope="module")

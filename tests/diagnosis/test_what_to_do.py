@@ -19,6 +19,7 @@ from rock2d.kinematics.setup_world import setup_world
 from rock2d.laws.contact import K_L, K_UL, MU
 from rock2d.scene.cross_section import CrossSection
 from rock2d.schemas import SCHEMAS, file_schema
+from tests import diagnosed_files
 from tests.kinematics.synthetic_films import BLOCKS, POINTS, SOIL, ZONES
 
 FPS = 1000.0
@@ -55,19 +56,21 @@ def origin(text: str) -> tuple[float, float]:
     return number("origin_m: [{},", text), float(re.search(rf"origin_m: \[[^,]*, {NUMBER}\]", text).group(1))
 
 
-def recorded(name: str, *values: float) -> tuple[np.ndarray, np.ndarray]:
-    """True poses (n, 3), and what a camera with the effect records of them."""
+def recorded(name: str, *values: float) -> tuple[np.ndarray, np.ndarray, str]:
+    """True poses (n, 3), what a camera with the effect records of them, and the instruction."""
     rng = np.random.default_rng(3)
     true = np.column_stack([rng.uniform(-0.3, 0.5, 40), rng.uniform(0, 0.3, 40), rng.uniform(-2, 9, 40)])
-    return true, catalogue()[name].apply(setup_world(EXPERIMENT), values).view.record(true)
+    return (
+        true,
+        catalogue()[name].apply(setup_world(EXPERIMENT), values).view.record(true),
+        said(name, *values),
+    )
 
 
 @pytest.mark.parametrize("tilt", [-0.035, 0.06])
 @pytest.mark.parametrize("up", [-1, 1])
 def test_the_tilt_in_the_set_up_file_undoes_camera_tilt(tilt, up):
-    values = (tilt, 0.2, -0.3)
-    true, poses = recorded("camera_tilt", *values)
-    text = said("camera_tilt", *values)
+    true, poses, text = recorded("camera_tilt", tilt, 0.2, -0.3)
     stated = replace(STATED, up=up)
     seen, angle = stated.to_pixel(poses[:, :2]), stated.angle_to_pixel(poses[:, 2])
     turn = np.deg2rad(number("tilt_deg: {}", text))
@@ -78,9 +81,7 @@ def test_the_tilt_in_the_set_up_file_undoes_camera_tilt(tilt, up):
 
 @pytest.mark.parametrize("tilt", [-0.035, 0.06])
 def test_turning_the_record_by_hand_undoes_camera_tilt(tilt):
-    values = (tilt, 0.2, -0.3)
-    true, poses = recorded("camera_tilt", *values)
-    text = said("camera_tilt", *values)
+    true, poses, text = recorded("camera_tilt", tilt, 0.2, -0.3)
     turn = np.deg2rad(number("turn every position by {}°", text))
     centre = np.array(re.search(rf"about \({NUMBER}, {NUMBER}\) m, counter", text).groups(), float)
     c, s = np.cos(turn), np.sin(turn)
@@ -91,9 +92,7 @@ def test_turning_the_record_by_hand_undoes_camera_tilt(tilt):
 
 @pytest.mark.parametrize("scale", [0.95, 1.04])
 def test_the_corrected_calibration_length_undoes_scale_error(scale):
-    values = (scale, -0.4, 0.1)
-    true, poses = recorded("scale_error", *values)
-    text = said("scale_error", *values)
+    true, poses, text = recorded("scale_error", scale, -0.4, 0.1)
     assert f"too {'long' if scale > 1 else 'short'}" in text
     seen = STATED.to_pixel(poses[:, :2])
     factor = number("whichever is given there, by {}.", text)
@@ -116,16 +115,14 @@ def test_the_true_rate_undoes_frame_rate_error(time_scale):
 
 @pytest.mark.parametrize("offset", [-0.2, 0.31])
 def test_adding_the_number_undoes_angle_offset(offset):
-    true, poses = recorded("angle_offset", offset)
-    added = number("Add {} to every `theta_rad`", said("angle_offset", offset))
+    true, poses, text = recorded("angle_offset", offset)
+    added = number("Add {} to every `theta_rad`", text)
     assert np.allclose(poses[:, 2] + added, true[:, 2], atol=1e-5)
 
 
 @pytest.mark.parametrize("edge", [-0.03, 0.04])
 def test_the_distortion_in_the_set_up_file_undoes_lens_distortion(edge):
-    values = (edge, 0.1, 0.2)
-    true, poses = recorded("lens_distortion", *values)
-    text = said("lens_distortion", *values)
+    true, poses, text = recorded("lens_distortion", edge, 0.1, 0.2)
     level = replace(STATED, tilt_rad=0.0)
     seen = level.to_pixel(poses[:, :2])
     middle = np.array(re.search(rf"shows \({NUMBER}, {NUMBER}\) m", text).groups(), float)
@@ -141,12 +138,11 @@ def test_the_distortion_in_the_set_up_file_undoes_lens_distortion(edge):
 
 @pytest.mark.parametrize(("axis", "column"), [(1, "x_m"), (2, "y_m"), (3, "theta_rad")])
 def test_the_mirrored_column_is_named(axis, column):
-    true, poses = recorded("mirrored_axis", float(axis))
+    true, poses, text = recorded("mirrored_axis", float(axis))
     other = [i for i in range(3) if not np.allclose(poses[:, i], true[:, i])]
     assert other == [axis - 1]
-    assert f"Change the sign of every `{column}`" in said("mirrored_axis", float(axis))
-    impacts = pd.DataFrame()
-    table = replace(EXPERIMENT, trajectories=None, impacts=impacts)
+    assert f"Change the sign of every `{column}`" in text
+    table = replace(EXPERIMENT, trajectories=None, impacts=pd.DataFrame())
     assert "_after_" in said("mirrored_axis", float(axis), experiment=table)
 
 
@@ -215,15 +211,11 @@ def content(verdict: str, chance: float = 0.95, rivals: tuple[str, ...] = ()) ->
         "scale_error": (1.04, 0.0, 0.0),
         "frame_rate_error": (1.02,),
     }
-    return {
-        "verdict": verdict,
-        "group": names,
-        "probabilities": {verdict: chance},
-        "base": SOIL,
-        "effects": {n: {"base": SOIL, "parameters": parameters(n, *fitted[n])} for n in names},
-        "next_release": "A cube that strikes the ditch.",
-        "sanity": {"faults": [], "remarks": []},
-    }
+    found = {n: {"base": SOIL, "parameters": parameters(n, *fitted[n])} for n in names}
+    return diagnosed_files.content(
+        verdict, found, group=names, probabilities={verdict: chance}, base=SOIL,
+        next_release="A cube that strikes the ditch.", sanity={"faults": [], "remarks": []},
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("low", "named"), [(0.5, True), (0.02, False)])

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from rock2d.diagnosis.film_data import FilmData
+from rock2d.diagnosis.fitting import Fit, fit
+from rock2d.diagnosis.model import Model
+from rock2d.effects import catalogue
+from rock2d.effects.effect import Effect
 from rock2d.engines.batch import run_batch, world_ensemble
 from rock2d.files.experiment import Experiment
 from rock2d.kinematics.flights import load_film
@@ -92,6 +96,24 @@ def data_of(experiment: Experiment) -> tuple[World, FilmData]:
     """The stated world of a film, and the film as a diagnosis reads it."""
     setup = setup_world(experiment)
     return setup, FilmData.of(load_film(experiment), setup)
+
+
+def base_fit(experiment: Experiment, start: np.ndarray = START) -> tuple[FilmData, Fit]:
+    """A film as a diagnosis reads it, and the base law fitted to it."""
+    setup, data = data_of(experiment)
+    return data, fit(Model(setup, start), data)
+
+
+def effects(*names: str) -> dict[str, Effect]:
+    """These effects of the catalogue."""
+    return {name: catalogue()[name] for name in names}
+
+
+def with_causes(true: World, causes: Mapping[str, Sequence[float]]) -> World:
+    """A world with effects at these values."""
+    for name, values in causes.items():
+        true = catalogue()[name].apply(true, values)
+    return true
 
 
 def series_order(releases: int) -> np.ndarray:

@@ -59,7 +59,7 @@ class CauseSet:
     @property
     def names(self) -> Names:
         """Names of the effects."""
-        return frozenset(effect.name for effect in self.fit.model.effects)
+        return frozenset(self.fit.model.places)
 
 
 @dataclass

@@ -94,19 +94,16 @@ CHANNELS = {
 }
 
 
-def explained(found: Attribution) -> tuple[Array, Array]:
-    """Squares by which the best explanation reduces those of impacts and flights: the best model, with the flexible
+def _taken(found: Attribution, kind: str) -> Array:
+    """Squares by which the best explanation reduces those of "impacts" or "flights": the best model, with the flexible
     regression on top where it finds more, or the regression alone where no effect helps."""
-    base, better = found.base_regressed, (found.best_regressed, found.left_regressed)
-
-    def least(plain: str, remaining: str) -> Array:
-        tried = [getattr(base, remaining), *(getattr(b, name) for b in better for name in (plain, remaining))]
-        return np.asarray(min(tried, key=lambda v: float((v**2).sum())) ** 2)
-
-    return (
-        base.impacts**2 - least("impacts", "impacts_remaining"),
-        base.flights**2 - least("flights", "flights_remaining"),
+    base, better, remaining = (
+        found.base_regressed,
+        (found.best_regressed, found.left_regressed),
+        f"{kind}_remaining",
     )
+    left = [getattr(base, remaining), *(getattr(own, name) for own in better for name in (kind, remaining))]
+    return np.asarray(getattr(base, kind) ** 2 - min(left, key=lambda v: float((v**2).sum())) ** 2)
 
 
 def impact_part(
@@ -114,7 +111,7 @@ def impact_part(
 ) -> Part:
     """Impacts, by direction along the ground, across it, and spin. `bare` (n, d): residuals of the law without the
     effect, if they and not those of the base are to be explained."""
-    taken, _ = explained(found)
+    taken = _taken(found, "impacts")
     if found.verdict == found.best and any(c.effect.scatter for c in found.chain):
         taken = _spread_stated(found)  # no mean shifts, so `bare` does not matter
     elif bare is not None:
@@ -140,7 +137,7 @@ def _spread_stated(found: Attribution) -> Array:
 
 def flight_part(found: Attribution, zone: Array, block: Array, release: Array) -> Part:
     """Flights, by coordinate."""
-    _, taken = explained(found)
+    taken = _taken(found, "flights")
     squares = np.stack([taken, found.base_regressed.flights**2, found.left_regressed.flights**2])
     taken, base, left = squares.reshape(3, len(taken), 3, FLIGHT_DEGREES)
     return Part("flight", taken, base, left, zone, block, release)

@@ -33,36 +33,26 @@ from rock2d.engines.contact_state import (
     find_features,
     hand_over,
 )
-from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import first_event, lands
+from rock2d.engines.event_detection import first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
-    ARM,
     DEPTH_0,
     DEPTH_1,
     DISPLACEMENT_1,
-    L_ROTATION,
     NORMAL_1,
     PEAK_1,
     PLASTIC_WORK,
     RATE_0,
-    RATE_1,
     ROTATION_1,
-    SLIP,
-    TAKEN_DISPLACEMENT,
-    TAKEN_ROTATION,
     TANGENTIAL_0,
     TANGENTIAL_1,
     LoadedContacts,
     effects_act,
     load_active,
     new_loaded,
-    note_pressed,
-    placed,
 )
-from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
+from rock2d.engines.trial_step import keep_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
     K_R,
@@ -88,14 +78,13 @@ class Scratch(NamedTuple):
     """Work arrays of contact steps."""
 
     state: np.ndarray  # (6,) at the end of a trial step
-    shares: np.ndarray  # (4,) what `runge_kutta` returned
     loaded: LoadedContacts
 
 
 @njit
 def new_scratch(count):
     """Work arrays for `count` contacts."""
-    return Scratch(np.empty(N_STATE), np.empty(4), new_loaded(count))
+    return Scratch(np.empty(N_STATE), new_loaded(count))
 
 
 def contact_steps_s(
@@ -122,11 +111,12 @@ def contact_steps_s(
 
 
 @kernel
-def _commit(world, contacts, active, audit):
-    """Take a finished step, whose outcome is in the rows of `active` loaded contacts, into the memory and the audit."""
-    memory, found, scratch = contacts
+def _commit(world, contacts, active, works, audit):
+    """Take a finished step, whose outcome is in the rows of `active` loaded contacts, into the memory and the audit;
+    works : see `step_to_event`."""
+    memory, found, _ = contacts
     ints, reals, found_i, found_r = memory.ints, memory.reals, found.ints, found.reals
-    block, ground, shares = world.block, world.ground, scratch.shares
+    block, ground = world.block, world.ground
     for j in range(ints.shape[0]):
         depth = found_r[j, DEPTH]
         if ints[j, ACTIVE]:
@@ -147,10 +137,10 @@ def _commit(world, contacts, active, audit):
         gained_t, gained_r = _commit_contact(a, world, contacts, audit)
         change_t += gained_t
         change_r += gained_r
-    audit[FRICTION] += shares[0] - change_t
-    audit[ROLLING] += shares[1] - change_r
-    audit[EFFECTS] += shares[2]
-    audit[RECOIL] += shares[3]
+    audit[FRICTION] += works[0] - change_t
+    audit[ROLLING] += works[1] - change_r
+    audit[EFFECTS] += works[2]
+    audit[RECOIL] += works[3]
 
 
 @kernel
@@ -305,33 +295,11 @@ def refresh_depths(q, near, world, memory, found):
 
 
 @kernel(forceinline=True)
-def _trial(q, direction, h, body, contacts, scratch, effects):
-    """A step of h into `scratch.state`; its works into `scratch.shares`. Returns (energy that it made in J, energy that
-    this should be small against, whether it is too long), see `truncation.step_error`; zeros if effects act:
-    their work is known no better than the motion."""
-    q1, shares, loaded = scratch.state, scratch.shares, scratch.loaded
-    rows, trial = loaded.rows, loaded.trial
-    pressing, active = contacts
-    three = (pressing, rows, loaded.rates)
-    if effects:
-        shares[0], shares[1], shares[2], shares[3] = runge_kutta_with_effects(
-            q, direction, h, body, three, q1
-        )
-    else:
-        shares[0], shares[1], shares[2], shares[3] = runge_kutta(q, direction, h, body, three, q1)
-    pose = pose_of(q1)
-    for a in range(active):
-        trial[a, DEPTH_1], nx, ny, rx, ry = placed(rows, a, pose)
-        ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
-        trial[a, RATE_1], trial[a, SLIP] = -(ux * nx + uy * ny), ux * ny - uy * nx
-        trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
-        note_outcome(a, loaded, effects)
-    error, scale, too_long = 0.0, 0.0, False
-    if not effects:
-        error, scale, too_long, shares[0], shares[1] = step_error(
-            q, q1, h, (shares[0], shares[1]), body, active, loaded
-        )
-    return error, scale, too_long
+def _search(q, q1, h, whole, _, view):
+    """The end of a step in `trial_step.step_to_event`: the nearest features there, and the first event."""
+    reach, near, world, memory, found = view
+    find_features(q1, reach, near, world, memory, found)
+    return np.int64(0), first_event(h, whole, q, q1, world, memory, found)
 
 
 @kernel
@@ -348,35 +316,19 @@ def step(q, h, near, world, contacts, audit, floating):
     reach = 4.0 * h * (speed + abs(q[OMEGA]) * block.radius) + 1e-6 * block.radius
     active = load_active(world, memory, loaded)
     body = Body(block, world.gravity)
-    pressing = (np.int64(0) if floating else active, active)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
     for a in range(active):
         j = loaded.which[a]
         loaded.trial[a, DEPTH_0], loaded.trial[a, RATE_0] = memory.reals[j, DEPTH], memory.reals[j, RATE]
-        if floating:
-            loaded.rates[a, TAKEN_DISPLACEMENT] = 0.0
-            loaded.rates[a, TAKEN_ROTATION] = loaded.rows[a, L_ROTATION]
-    error, scale, halvings, landings, whole = 0.0, 0.0, 0, 0, h
-    while True:
-        note_pressed(active, loaded, whole)
-        error, scale, too_long = _trial(q, (c, s), h, body, pressing, scratch, effects)
-        find_features(q1, reach, near, world, memory, found)
-        event_s = first_event(h, whole, q, q1, world, memory, found)
-        if lands(event_s, h, landings):
-            h = event_s
-            landings += 1
-            continue
-        # only now: a step across an event errs by much
-        if not too_long or halvings == MOST_HALVINGS:
-            break
-        h *= 0.5
-        whole, landings = h, 0
-        halvings += 1
+    counts, view = (np.int64(0) if floating else active, active), (reach, near, world, memory, found)
+    _, h, _, works, (error, scale), _ = step_to_event(
+        q, (c, s), h, body, counts, loaded, q1, effects, _search, view
+    )
     if active > 0 and not effects:
         keep_energy(q, q1, h, error, scale, body, audit)
     copy(q1, q)
     if block.rounding > 0.0:
         hand_over(block.sides.shape[0], memory, found, loaded, active)
-    _commit(world, contacts, active, audit)
+    _commit(world, contacts, active, works, audit)
     return h

@@ -107,19 +107,26 @@ def law_event(d0, r0, d1, r1, peak, bottom, h):
 
 
 @kernel
-def force_limit_event(row, first, before, after, peak, bottom, h):
+def force_limit_event(row, first, before, after, memory, stiffness, h, whole):
     """Time in (0, h] at which the force of a pressing contact with effects reaches or leaves its lower limit 0; h if it
-    does not. `row`, `first` as in `forces.ground_forces`; before, after: (penetration in m, its rate in m/s, the law's
-    normal force in N) at the two ends of the step."""
-    d0, r0, force0 = before
-    d1, r1, force1 = after
+    does not, or if the step has landed there. `row`, `first` as in `forces.ground_forces`.
+
+    before, after : (penetration in m, its rate in m/s) at the two ends of the step
+    memory : (peak penetration, bottom of the indentation) in m; stiffness : (k_l, k_ul) in N/m
+    """
+    d0, r0 = before
+    d1, r1 = after
+    peak, bottom = memory
+    k_l, k_ul = stiffness
     if d0 < bottom or d1 < bottom:
         return h
+    force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
     whole0 = force0 + normal(row, first, d0, r0, peak, bottom, force0)
     whole1 = force1 + normal(row, first, d1, r1, max(peak, d1), bottom, force1)
     if (whole0 > 0.0) == (whole1 > 0.0):
         return h
-    return h * whole0 / (whole0 - whole1)
+    t = h * whole0 / (whole0 - whole1)
+    return t if t > LEAST_EVENT * whole else h
 
 
 @kernel
@@ -263,12 +270,13 @@ def first_event(h, whole, q0, q1, world, memory, found):
             t = law_event(d0, r0, d1, r1, peak, bottom, h)
             t = min(t, clear)
             if p[ANY_EFFECT_ACTS] != 0.0:
-                force0 = normal_force(d0, peak, p[K_L], p[K_UL])
-                force1 = normal_force(d1, peak, p[K_L], p[K_UL])
-                at_limit = force_limit_event(
-                    p, FIRST_EFFECT_COLUMN, (d0, r0, force0), (d1, r1, force1), peak, bottom, h
+                memory_m, stiffness = (peak, bottom), (p[K_L], p[K_UL])
+                t = min(
+                    t,
+                    force_limit_event(
+                        p, FIRST_EFFECT_COLUMN, (d0, r0), (d1, r1), memory_m, stiffness, h, whole
+                    ),
                 )
-                t = at_limit if LEAST_EVENT * whole < at_limit < t else t
             if (
                 ints[j, INDEX] != found_i[j, INDEX]
                 or ints[j, PART] != found_i[j, PART]

@@ -14,8 +14,7 @@ import numpy as np
 
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
-from rock2d.engines.contact_update import note_outcome
-from rock2d.engines.event_detection import force_limit_event, lands, later, law_event
+from rock2d.engines.event_detection import force_limit_event, later, law_event
 from rock2d.engines.facet_runs import follow_run
 from rock2d.engines.geometry import (
     Body,
@@ -25,7 +24,6 @@ from rock2d.engines.guard import GUARD, TURN_ARM
 from rock2d.engines.hops import hop_s
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
-    ARM,
     DEPTH_0,
     DEPTH_1,
     DISPLACEMENT_1,
@@ -43,26 +41,19 @@ from rock2d.engines.loaded_contacts import (
     RATE_0,
     RATE_1,
     ROTATION_1,
-    SLIP,
-    TAKEN_DISPLACEMENT,
-    TAKEN_ROTATION,
     TANGENTIAL_0,
     TANGENTIAL_1,
     effects_act,
     load_active,
-    note_pressed,
-    placed,
 )
 from rock2d.engines.recording import note_pressure
-from rock2d.engines.runge_kutta import runge_kutta, runge_kutta_with_effects
-from rock2d.engines.truncation import MOST_HALVINGS, keep_energy, step_error
+from rock2d.engines.trial_step import keep_energy, step_to_event
 from rock2d.laws.contact import (
     K_L,
     K_R,
     K_T,
     K_UL,
     ROLLING_IN_INDENTATION,
-    normal_force,
     residual_indentation,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
@@ -129,22 +120,22 @@ def fast_contact_steps(q, t, limits, anchor, world, contacts, log):
 
 @kernel
 def _with_effects(q, t, limits, anchor, world, contacts, log, active):
-    return _series(q, t, limits, anchor, world, contacts, log, active, runge_kutta_with_effects, True)
+    return _series(q, t, limits, anchor, world, contacts, log, active, True)
 
 
 @kernel
 def _plain(q, t, limits, anchor, world, contacts, log, active):
-    return _series(q, t, limits, anchor, world, contacts, log, active, runge_kutta, False)
+    return _series(q, t, limits, anchor, world, contacts, log, active, False)
 
 
 @kernel(forceinline=True)
-def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects):
-    """`fast_contact_steps` with `active` contacts loaded; advance: the Runge-Kutta step; effects: whether it is the one
-    with effects. Ten parameters: it is written once and compiled for both."""
+def _series(q, t, limits, anchor, world, contacts, log, active, effects):
+    """`fast_contact_steps` with `active` contacts loaded; effects: whether those of the catalogue may act. Nine
+    parameters: it is written once and compiled for both."""
     limit, sizes = limits
     current, left, audit = log
     memory, scratch = contacts
-    ints, reals, block = memory.ints, memory.reals, world.block
+    ints, reals, body = memory.ints, memory.reals, Body(world.block, world.gravity)
     q1, loaded = scratch.state, scratch.loaded
     rows, which, trial = loaded.rows, loaded.which, loaded.trial
     for a in range(active):
@@ -163,8 +154,9 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
         h = min(h, limit.time_limit - t)
         if h <= 0.0 or (done > 0 and t + h >= limit.next_sample):
             break
-        why, taken, (c1, s1), works, (error, scale), halved = _step(
-            q, (c, s), h, world, (active, unpressed), loaded, anchor, q1, advance, effects
+        counts, view = (zero if unpressed else active, active), (world.block, anchor, active, loaded)
+        why, taken, (c1, s1), works, (error, scale), halved = step_to_event(
+            q, (c, s), h, body, counts, loaded, q1, effects, _within_guard, view
         )
         if why > 0:
             break
@@ -174,7 +166,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
             audit[EFFECTS] += works[2]
             audit[RECOIL] += works[3]
         else:
-            keep_energy(q, q1, taken, error, scale, Body(block, world.gravity), audit)
+            keep_energy(q, q1, taken, error, scale, body, audit)
         for a in range(active):
             ints[which[a], INDEX] = follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
@@ -196,71 +188,24 @@ def _series(q, t, limits, anchor, world, contacts, log, active, advance, effects
 
 
 @kernel(forceinline=True)
-def _step(q, direction, h, world, contacts, loaded, anchor, q1, advance, effects):
-    """One step of at most h (s) into q1: to the first event of the law, and halved while it errs too much.
-
-    contacts : (number of active contacts, whether none of them presses)
-
-    Returns (GUARD_LEFT or CONTACT_ENDS if there is no step, else 0; its length in s; (cos θ, sin θ) after it; work in J
-    of the tangential springs, of the rolling springs and of effects, and velocity in m/s of recoiling ground; energy in
-    J that it made, and energy that this should be small against; by what factor it was halved).
-    """
-    active, unpressed = contacts
-    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
-    block, body = world.block, Body(world.block, world.gravity)
-    turning = not is_ball(block)
-    arm = TURN_ARM * block.radius if turning else 0.0  # a ball that turns comes no nearer to anything
-    zero: Any = np.int64(0)
-    why, landings, halvings, halved = zero, zero, zero, 1.0
-    first, whole, error, scale = h, h, 0.0, 0.0
-    pressing = zero if unpressed else active
-    note_pressed(active, loaded, h)
-    while True:
-        work_t, work_r, work_e, pushed = advance(q, direction, first, body, (pressing, rows, rates), q1)
-        if unpressed:
-            for a in range(active):
-                rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]
-        c1, s1 = direction
-        if turning:
-            c1, s1 = np.cos(q1[THETA]), np.sin(q1[THETA])
-        moved = abs(q1[X] - anchor[X]) + abs(q1[Y] - anchor[Y]) + arm * abs(q1[THETA] - anchor[THETA])
-        if moved >= anchor[GUARD]:
-            why = zero + GUARD_LEFT
-        pose = (q1[X], q1[Y], c1, s1)
-        for a in range(active):
-            depth, nx, ny, rx, ry = placed(rows, a, pose)
-            trial[a, DEPTH_1] = depth
-            ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
-            trial[a, RATE_1] = -(ux * nx + uy * ny)
-            if effects:
-                trial[a, SLIP] = ux * ny - uy * nx
-            trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
-            if depth <= 0.0:
-                why = zero + CONTACT_ENDS
-            elif not turning and depth > block.radius:
-                why = zero + GUARD_LEFT
-        if why > 0:
-            break
-        event_s = _first_event(first, whole, active, rows, trial, effects)
-        if lands(event_s, first, landings):
-            first = event_s
-            landings += 1
-            continue
-        for a in range(active):
-            note_outcome(a, loaded, effects)
-        if effects:  # their work is known no better than the motion
-            break
-        error, scale, too_long, work_t, work_r = step_error(
-            q, q1, first, (work_t, work_r), body, active, loaded
-        )
-        if not too_long or halvings == MOST_HALVINGS:
-            break
-        first *= 0.5
-        halved *= 0.5
-        whole, landings = first, zero
-        halvings += 1
-        note_pressed(active, loaded, whole)
-    return why, first, (c1, s1), (work_t, work_r, work_e, pushed), (error, scale), halved
+def _within_guard(q, q1, h, whole, effects, view):
+    """The end of a step in `trial_step.step_to_event`: whether it ends the series (GUARD_LEFT or CONTACT_ENDS), and the
+    first event."""
+    block, anchor, active, loaded = view
+    ball, trial = is_ball(block), loaded.trial
+    arm = 0.0 if ball else TURN_ARM * block.radius  # a ball that turns comes no nearer to anything
+    why: Any = np.int64(0)
+    moved = abs(q1[X] - anchor[X]) + abs(q1[Y] - anchor[Y]) + arm * abs(q1[THETA] - anchor[THETA])
+    if moved >= anchor[GUARD]:
+        why = np.int64(GUARD_LEFT)
+    for a in range(active):
+        if trial[a, DEPTH_1] <= 0.0:
+            why = np.int64(CONTACT_ENDS)
+        elif ball and trial[a, DEPTH_1] > block.radius:
+            why = np.int64(GUARD_LEFT)
+    if why > 0:
+        return why, h
+    return why, _first_event(h, whole, active, loaded.rows, trial, effects)
 
 
 @kernel(forceinline=True)
@@ -302,12 +247,11 @@ def _first_event(h, whole, active, rows, trial, effects):
         peak, bottom = rows[a, L_PEAK], rows[a, L_BOTTOM]
         t = law_event(d0, r0, d1, r1, peak, bottom, h)
         if effects and rows[a, L_ACTS] != 0.0:
-            k_l, k_ul = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL]
-            force0, force1 = normal_force(d0, peak, k_l, k_ul), normal_force(d1, peak, k_l, k_ul)
-            at_limit = force_limit_event(
-                rows[a], L_EFFECTS, (d0, r0, force0), (d1, r1, force1), peak, bottom, h
+            memory, stiffness = (peak, bottom), (rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL])
+            t = min(
+                t,
+                force_limit_event(rows[a], L_EFFECTS, (d0, r0), (d1, r1), memory, stiffness, h, whole),
             )
-            t = at_limit if LEAST_EVENT * whole < at_limit < t else t
         if LEAST_EVENT * whole < t < first:
             first = t
     return first

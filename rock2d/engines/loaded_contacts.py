@@ -50,7 +50,7 @@ N_LOADED = L_EFFECTS + N_COLUMNS - FIRST_EFFECT_COLUMN
 # columns of a contact's row of rates: what its springs have taken up at the end of a step, and their rates at a stage
 TAKEN_DISPLACEMENT, TAKEN_ROTATION, SLIP_RATE, SPIN_RATE = range(4)
 # columns of a contact's row of a trial step: penetration and its rate before and after it, arm and slip of the contact
-# point after it, and what the step leaves (`contact_update.note_outcome`): peak penetration, states of the springs, the
+# point after it, and what the step leaves (`trial_step.step_to_event`): peak penetration, states of the springs, the
 # law's normal force before and after, the force that acts, the tangential force before and after, the rolling moment,
 # and the work of plasticity
 (

@@ -66,23 +66,29 @@ def _oscillation(q, h, body, rows):
     return half, rest + a * c + b * s, omega * (b * c - a * s)
 
 
-@kernel
-def runge_kutta(q, direction, h, body, contacts, q1):
+@kernel(forceinline=True)
+def runge_kutta(q, direction, h, body, contacts, q1, effects):
     """Step of h (s) of a block at state q, whose direction is (cos θ, sin θ); fills q1.
 
     contacts : (number of active contacts, rows and rates of `LoadedContacts`); at the end TAKEN_DISPLACEMENT and
         TAKEN_ROTATION of the rates hold the springs' new tangential displacement and rotation
+    effects : whether effects of the catalogue may act. Compiled twice: their code slows the plain law down
 
     Returns the work of the tangential springs, of the rolling springs and of effects in J, and the velocity in m/s that
-    recoiling ground added. Without contacts the step is free flight. No effect of the catalogue may act: the code of
-    effects slows the plain law down, see `runge_kutta_with_effects`.
+    recoiling ground added. Without contacts the step is free flight.
     """
+    if effects:
+        return _with_effects(q, direction, h, body, contacts, q1)
+    return _plain(q, direction, h, body, contacts, q1)
+
+
+@kernel
+def _plain(q, direction, h, body, contacts, q1):
     return _four_stages(q, direction, h, body, contacts, q1, False)
 
 
 @kernel
-def runge_kutta_with_effects(q, direction, h, body, contacts, q1):
-    """`runge_kutta` where effects of the catalogue may act."""
+def _with_effects(q, direction, h, body, contacts, q1):
     if contacts[0] == 0:
         copy(q, q1)
         return 0.0, 0.0, fly(q1, h, body.gravity, body.block), 0.0

@@ -1,0 +1,248 @@
+"""One step of a block on its contacts that lands on the events of the law: the stepper of all contact steps, compiled.
+
+A step in which a contact begins, ends, reloads, meets its former peak or passes its deepest point is repeated so that
+it ends right there. This keeps the order of the scheme and the energy audit.
+
+A Runge-Kutta step keeps the balance of energy only to its order. The balance is known exactly, so the error is too: it
+says when a step is too long, and what is left is taken out of the impulse. Projection onto an invariant keeps the
+order of a scheme (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.4).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rock2d.compiled import kernel
+from rock2d.effects.forces import ground_forces
+from rock2d.engines.contact_energy import kinetic_energy
+from rock2d.engines.event_detection import lands
+from rock2d.engines.geometry import is_ball
+from rock2d.engines.loaded_contacts import (
+    ACTING_1,
+    ARM,
+    DEPTH_0,
+    DEPTH_1,
+    DISPLACEMENT_1,
+    L_ACTS,
+    L_BOTTOM,
+    L_DISPLACEMENT,
+    L_EFFECTS,
+    L_LAW,
+    L_OFFSET,
+    L_PEAK,
+    L_ROTATION,
+    MOMENT_1,
+    NORMAL_0,
+    NORMAL_1,
+    PEAK_1,
+    PLASTIC_WORK,
+    RATE_1,
+    ROTATION_1,
+    SLIP,
+    TAKEN_DISPLACEMENT,
+    TAKEN_ROTATION,
+    TANGENTIAL_0,
+    TANGENTIAL_1,
+    note_pressed,
+    placed,
+)
+from rock2d.engines.runge_kutta import runge_kutta
+from rock2d.laws.contact import (
+    K_L,
+    K_R,
+    K_T,
+    K_UL,
+    MU,
+    ROLLING_CAP,
+    ROLLING_IN_INDENTATION,
+    normal_force_from_bottom,
+    plastic_work,
+    residual_indentation,
+    rolling_moment,
+    tangential_force,
+)
+from rock2d.records.columns import CORRECTED, OMEGA, PENDING, THETA, VX, VY, X, Y
+
+LARGEST_STEP_ERROR = 0.0005  # share of the energy that a step may err by; beyond it the step is too long
+MOST_HALVINGS = 12  # halvings of a step that errs too much
+LARGEST_CORRECTION = 0.01  # largest correction, as a share of a step's impulse; the rest waits
+LEAST_ERROR = 1e-7  # share of the kinetic energy: a smaller error may always wait
+POSE_ROUNDING = 2e-15  # relative rounding of positions, and of arms times angles: several machine epsilons
+
+
+@kernel(forceinline=True)
+def step_to_event(q, direction, h, body, contacts, loaded, q1, effects, look, view):
+    """One step of at most h (s) from q, whose direction is (cos θ, sin θ), into q1: to the first event of the law, and
+    halved while it errs too much.
+
+    contacts : (number of contacts that may press, number of active contacts)
+    effects : whether effects of the catalogue may act: their work is known no better than the motion, so the energy of
+        the step is left alone
+    look : what sees the end of a step: `look(q, q1, h, whole, effects, view)` returns (why there can be no step, else
+        0; time in s of the first event). `whole` is the step in s that was tried first
+
+    Returns (why there is no step, else 0; its length in s; (cos θ, sin θ) after it, of a ball that before; work in J of
+    the tangential springs, of the rolling springs and of effects, and velocity in m/s of recoiling ground; energy in J
+    that it made, and energy that this should be small against; by what factor it was halved).
+    """
+    pressing, active = contacts
+    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    turning = not is_ball(body.block)
+    zero: Any = np.int64(0)
+    landings, halvings, halved, whole, error, scale = zero, zero, 1.0, h, 0.0, 0.0
+    note_pressed(active, loaded, whole)
+    while True:
+        work_t, work_r, work_e, pushed = runge_kutta(
+            q, direction, h, body, (pressing, rows, rates), q1, effects
+        )
+        if pressing == 0:
+            for a in range(active):
+                rates[a, TAKEN_DISPLACEMENT], rates[a, TAKEN_ROTATION] = 0.0, rows[a, L_ROTATION]
+        c1, s1 = direction
+        if turning:
+            c1, s1 = np.cos(q1[THETA]), np.sin(q1[THETA])
+        for a in range(active):
+            trial[a, DEPTH_1], nx, ny, rx, ry = placed(rows, a, (q1[X], q1[Y], c1, s1))
+            ux, uy = q1[VX] - q1[OMEGA] * ry, q1[VY] + q1[OMEGA] * rx
+            trial[a, RATE_1] = -(ux * nx + uy * ny)
+            if effects:
+                trial[a, SLIP] = ux * ny - uy * nx
+            trial[a, ARM] = np.sqrt(rx * rx + ry * ry)
+        why, event_s = look(q, q1, h, whole, effects, view)
+        if why > 0:
+            break
+        if lands(event_s, h, landings):
+            h = event_s
+            landings += 1
+            continue
+        for a in range(active):
+            _note_outcome(a, loaded, effects)
+        if effects:
+            break
+        # only now: a step across an event errs by much
+        error, scale, too_long, work_t, work_r = _step_error(q, q1, h, (work_t, work_r), body, active, loaded)
+        if not too_long or halvings == MOST_HALVINGS:
+            break
+        h *= 0.5
+        halved *= 0.5
+        whole, landings = h, zero
+        halvings += 1
+        note_pressed(active, loaded, whole)
+    return why, h, (c1, s1), (work_t, work_r, work_e, pushed), (error, scale), halved
+
+
+@kernel(forceinline=True)
+def _note_outcome(a, loaded, effects):
+    """Note in the row of the trial step what that step leaves of the a-th loaded contact, PEAK_1 to PLASTIC_WORK.
+
+    Springs slip with their limits. `effects`: whether effects of the catalogue may act; then the force that acts is
+    that of the law and theirs, and the row holds the contact's rates after the step too.
+    """
+    rows, rates, trial = loaded.rows, loaded.rates, loaded.trial
+    k_l, k_ul, k_t = rows[a, L_LAW + K_L], rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T]
+    mu, k_r, cap = rows[a, L_LAW + MU], rows[a, L_LAW + K_R], rows[a, L_LAW + ROLLING_CAP]
+    peak, bottom, offset = rows[a, L_PEAK], rows[a, L_BOTTOM], rows[a, L_OFFSET]
+    before, after = trial[a, DEPTH_0] - offset, trial[a, DEPTH_1] - offset
+    normal_0 = normal_force_from_bottom(before, peak, bottom, k_l, k_ul)
+    normal_1 = normal_force_from_bottom(after, peak, bottom, k_l, k_ul)
+    plastic = 0.0
+    if after > peak:
+        plastic = plastic_work(after, k_l, k_ul) - plastic_work(peak, k_l, k_ul)
+        peak = after
+    acting = force_n = normal_1
+    if effects and rows[a, L_ACTS] != 0.0:
+        trial[a, TANGENTIAL_0] = k_t * rows[a, L_DISPLACEMENT]  # within the friction of the step before
+        motion = (after, trial[a, RATE_1], trial[a, SLIP], peak, residual_indentation(peak, k_l, k_ul))
+        force_n, factor, drag = ground_forces(rows[a], L_EFFECTS, motion, normal_1)
+        mu, acting = mu * factor, abs(force_n) + abs(drag)
+    else:
+        trial[a, TANGENTIAL_0] = tangential_force(rows[a, L_DISPLACEMENT], normal_0, k_t, mu)
+    force_t = tangential_force(rates[a, TAKEN_DISPLACEMENT], force_n, k_t, mu)
+    rotation = rates[a, TAKEN_ROTATION]
+    moment = k_r * rotation
+    if cap > 0.0 and k_r > 0.0:
+        moment = rolling_moment(
+            rotation, force_n, trial[a, ARM], k_r, cap, rows[a, L_LAW + ROLLING_IN_INDENTATION]
+        )
+        rotation = moment / k_r
+    trial[a, PEAK_1], trial[a, PLASTIC_WORK] = peak, plastic
+    trial[a, NORMAL_0], trial[a, NORMAL_1], trial[a, ACTING_1] = normal_0, normal_1, acting
+    trial[a, TANGENTIAL_1], trial[a, DISPLACEMENT_1] = force_t, force_t / k_t if k_t > 0.0 else 0.0
+    trial[a, MOMENT_1], trial[a, ROTATION_1] = moment, rotation
+
+
+@kernel(forceinline=True)
+def _step_error(q, q1, h, works, body, active, loaded):
+    """(energy in J that a step of h (s) from q to q1 has made, energy in J that it should be small against, whether the
+    step is too long, work in J that tangential springs took, and rolling springs).
+
+    works : what these springs took by the quadrature of the step. Springs that do not slip took what they store, to the
+        last bit, and those that slip no less: friction gives nothing back.
+
+    The step is too long if its error is no small part of the energy, or more than a correction of the impulse can take.
+    What the step leaves of each contact is in the rows of `loaded.trial`, see `_note_outcome`.
+    """
+    block, rows, trial, rates = body.block, loaded.rows, loaded.trial, loaded.rates
+    work_t, work_r = works
+    kinetic = kinetic_energy(q1, block)
+    error = kinetic - kinetic_energy(q, block) + block.mass * body.gravity * (q1[Y] - q[Y])
+    scale = kinetic + abs(work_t + work_r)
+    stored_t, stored_r, slips, turns, pressing = 0.0, 0.0, False, False, 0.0
+    for a in range(active):
+        k_ul, k_t, k_r = rows[a, L_LAW + K_UL], rows[a, L_LAW + K_T], rows[a, L_LAW + K_R]
+        old, new = trial[a, NORMAL_0], trial[a, NORMAL_1]
+        error += trial[a, PLASTIC_WORK] + 0.5 * (new * new - old * old) / k_ul
+        scale += 0.5 * max(new * new, old * old) / k_ul
+        pressing += new
+        if k_t > 0.0:
+            old, new = trial[a, TANGENTIAL_0], trial[a, TANGENTIAL_1]
+            slips = slips or new != k_t * rates[a, TAKEN_DISPLACEMENT]
+            stored_t += 0.5 * (new * new - old * old) / k_t
+        if k_r > 0.0:
+            moment, rotation = trial[a, MOMENT_1], rows[a, L_ROTATION]
+            turns = turns or moment != k_r * rates[a, TAKEN_ROTATION]
+            stored_r += 0.5 * (moment * moment / k_r - k_r * rotation * rotation)
+    work_t = max(work_t, stored_t) if slips else stored_t
+    work_r = max(work_r, stored_r) if turns else stored_r
+    error += work_t + work_r
+    # what rounding of the pose makes of the work of the forces is no fault of the step
+    size = abs(q1[X]) + abs(q1[Y]) + block.radius * (1.0 + abs(q1[THETA]))
+    rounding = POSE_ROUNDING * size * (block.mass * body.gravity + pressing)
+    allowed = min(LARGEST_STEP_ERROR * scale, LARGEST_CORRECTION * abs(_gain(q, q1, h, body)))
+    return error, scale, abs(error) > max(allowed, LEAST_ERROR * kinetic, rounding), work_t, work_r
+
+
+@kernel(forceinline=True)
+def _gain(q, q1, h, body):
+    """Energy in J per share that is added to the impulse of a step of h (s) from q to q1, to first order."""
+    block = body.block
+    dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
+    return block.mass * (q1[VX] * dx + q1[VY] * dy) + block.inertia * q1[OMEGA] * turn
+
+
+@kernel(forceinline=True)
+def keep_energy(q, q1, h, error, scale, body, audit):
+    """Take the error of a step of h (s) from q to q1 out of the impulse that the contacts gave: what they leave alone,
+    as the momentum along a smooth plane, stays as it is.
+
+    An error beyond LARGEST_STEP_ERROR is left in the balance, where it shows; what LARGEST_CORRECTION does not allow
+    waits in audit[PENDING]. audit[CORRECTED] sums what was corrected, without sign.
+    """
+    if abs(error) <= LARGEST_STEP_ERROR * scale:
+        audit[PENDING] += error
+    block = body.block
+    dx, dy, turn = q1[VX] - q[VX], q1[VY] - q[VY] + body.gravity * h, q1[OMEGA] - q[OMEGA]
+    gain = _gain(q, q1, h, body)
+    curvature = 0.5 * (block.mass * (dx * dx + dy * dy) + block.inertia * turn * turn)
+    most = abs(gain) * min(LARGEST_CORRECTION, 0.1 * abs(gain) / max(curvature, 1e-300))
+    paid = min(max(audit[PENDING], -most), most)
+    if paid == 0.0:
+        return
+    share = -paid / gain
+    share = -paid / (gain + curvature * share)
+    paid = -share * (gain + curvature * share)
+    q1[VX], q1[VY], q1[OMEGA] = q1[VX] + share * dx, q1[VY] + share * dy, q1[OMEGA] + share * turn
+    audit[CORRECTED] += abs(paid)
+    audit[PENDING] -= paid

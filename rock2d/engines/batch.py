@@ -23,8 +23,6 @@ from rock2d.engines.release import StopRules
 from rock2d.engines.release import release as release_kernel
 from rock2d.engines.time_to_contact import facet_tree
 from rock2d.records.columns import (
-    I_ZONE,
-    IMPACT_NAMES,
     INSTANT_STATE,
     KNOT_FLIGHT,
     N_AUDIT,
@@ -36,7 +34,7 @@ from rock2d.records.columns import (
     STOPS,
     TIME,
 )
-from rock2d.records.track import Track
+from rock2d.records.track import Track, impact_mappings
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 from rock2d.scene.world import World
@@ -231,11 +229,7 @@ def run_batch(
         room = max(map(contact_state.contact_count, ensemble.blocks)) if np.isfinite(suspend_x_m) else 0
         saved_contacts = np.full((n, room, contact_state.N_SAVED), np.nan)
     saved_contacts = np.array(saved_contacts, float, order="C")
-    outputs = _Outputs(
-        np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64),
-        np.full((n, impact_room, N_IMPACT), np.nan), np.full((n, packed.lines.shape[1], N_INSTANT), np.nan),
-        np.full((n, times.shape[1], N_POSE), np.nan), np.zeros((n, N_AUDIT)), saved_contacts, np.empty((0, N_KNOT)),
-    )  # fmt: skip
+    outputs = _new_outputs(packed, impact_room, times.shape[1], saved_contacts, 0)
     rules = StopRules(0.0, impact_limit, stop_when_spent, stop_when_captured, float(suspend_x_m))
     inputs = _Inputs(states, ids[0], ids[1], ids[2], steps, limits, times)
     in_threads(_run_releases, n, (packed, inputs, float(gravity_m_s2), rules, outputs))
@@ -278,21 +272,13 @@ def run_batch_track(
     room = FIRST_KNOTS
     while True:
         most = max(room // KNOTS_PER_IMPACT, KNOTS_PER_IMPACT)
-        outputs = _Outputs(
-            np.zeros(1, np.int64), np.empty((1, N_INSTANT)), np.zeros(1, np.int64),
-            np.full((1, most, N_IMPACT), np.nan), np.full((1, packed.lines.shape[1], N_INSTANT), np.nan),
-            np.empty((1, 0, N_POSE)), np.zeros((1, N_AUDIT)), np.empty((1, 0, contact_state.N_SAVED)),
-            np.empty((room, N_KNOT)),
-        )  # fmt: skip
+        outputs = _new_outputs(packed, most, 0, np.empty((1, 0, contact_state.N_SAVED)), room)
         used = _run_releases(0, 1, packed, inputs, float(gravity_m_s2), rules, outputs)
         count = int(outputs.impact_count[0])
         if used <= room and count <= most:
             break
         room = max(2 * used, 2 * KNOTS_PER_IMPACT * count)  # the same release once more, with room for all
-    rows: list[dict[str, Any]] = []
-    for row in outputs.impacts[0, :count]:
-        rows.append(dict(zip(IMPACT_NAMES, map(float, row), strict=True)))
-        rows[-1]["zone"] = cross_section.zone_names[int(row[I_ZONE])]
+    rows = impact_mappings(outputs.impacts[0, :count], cross_section.zone_names)
     knots = outputs.knots[:used]
     start, end = knots[0, INSTANT_STATE], knots[-1, INSTANT_STATE]
     return Track(
@@ -337,6 +323,16 @@ class _Outputs(NamedTuple):
     audit: Array  # (n, N_AUDIT)
     saved_contacts: Array  # (n, contacts, N_SAVED)
     knots: Array  # (room, N_KNOT) of one release; without room none are written
+
+
+def _new_outputs(packed: Packed, impacts: int, times: int, saved_contacts: Array, knots: int) -> _Outputs:
+    """Outputs with room for so many impacts and samples of each release, and knots."""
+    n = len(saved_contacts)
+    return _Outputs(
+        np.zeros(n, np.int64), np.empty((n, N_INSTANT)), np.zeros(n, np.int64), np.full((n, impacts, N_IMPACT), np.nan),
+        np.full((n, packed.lines.shape[1], N_INSTANT), np.nan), np.full((n, times, N_POSE), np.nan),
+        np.zeros((n, N_AUDIT)), saved_contacts, np.empty((knots, N_KNOT)),
+    )  # fmt: skip
 
 
 @njit(nogil=True)

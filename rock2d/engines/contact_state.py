@@ -16,8 +16,6 @@ from rock2d.engines.geometry import (
     CONVEX,
     CORNER_FACET,
     CORNER_VERTEX,
-    CORNER_X,
-    CORNER_Y,
     LENGTH,
     NORMAL_X,
     NORMAL_Y,
@@ -29,7 +27,10 @@ from rock2d.engines.geometry import (
     TANGENT_X,
     TANGENT_Y,
     VERTEX_FACE,
+    along_and_above,
+    approach,
     beyond_corner,
+    corner_place,
     load_feature,
     near_depth,
     place_feature,
@@ -38,7 +39,6 @@ from rock2d.engines.geometry import (
     repeats,
     under_face,
 )
-from rock2d.records.columns import OMEGA, VX, VY
 from rock2d.scene.blocks import Block
 
 # memory of a contact: integers, then reals; ACTING is the force of a contact with effects, which the other columns do
@@ -118,7 +118,6 @@ def find_features(q, reach, near, world, memory, found):
     reach : features of vertices and smooth profiles farther above the ground (in m) are left out (depth NOWHERE)
     """
     pose = pose_of(q)
-    x, y, c, s = pose
     f0, f1 = near
     block, ground, ints, found_i, found_r = world.block, world.ground, memory.ints, found.ints, found.reals
     for j in range(ints.shape[0]):
@@ -129,8 +128,7 @@ def find_features(q, reach, near, world, memory, found):
     n = sides.shape[0]
     if n > 0:
         for i in range(n):
-            px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
-            py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+            px, py = corner_place(i, pose, sides)
             depth, kind, index = near_depth(px, py, ground, f0, f1, reach + block.rounding)
             if block.rounding > 0.0:
                 outside = depth < 0.0
@@ -163,7 +161,7 @@ def find_features(q, reach, near, world, memory, found):
         _, nx, ny, rx, ry = place_feature(kind, feature, pose)
         if kind == CORNER_VERTEX and depth < 0.0 and block.rounding == 0.0:
             nx, ny = -nx, -ny  # outside, the nearest vertex lies the other way
-        found_r[j, RATE] = -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
+        found_r[j, RATE] = approach(q, nx, ny, rx, ry)
 
 
 @kernel
@@ -227,12 +225,8 @@ def _smooth_features(pose, reach, near, world, memory, found):
     f0, f1 = near
     far = reach + block.radius
     for f in range(f0, f1):
-        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
-        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
-        if abs(above) > far:
-            continue
-        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
-        if along < -far or along > facets[f, LENGTH] + far:
+        along, above = along_and_above(x, y, f, facets)
+        if abs(above) > far or along < -far or along > facets[f, LENGTH] + far:
             continue
         tx, ty = facets[f, TANGENT_X], facets[f, TANGENT_Y]
         if above > 0.0:
@@ -270,8 +264,7 @@ def _is_spike(f, x, y, facets):
     v = f + 1
     if facets[f, TANGENT_X] * facets[v, TANGENT_X] + facets[f, TANGENT_Y] * facets[v, TANGENT_Y] >= 0.0:
         return False
-    dx, dy = x - facets[v, POINT_X], y - facets[v, POINT_Y]
-    return dx * facets[v, NORMAL_X] + dy * facets[v, NORMAL_Y] > 0.0
+    return along_and_above(x, y, v, facets)[1] > 0.0
 
 
 @kernel

@@ -37,13 +37,11 @@ from rock2d.engines.event_detection import first_event
 from rock2d.engines.geometry import CORNER_FACET, SMOOTH_FACET, ZONE_ID, Body, pose_of
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
-    DEPTH_0,
     DEPTH_1,
     DISPLACEMENT_1,
     NORMAL_1,
     PEAK_1,
     PLASTIC_WORK,
-    RATE_0,
     ROTATION_1,
     TANGENTIAL_0,
     TANGENTIAL_1,
@@ -126,12 +124,7 @@ def _commit(world, contacts, active, works, audit):
             continue
         reals[j, RATE], ints[j, KEY] = found_r[j, RATE], found_i[j, KEY]
         if _touches(depth, found_r[j, RATE], block):
-            _follow(j, memory, found)
-            ints[j, ZONE] = _zone(j, memory, ground)  # while not active: not that of the contact before it
-            ints[j, ACTIVE] = 1
-            reals[j, PEAK], reals[j, DISPLACEMENT], reals[j, ROTATION] = 0.0, 0.0, 0.0
-            reals[j, ACTING] = 0.0
-            reals[j, OFFSET] = depth  # contacts begin without force, at the surface to rounding
+            _begin(j, memory, found, ground)
     change_t, change_r = 0.0, 0.0  # energy that the tangential and the rolling springs gain, in J
     for a in range(active):
         gained_t, gained_r = _commit_contact(a, world, contacts, audit)
@@ -234,6 +227,15 @@ def _follow(j, memory, found):
 
 
 @kernel
+def _begin(j, memory, found, ground):
+    """Let contact j begin at its depth, without force."""
+    _follow(j, memory, found)
+    memory.ints[j, ZONE] = _zone(j, memory, ground)  # while not active: not that of the contact before it
+    _release(j, memory)
+    memory.ints[j, ACTIVE], memory.reals[j, OFFSET] = 1, memory.reals[j, DEPTH]
+
+
+@kernel
 def _differ(p, new):
     same = True
     for i in range(FIRST_EFFECT_COLUMN):
@@ -275,10 +277,7 @@ def seat_contacts(q, near, world, memory, found):
         reals[j, DEPTH], reals[j, RATE] = depth, found_r[j, RATE]
         ints[j, KEY] = found_i[j, KEY] if depth != NOWHERE else -1
         if _touches(depth, found_r[j, RATE], world.block):
-            _follow(j, memory, found)
-            ints[j, ZONE] = _zone(j, memory, world.ground)
-            ints[j, ACTIVE] = 1
-            reals[j, OFFSET] = depth
+            _begin(j, memory, found, world.ground)
             active += 1
     return active
 
@@ -318,9 +317,6 @@ def step(q, h, near, world, contacts, audit, floating):
     body = Body(block, world.gravity)
     effects = effects_act(block, active, loaded.rows)
     _, _, c, s = pose_of(q)
-    for a in range(active):
-        j = loaded.which[a]
-        loaded.trial[a, DEPTH_0], loaded.trial[a, RATE_0] = memory.reals[j, DEPTH], memory.reals[j, RATE]
     counts, view = (np.int64(0) if floating else active, active), (reach, near, world, memory, found)
     _, h, _, works, (error, scale), _ = step_to_event(
         q, (c, s), h, body, counts, loaded, q1, effects, _search, view

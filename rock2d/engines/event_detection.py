@@ -29,6 +29,7 @@ from rock2d.engines.geometry import (
     SMOOTH_VERTEX,
     TANGENT_X,
     TANGENT_Y,
+    approach,
     beyond_corner,
     contact_point,
     pose_of,
@@ -136,7 +137,7 @@ def _depth_and_rate(j, q, world, memory):
     depth, nx, ny, rx, ry = contact_point(
         ints[j, KIND], ints[j, INDEX], ints[j, PART], pose_of(q), world.block, world.ground
     )
-    return depth, -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
+    return depth, approach(q, nx, ny, rx, ry)
 
 
 @kernel
@@ -172,8 +173,7 @@ def _gap_to_found(j, q, world, memory, found):
     d1, nx, ny, rx, ry = contact_point(
         found_i[j, KIND], found_i[j, INDEX], found_i[j, PART], pose, block, ground
     )
-    r1 = (q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny
-    return d0 - d1, r1 - r0
+    return d0 - d1, -approach(q, nx, ny, rx, ry) - r0
 
 
 @kernel

@@ -4,6 +4,10 @@ A full step of `contact_step.step` searches the ground for the nearest features.
 *guard* of a pose (`guard.guard_distance`) that search would find the same features again, so it is left out. Whatever
 ends a series of fast steps (a contact that begins, ends or changes its feature or zone) is left to
 `contact_step.step`.
+
+A ball that rolls or slides fast trembles, and is off the bottom of its indentation most of the time. There nothing
+acts but gravity: each hop is one exact parabola, and one contact step. Contacts pass on along a run of facets all but
+in line: nothing of the contact changes there.
 """
 
 from __future__ import annotations
@@ -15,13 +19,27 @@ import numpy as np
 from rock2d.compiled import copy, kernel
 from rock2d.engines.contact_state import DEPTH, DISPLACEMENT, INDEX, OFFSET, PEAK, RATE, ROTATION
 from rock2d.engines.event_detection import force_limit_event, later, law_event
-from rock2d.engines.facet_runs import follow_run
 from rock2d.engines.geometry import (
+    CORNER_FACET,
+    F_NORMAL,
+    F_POINT,
+    F_SHAPE,
+    LENGTH,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    RUN_FIRST,
+    RUN_LAST,
+    SMOOTH_FACET,
+    TANGENT_X,
+    TANGENT_Y,
     Body,
+    along_and_above,
+    approach,
     is_ball,
 )
 from rock2d.engines.guard import GUARD, TURN_ARM
-from rock2d.engines.hops import hop_s
 from rock2d.engines.loaded_contacts import (
     ACTING_1,
     DEPTH_0,
@@ -31,6 +49,7 @@ from rock2d.engines.loaded_contacts import (
     L_BOTTOM,
     L_DISPLACEMENT,
     L_EFFECTS,
+    L_KIND,
     L_LAW,
     L_OFFSET,
     L_PEAK,
@@ -45,6 +64,7 @@ from rock2d.engines.loaded_contacts import (
     TANGENTIAL_1,
     effects_act,
     load_active,
+    placed,
 )
 from rock2d.engines.recording import note_pressure
 from rock2d.engines.trial_step import keep_energy, step_to_event
@@ -53,14 +73,20 @@ from rock2d.laws.contact import (
     K_R,
     K_T,
     K_UL,
+    MU,
     ROLLING_IN_INDENTATION,
+    change_feature,
+    normal_force,
     residual_indentation,
+    tangential_force,
 )
 from rock2d.records.columns import EFFECTS, FRICTION, OMEGA, PLASTIC, RECOIL, ROLLING, THETA, VX, VY, X, Y
 
 # why a series of fast steps ended; 0: none of these. After a hop the guard still holds
 GUARD_LEFT, CONTACT_ENDS, HOPPED = 1, 2, 3
 GUARD_SHARE = 0.3  # share of the guard that one step without pressure may use
+BEHIND_LANDING = 1.01  # duration of a hop as a multiple of the time to its landing, so that the step finds it
+BEFORE_LIFT_OFF = 0.9  # duration of a hop as a share of the time to lift-off: the rest is for a full step
 
 
 class StepSizes(NamedTuple):
@@ -138,8 +164,6 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
     ints, reals, body = memory.ints, memory.reals, Body(world.block, world.gravity)
     q1, loaded = scratch.state, scratch.loaded
     rows, which, trial = loaded.rows, loaded.which, loaded.trial
-    for a in range(active):
-        trial[a, DEPTH_0], trial[a, RATE_0] = reals[which[a], DEPTH], reals[which[a], RATE]
     c, s = np.cos(q[THETA]), np.sin(q[THETA])
     zero: Any = np.int64(0)
     done, why, share = zero, zero, sizes.share
@@ -168,7 +192,7 @@ def _series(q, t, limits, anchor, world, contacts, log, active, effects):
         else:
             keep_energy(q, q1, taken, error, scale, body, audit)
         for a in range(active):
-            ints[which[a], INDEX] = follow_run(
+            ints[which[a], INDEX] = _follow_run(
                 loaded, a, world.ground.facets, ints[which[a], INDEX], q1, (c1, s1), audit
             )
         copy(q1, q)
@@ -216,7 +240,7 @@ def _unpressed_step(q, active, loaded, ints, world, anchor, limits, effects):
         longest = (
             min(limit.longest_hop, (limit.suspend_x - q[X]) / q[VX]) if q[VX] > 0.0 else limit.longest_hop
         )
-        hop = hop_s(q, active, loaded, ints, world, anchor, longest)
+        hop = _hop_s(q, active, loaded, ints, world, anchor, longest)
         if hop > sizes.floating:
             return hop, True
     pace = np.sqrt(q[VX] * q[VX] + q[VY] * q[VY]) + abs(q[OMEGA]) * block.radius
@@ -284,3 +308,85 @@ def _commit(active, loaded, works, audit):
     audit[FRICTION] += works[0] - stored_t
     audit[ROLLING] += works[1] - stored_r
     return total, deepest
+
+
+@kernel
+def _hop_s(q, active, loaded, ints, world, anchor, longest):
+    """Time in s (at most `longest`) that a ball above the bottom of its indentation may fly in one step, on an exact
+    parabola: until just behind its landing there, or before it leaves the ground, its facet or the guard."""
+    rows, trial, gravity, time = loaded.rows, loaded.trial, world.gravity, longest
+    pace = abs(q[VX]) + abs(q[VY]) + gravity * longest
+    time = min(time, (anchor[GUARD] - abs(q[X] - anchor[X]) - abs(q[Y] - anchor[Y])) / max(pace, 1e-300))
+    for a in range(active):
+        facet = world.ground.facets[ints[loaded.which[a], INDEX]]
+        pull = 0.5 * gravity * facet[NORMAL_Y]  # depth gains rate × time + pull × time²
+        if rows[a, L_KIND] != SMOOTH_FACET or pull <= 0.0:
+            return 0.0
+        tx, ty = facet[TANGENT_X], facet[TANGENT_Y]
+        along = (q[X] - facet[POINT_X]) * tx + (q[Y] - facet[POINT_Y]) * ty
+        ahead = facet[LENGTH] - along if q[VX] * tx + q[VY] * ty > 0.0 else along
+        time = min(time, ahead / max(pace, 1e-300))
+        depth, rate = trial[a, DEPTH_0], trial[a, RATE_0]
+        if rate < 0.0 and rate * rate >= 4.0 * pull * depth:
+            out = 2.0 * depth / (np.sqrt(rate * rate - 4.0 * pull * depth) - rate)
+            time = min(time, BEFORE_LIFT_OFF * out)
+        else:
+            above = rows[a, L_BOTTOM] + rows[a, L_OFFSET] - depth
+            time = min(
+                time, BEHIND_LANDING * (np.sqrt(rate * rate + 4.0 * pull * above) - rate) / (2.0 * pull)
+            )
+    return time
+
+
+@kernel(forceinline=True)
+def _follow_run(loaded, a, facets, index, q, direction, audit):
+    """Load the facet of its run that a contact has moved to at state q, whose direction is (cos θ, sin θ); returns the
+    facet's index."""
+    rows = loaded.rows
+    c, s = direction
+    kind, px, py = int(rows[a, L_KIND]), q[X], q[Y]
+    if kind == CORNER_FACET:
+        corner_x, corner_y = rows[a, F_SHAPE], rows[a, F_SHAPE + 1]
+        px, py = px + c * corner_x - s * corner_y, py + s * corner_x + c * corner_y
+    elif kind != SMOOTH_FACET:
+        return index
+    elif not _below_centre(rows, a):
+        _, _, _, rx, ry = placed(rows, a, (px, py, c, s))
+        px, py = px + rx, py + ry
+    first, last, found = int(facets[index, RUN_FIRST]), int(facets[index, RUN_LAST]), index
+    while True:
+        along, _ = along_and_above(px, py, found, facets)
+        if along < 0.0 and found > first and found <= index:
+            found -= 1
+        elif along > facets[found, LENGTH] and found < last and found >= index:
+            found += 1
+        else:
+            break
+    if found != index:
+        _load_facet(loaded, a, facets[found], q, (q[X], q[Y], c, s), audit)
+    return found
+
+
+@kernel(forceinline=True)
+def _below_centre(rows, a):
+    """Whether a smooth profile is a ball's, whose contact point lies below its centre."""
+    round_about = rows[a, F_SHAPE + 2] == 0.0 and rows[a, F_SHAPE + 3] == 0.0
+    return round_about and rows[a, F_SHAPE] == rows[a, F_SHAPE + 1]
+
+
+@kernel
+def _load_facet(loaded, a, facet, q, pose, audit):
+    """Let a contact go on at the next facet of its run, see `change_feature`."""
+    rows, trial = loaded.rows, loaded.trial
+    rows[a, F_POINT], rows[a, F_POINT + 1] = facet[POINT_X], facet[POINT_Y]
+    rows[a, F_NORMAL], rows[a, F_NORMAL + 1] = facet[NORMAL_X], facet[NORMAL_Y]
+    depth, nx, ny, rx, ry = placed(rows, a, pose)
+    row = rows[a, L_LAW:]
+    force_n = normal_force(trial[a, DEPTH_0] - rows[a, L_OFFSET], rows[a, L_PEAK], row[K_L], row[K_UL])
+    force_t = tangential_force(rows[a, L_DISPLACEMENT], force_n, row[K_T], row[MU])
+    rows[a, L_OFFSET], _, _, lost = change_feature(
+        row, depth, depth - trial[a, DEPTH_0], (rows[a, L_OFFSET], rows[a, L_PEAK]), (force_n, force_t)
+    )
+    audit[PLASTIC] += lost
+    trial[a, DEPTH_0] = depth
+    trial[a, RATE_0] = approach(q, nx, ny, rx, ry)

@@ -21,7 +21,7 @@ import numpy as np
 
 from rock2d.compiled import kernel
 from rock2d.engines.ellipse import nearest_on_ellipse
-from rock2d.records.columns import THETA, X, Y
+from rock2d.records.columns import OMEGA, THETA, VX, VY, X, Y
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import SMOOTH_TURN_RAD, CrossSection
 
@@ -169,6 +169,28 @@ def pose_of(q):
 
 
 @kernel(forceinline=True)
+def along_and_above(px, py, f, facets):
+    """Where a point lies in m along facet f, from its start, and above its line."""
+    dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
+    along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+    return along, dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+
+
+@kernel(forceinline=True)
+def corner_place(i, pose, sides):
+    """Where the centre of corner i of a polygon is, in m."""
+    x, y, c, s = pose
+    px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
+    return px, y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+
+
+@kernel(forceinline=True)
+def approach(q, nx, ny, rx, ry):
+    """Rate in m/s at which the depth of a contact point grows: normal (nx, ny), arm (rx, ry)."""
+    return -((q[VX] - q[OMEGA] * ry) * nx + (q[VY] + q[OMEGA] * rx) * ny)
+
+
+@kernel(forceinline=True)
 def is_ball(block):
     """Whether the block looks the same at any angle."""
     round_about = block.centre_x == 0.0 and block.centre_y == 0.0
@@ -202,9 +224,7 @@ def point_depth(px, py, facets, f0, f1):
     """
     best, kind, index, sign = np.inf, CORNER_FACET, f0, 1.0
     for f in range(f0, f1):
-        dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
-        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
-        above = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+        along, above = along_and_above(px, py, f, facets)
         if above * above >= best:
             continue
         if 0.0 <= along <= facets[f, LENGTH]:

@@ -9,14 +9,10 @@ from rock2d.engines.contact_state import ACTIVE, INDEX, KIND
 from rock2d.engines.geometry import (
     CONVEX,
     CORNER_FACET,
-    CORNER_X,
-    CORNER_Y,
     FACE_OFFSET,
     FACE_X,
     FACE_Y,
     LENGTH,
-    NORMAL_X,
-    NORMAL_Y,
     POINT_X,
     POINT_Y,
     RUN_FIRST,
@@ -24,6 +20,8 @@ from rock2d.engines.geometry import (
     SMOOTH_FACET,
     TANGENT_X,
     TANGENT_Y,
+    along_and_above,
+    corner_place,
     facet_range,
     is_ball,
     load_feature,
@@ -71,7 +69,8 @@ def guard_distance(q, allowance, near, world, memory):
     allowance : width in m that these facets reach beyond the block: the most that is returned; 0 where the distance is
         not known. Passing on within a run of facets is no change: `fast_contact_steps` follows it.
     """
-    x, y, c, s = pose_of(q)
+    pose = pose_of(q)
+    x, y, c, s = pose
     block, ground, ints = world.block, world.ground, memory.ints
     f0, f1 = near
     facets, sides = ground.facets, block.sides
@@ -79,8 +78,7 @@ def guard_distance(q, allowance, near, world, memory):
     if n == 0:
         return _smooth_guard(q, guard, near, world, memory)
     for i in range(n):
-        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
-        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        px, py = corner_place(i, pose, sides)
         if not ints[i, ACTIVE]:
             depth, _, _ = near_depth(px, py, ground, f0, f1, guard + block.rounding)
             guard = min(guard, -depth - block.rounding)
@@ -88,8 +86,7 @@ def guard_distance(q, allowance, near, world, memory):
             return 0.0
         else:
             own = ints[i, INDEX]
-            dx, dy = px - facets[own, POINT_X], py - facets[own, POINT_Y]
-            above = dx * facets[own, NORMAL_X] + dy * facets[own, NORMAL_Y]
+            _, above = along_and_above(px, py, own, facets)
             guard = min(guard, _within_run(px, py, own, facets))
             width = guard + 2.0 * abs(above)
             g0, g1 = facet_range(ground, px - width, px + width)
@@ -97,9 +94,7 @@ def guard_distance(q, allowance, near, world, memory):
             for f in range(max(f0, g0), min(f1, g1)):
                 if facets[own, RUN_FIRST] <= f <= facets[own, RUN_LAST]:
                     continue
-                dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
-                along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
-                away = dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y]
+                along, away = along_and_above(px, py, f, facets)
                 beyond = max(-along, along - facets[f, LENGTH], 0.0)
                 other = min(other, away * away + beyond * beyond)
             guard = min(guard, 0.5 * (np.sqrt(other) - abs(above)))
@@ -127,8 +122,7 @@ def guard_distance(q, allowance, near, world, memory):
 def _within_run(px, py, own, facets):
     """How far in m a point may move along the ground before it leaves the run of facet `own`."""
     first, last = int(facets[own, RUN_FIRST]), int(facets[own, RUN_LAST])
-    dx, dy = px - facets[first, POINT_X], py - facets[first, POINT_Y]
-    behind = dx * facets[first, TANGENT_X] + dy * facets[first, TANGENT_Y]
+    behind, _ = along_and_above(px, py, first, facets)
     dx, dy = px - facets[last, POINT_X], py - facets[last, POINT_Y]
     ahead = facets[last, LENGTH] - dx * facets[last, TANGENT_X] - dy * facets[last, TANGENT_Y]
     return min(behind, ahead)
@@ -158,8 +152,7 @@ def _smooth_guard(q, guard, near, world, memory):
             f = int(facets[f, RUN_LAST]) + 1
             continue
         px, py, height = _lowest(f, pose, block, facets)
-        dx, dy = px - facets[f, POINT_X], py - facets[f, POINT_Y]
-        along = dx * facets[f, TANGENT_X] + dy * facets[f, TANGENT_Y]
+        along, _ = along_and_above(px, py, f, facets)
         guard = min(guard, max(height, -along, along - facets[f, LENGTH]))
         f += 1
     for v in range(max(f0, 1), f1):
@@ -182,8 +175,7 @@ def _lowest(f, pose, block, facets):
     centre instead of the point: it lies above it."""
     x, y, _, _ = pose
     if is_ball(block):
-        dx, dy = x - facets[f, POINT_X], y - facets[f, POINT_Y]
-        return x, y, dx * facets[f, NORMAL_X] + dy * facets[f, NORMAL_Y] - block.radius
+        return x, y, along_and_above(x, y, f, facets)[1] - block.radius
     depth, _, _, rx, ry = place_feature(SMOOTH_FACET, load_feature(SMOOTH_FACET, f, 0, block, facets), pose)
     return x + rx, y + ry, -depth
 

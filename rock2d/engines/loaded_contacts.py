@@ -11,12 +11,14 @@ from rock2d.effects.columns import N_COLUMNS
 from rock2d.effects.forces import ANY_EFFECT_ACTS, FIRST_EFFECT_COLUMN, ground_forces, recoil
 from rock2d.engines.contact_state import (
     ACTIVE,
+    DEPTH,
     DISPLACEMENT,
     INDEX,
     KIND,
     OFFSET,
     PART,
     PEAK,
+    RATE,
     ROTATION,
     ZONE,
 )
@@ -83,7 +85,7 @@ def new_loaded(count):
 
 @kernel
 def load_active(world, memory, loaded):
-    """Copy feature, parameters and memory of the active contacts into rows; returns how many there are."""
+    """Copy feature, parameters, memory and depths of the active contacts into rows; returns how many there are."""
     ints, reals, rows, law = memory.ints, memory.reals, loaded.rows, world.law
     active = np.int64(0)
     for j in range(ints.shape[0]):
@@ -108,6 +110,7 @@ def load_active(world, memory, loaded):
                 reals[j, ROTATION],
             )
             rows[active, L_KIND] = ints[j, KIND]
+            loaded.trial[active, DEPTH_0], loaded.trial[active, RATE_0] = reals[j, DEPTH], reals[j, RATE]
             loaded.which[active] = j
             active += 1
     return active

@@ -10,7 +10,7 @@ short one (`parabola_intersection`).
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,6 @@ from rock2d.laws.rebound import (
     slope_reduction,
 )
 from rock2d.records.columns import (
-    IMPACT_NAMES,
     N_INSTANT,
     N_POSE,
     N_STATE,
@@ -54,7 +53,7 @@ from rock2d.records.columns import (
     X,
     Y,
 )
-from rock2d.records.track import Track
+from rock2d.records.track import Track, impact_mappings
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -208,11 +207,9 @@ def _track(
     if stop == "rest":  # it ended with the last impact
         knots, flight = knots[:-1], flight[:-1]
     flight[-1] = False
-    events: list[dict[str, Any]] = []
-    for row, first, second in zip(impacts, before, after, strict=True):
-        values = [np.nan, *first, *second, np.nan, np.nan]
-        events.append(dict(zip(IMPACT_NAMES, map(float, values), strict=True)))
-        events[-1]["zone"] = cross_section.zones[int(row[FACET])]
+    unknown = np.full((len(impacts), 2), np.nan)  # penetration and force
+    rows = np.column_stack([impacts[:, FACET], before, after, unknown])
+    events = impact_mappings(rows, cross_section.zones)
     return Track(release, block.name, knots, flight, events, stop, gravity_m_s2)
 
 

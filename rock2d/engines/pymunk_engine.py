@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymunk
@@ -22,21 +22,25 @@ from rock2d.engines import contact_energy, contact_state, contact_step, rest
 from rock2d.engines.energy_balance import energy_balance
 from rock2d.engines.free_flight import air_stride, fly, in_air
 from rock2d.engines.geometry import WorldArrays, block_arrays, ground_arrays
-from rock2d.engines.impact_log import Departure, ImpactLog, Knot
 from rock2d.engines.pymunk_stride import (
+    LEFT,
     N_ROW,
+    OPEN,
     ROOM,
+    Impacts,
     Stride,
     advance,
     depth_and_rest,
-    first_zone,
+    open_if_touching,
 )
+from rock2d.engines.recording import close_impact
 from rock2d.laws.contact import ContactParameters, parameter_table
 from rock2d.records.columns import (
     EFFECTS,
     ELASTIC,
     INSTANT_STATE,
     N_AUDIT,
+    N_IMPACT,
     N_STATE,
     STATE_NAMES,
     VX,
@@ -44,7 +48,7 @@ from rock2d.records.columns import (
     X,
     Y,
 )
-from rock2d.records.track import Track
+from rock2d.records.track import Track, impact_mappings
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
 
@@ -57,12 +61,27 @@ class CallbackError(RuntimeError):
     """An exception inside a pymunk callback, raised again where it can be seen."""
 
 
+class Knot(NamedTuple):
+    """State at one instant; number of active contacts, sum of their normal forces and their largest penetration;
+    whether the block flew freely on the way to it."""
+
+    time: float
+    q: np.ndarray
+    active: int = 0
+    force: float = 0.0
+    depth: float = 0.0
+    flew: bool = True
+
+
 class PymunkRelease:
     """One block falling onto one cross-section in a pymunk space.
 
     `parameters`: contact law by zone, or rows (zones, columns) with effects (`World.contact`). `state` is
     (x, y, θ, vx, vy, ω) of the centre of mass in SI. A block that starts inside the ground
     starts in an indentation of that depth: its contacts have no force.
+
+    `impacts` (rows of IMPACT_NAMES): each begins at the first touch and ends when the ground last presses before the
+    block is clear of it (not when it has climbed out of its own indentation: gravity acts meanwhile, the law does not).
     """
 
     def __init__(
@@ -100,14 +119,15 @@ class PymunkRelease:
         rest.forget_rest(self._watch)
         self._error: BaseException | None = None
         self._events: list[Knot] = []
-        self._zone = -1  # zone of the open impact; -1: none is open
+        self.impacts: list[np.ndarray] = []
+        self._impacts = Impacts(np.full(N_IMPACT, np.nan), np.empty((ROOM, N_IMPACT)), np.zeros(2, np.int64))
         self._build_space()
         self._start = self.q.copy()
         self._start_kinetic = float(contact_energy.kinetic_energy(self.q, self._block))
         self._find_near_ground()
         stride = Stride(0.0, 0.0, 0.0, 0, 0)
         held = self._world, self._contacts, self.audit
-        self._advance = advance.like(self.q, stride, *held, 0, self._rows)
+        self._advance = advance.like(self.q, stride, *held, self._impacts, self._rows)
         self._depth_and_rest = depth_and_rest.like(self.q, 0.0, False, self._world, self._reach, self._watch)
         self._growth = contact_energy.step_growth.like(0.0, self._block, self._memory, self.table)
         self.centroid_depth_m, self.at_rest = self._look(False)
@@ -181,21 +201,21 @@ class PymunkRelease:
         near = {self._facet_of[hit.shape] for hit in self.space.shape_query(self._shape) if hit.shape}
         self._near = _range(near)
         if self._near is not None:
-            contact_step.seat_contacts(self.q, self._near, self._world, self._memory, self._found)
+            active = contact_step.seat_contacts(self.q, self._near, self._world, self._memory, self._found)
+            open_if_touching(0.0, self.q, active, self._memory, self._impacts)
 
     def _advance_contact(self, dt: float) -> None:
         assert self._near is not None
         gone = 0.0
         while dt - gone > 1e-12 * dt:
             stride = Stride(self.time, dt, gone, *self._near)
-            used, gone, self._zone = self._advance(
-                self.q, stride, self._world, self._contacts, self.audit, self._zone, self._rows
+            used, closed, gone = self._advance(
+                self.q, stride, self._world, self._contacts, self.audit, self._impacts, self._rows
             )
-            for k in range(used):
-                row = self._rows[k].copy()
-                t, *_, active, force, depth, ended, recoil = row.tolist()
-                departure = Departure(self.table[int(ended)], recoil) if ended >= 0 else None
-                self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, departure))
+            self.impacts += list(self._impacts.closed[:closed].copy())
+            for row in self._rows[:used].copy():
+                t, *_, active, force, depth, flew = row.tolist()
+                self._events.append(Knot(t, row[INSTANT_STATE], int(active), force, depth, flew > 0))
 
     def stride(self) -> float:
         """The longest step in s that cannot pass through the ground unseen."""
@@ -249,15 +269,11 @@ class PymunkRelease:
         """(sum of normal forces in N, largest penetration in m, active contacts) now."""
         return contact_energy.pressure(self._memory, self.table)
 
-    def knot_now(self) -> Knot:
-        """The present state as a knot."""
-        force, depth, active = self.pressure()
-        return Knot(self.time, self.q.copy(), active, force, depth)
-
-    def first_zone(self) -> str:
-        """Zone of the first active contact."""
-        zone = first_zone(self._memory)
-        return self.cross_section.zone_names[zone] if zone >= 0 else ""
+    def close(self) -> None:
+        """The release is over: an impact that still presses has no state after."""
+        if self._impacts.flags[OPEN]:
+            close_impact(self._impacts.current, self._impacts.flags[LEFT] != 0, self._impacts.closed, 0)
+            self.impacts.append(self._impacts.closed[0].copy())
 
     def energy_balance(self) -> dict[str, float]:
         """The audit now, in J by ENERGY_NAMES; see `energy_balance.energy_balance`."""
@@ -298,42 +314,32 @@ def run_pymunk(
         block, cross_section, parameters, state, gravity_m_s2=gravity_m_s2, contact_step_s=contact_step_s
     )
     x_exit = (cross_section.points_m[0, 0], cross_section.points_m[-1, 0])
-    knots: list[np.ndarray] = []
-    flight: list[bool] = []
-    log = ImpactLog(sim.first_zone)
-    log.add(sim.knot_now())
-    knots.append(sim.q.copy())
-    times = [0.0]
-    stop, airy = "time", bool(in_air(sim._block))
+    knots = [Knot(0.0, sim.q.copy())]
+    stop = "time"
     if sim.centroid_depth_m > 0:
         stop, time_limit_s = "buried", 0.0
     while sim.time < time_limit_s:
-        free = sim.flying
-        for knot in sim.step():
-            flight.append((free or (knot.active == 0 and not log.open)) and not airy)
-            knots.append(knot.q)
-            times.append(knot.time)
-            log.add(knot)
+        knots += sim.step()
         if not x_exit[0] <= sim.q[X] <= x_exit[1]:
             stop = "exit"
             break
         if not sim.flying and sim.centroid_depth_m > 0:
             stop = "buried"
             break
-        if impact_limit is not None and len(log.impacts) >= impact_limit:
+        if impact_limit is not None and len(sim.impacts) >= impact_limit:
             stop = "impacts"
             break
         if sim.at_rest:
             stop = "rest"
             break
-    log.close()
-    flight.append(not airy)
+    sim.close()
+    flight = [knot.flew and not in_air(sim._block) for knot in (*knots[1:], knots[0])]
     return Track(
         release,
         block.name,
-        np.column_stack([times, np.array(knots)]),
+        np.array([[knot.time, *knot.q] for knot in knots]),
         np.array(flight),
-        log.impacts,
+        impact_mappings(sim.impacts, cross_section.zone_names),
         stop,
         gravity_m_s2,
         sim.energy_balance(),

@@ -8,17 +8,27 @@ import numpy as np
 
 from rock2d.compiled import copy, njit
 from rock2d.engines import contact_energy, contact_step
-from rock2d.engines.contact_state import ACTIVE, ZONE
 from rock2d.engines.geometry import Body, facet_range, point_depth
-from rock2d.engines.recording import end_impact
+from rock2d.engines.recording import close_impact, end_impact, note_pressure, open_impact
 from rock2d.engines.rest import forget_rest, watch_rest
-from rock2d.records.columns import INSTANT_STATE, N_IMPACT, N_INSTANT, RECOIL, TIME, X, Y
+from rock2d.records.columns import I_ZONE, INSTANT_STATE, N_INSTANT, TIME, X, Y
 
-ROOM = 64  # rows for the knots of one call
-# columns of a knot: instant and state, number of active contacts, sum of forces in N, largest depth in m, zone of the
-# impact that has just ended (-1: none), velocity in m/s that recoiling ground gave the block in it
-K_ACTIVE, K_FORCE, K_DEPTH, K_ZONE, K_RECOIL = range(N_INSTANT, N_INSTANT + 5)
-N_ROW = K_RECOIL + 1
+ROOM = 64  # rows for the knots and the impacts of one call
+# columns of a knot: instant and state, number of active contacts, sum of forces in N, largest depth in m, whether the
+# block flew freely on the way to it
+K_ACTIVE, K_FORCE, K_DEPTH, K_FLEW = range(N_INSTANT, N_INSTANT + 4)
+N_ROW = K_FLEW + 1
+
+
+class Impacts(NamedTuple):
+    """The impact at hand, and those that a call has closed."""
+
+    current: np.ndarray  # (N_IMPACT,)
+    closed: np.ndarray  # (ROOM, N_IMPACT)
+    flags: np.ndarray  # (2,) whether an impact is open, whether the ground has stopped pressing in it
+
+
+OPEN, LEFT = range(2)
 
 
 class Stride(NamedTuple):
@@ -32,53 +42,55 @@ class Stride(NamedTuple):
 
 
 @njit
-def advance(q, stride, world, contacts, audit, zone, rows):
+def advance(q, stride, world, contacts, audit, impacts, rows):
     """Advance q through a stride in the contact law, with every event of it as a knot.
 
-    zone : of the open impact, -1 if none; rows : (ROOM, N_ROW) for the knots
+    impacts : Impacts; rows : (ROOM, N_ROW) for the knots
 
-    Returns (number of knots, time gone in s, zone of the open impact); the stride is not over if rows are full.
+    Returns (number of knots, of closed impacts, time gone in s); the stride is not over if rows are full.
     """
     memory, found, _ = contacts
+    current, closed, flags = impacts
     near = (stride.first, stride.last)
-    used, gone, dt = 0, stride.gone, stride.length
+    used, count, gone, dt = 0, 0, stride.gone, stride.length
     while dt - gone > 1e-12 * dt and used + 2 <= len(rows):
         gone += contact_step.step(q, dt - gone, near, world, contacts, audit, False)
-        force, depth, active = contact_energy.pressure(memory, world.law)
+        t, (force, depth, active) = stride.start + gone, contact_energy.pressure(memory, world.law)
+        _knot(rows[used], t, q)
         row = rows[used]
-        row[TIME] = stride.start + gone
-        copy(q, row[INSTANT_STATE])
-        row[K_ACTIVE], row[K_FORCE], row[K_DEPTH], row[K_ZONE], row[K_RECOIL] = (
-            active,
-            force,
-            depth,
-            -1.0,
-            0.0,
-        )
+        row[K_ACTIVE], row[K_FORCE], row[K_DEPTH] = active, force, depth
+        row[K_FLEW] = 1.0 if active == 0 and flags[OPEN] == 0 else 0.0
         used += 1
-        if active > 0 and zone < 0:
-            zone = first_zone(memory)
-        elif active == 0 and zone >= 0:
-            row[K_ZONE], row[K_RECOIL] = zone, audit[RECOIL]
-            if end_impact(q, np.zeros(N_IMPACT), world.law[zone], world.block, audit):
+        if flags[OPEN] == 0:
+            open_if_touching(t, q, active, memory, impacts)
+            continue
+        flags[LEFT] = note_pressure(current, flags[LEFT] != 0, force, depth, t, q)
+        if active == 0:
+            if end_impact(q, current, world.law[int(current[I_ZONE])], world.block, audit):
                 contact_step.refresh_depths(q, near, world, memory, found)
-            zone = np.int64(-1)
+            count, flags[OPEN] = close_impact(current, flags[LEFT] != 0, closed, count), 0
             if not _same(q, row[INSTANT_STATE]):  # velocities that change at once
-                after = rows[used]
-                after[TIME], after[K_ZONE] = row[TIME], -1.0
-                after[K_ACTIVE] = after[K_FORCE] = after[K_DEPTH] = after[K_RECOIL] = 0.0
-                copy(q, after[INSTANT_STATE])
+                _knot(rows[used], t, q)
+                rows[used, K_FLEW] = 1.0
                 used += 1
-    return used, gone, zone
+    return used, count, gone
 
 
 @njit
-def first_zone(memory):
-    """Zone of the first active contact; -1 if there is none."""
-    for j in range(memory.ints.shape[0]):
-        if memory.ints[j, ACTIVE]:
-            return memory.ints[j, ZONE]
-    return np.int64(-1)
+def open_if_touching(t, q, active, memory, impacts):
+    """Begin an impact at time t (s) if there are active contacts."""
+    if active > 0:
+        open_impact(impacts.current, t, q, memory)
+        impacts.flags[OPEN], impacts.flags[LEFT] = 1, 0
+
+
+@njit
+def _knot(row, t, q):
+    """A knot that nothing touches."""
+    for i in range(N_ROW):
+        row[i] = 0.0
+    row[TIME] = t
+    copy(q, row[INSTANT_STATE])
 
 
 @njit

@@ -21,6 +21,7 @@ from rock2d.engines.geometry import (
     POINT_Y,
     TANGENT_X,
     TANGENT_Y,
+    corner_place,
     crosses,
     facet_range,
     is_ball,
@@ -214,15 +215,12 @@ def time_aloft(q, extra, world, tree, stack, h_contact):
 def gap_to_ground(q, near, world):
     """Lower bound in m of the distance between a polygon near the ground and the ground; 0 where a ridge so thin that
     no corner lies in it passes through the polygon."""
-    pose = pose_of(q)
-    x, y, c, s = pose
-    block, ground = world.block, world.ground
+    pose, block, ground = pose_of(q), world.block, world.ground
     facets, sides = ground.facets, block.sides
     f0, f1 = near
     gap = np.inf
     for i in range(sides.shape[0]):
-        px = x + c * sides[i, CORNER_X] - s * sides[i, CORNER_Y]
-        py = y + s * sides[i, CORNER_X] + c * sides[i, CORNER_Y]
+        px, py = corner_place(i, pose, sides)
         depth, _, _ = near_depth(px, py, ground, f0, f1, min(gap, block.radius) + block.rounding)
         gap = min(gap, -depth - block.rounding)
     for v in range(max(f0, 1), f1):

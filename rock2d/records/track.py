@@ -7,13 +7,14 @@ video and figures read them, so nothing downstream knows which engine ran.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from rock2d.errors import counted
-from rock2d.records.columns import INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
+from rock2d.records.columns import I_ZONE, IMPACT_NAMES, INSTANT_VX, INSTANT_VY, INSTANT_X, INSTANT_Y, TIME
 
 Array = np.ndarray
 
@@ -112,6 +113,14 @@ class Track:
                 if 0.0 <= at <= 1.0:
                     found.append(np.concatenate([[a[TIME] + tau], state]))
         return np.array(found).reshape(-1, 7)
+
+
+def impact_mappings(rows: Iterable[Array], zones: Sequence[str]) -> list[dict[str, Any]]:
+    """`Track.impacts` of rows (N_IMPACT,); `zones`: names by the ids that the rows hold."""
+    return [
+        {**dict(zip(IMPACT_NAMES, row.tolist(), strict=True)), "zone": zones[int(row[I_ZONE])]}
+        for row in rows
+    ]
 
 
 def ballistic(knot: Array, tau_s: Array, gravity_m_s2: float) -> Array:

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from time import perf_counter
 from typing import NamedTuple
 
-from tests.hunt.damage import Mutant, mutant
+from tests.hunt.mutations import Mutant, mutant
 from tests.hunt.trials import FAILED, HANG, KINDS, REFUSED, Outcome, commanded, tried
 from tests.hunt.valid_files import Files
 

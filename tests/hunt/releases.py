@@ -14,12 +14,37 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numba
 import numpy as np
+import shapely
+from tqdm import tqdm
 
+from rock2d.engines.batch import BATCH_STEP_FRACTION, Ensemble, run_batch
+from rock2d.engines.energy_balance import Masses, mechanical_energy, unclosed
+from rock2d.laws.contact import parameter_table
+from rock2d.records.columns import (
+    AFTER,
+    BEFORE,
+    E_CORRECTED,
+    E_INITIAL,
+    E_KINETIC,
+    E_RESIDUAL,
+    INSTANT_X,
+    INSTANT_Y,
+    N_STATE,
+    STOP_BURIED,
+    STOP_REST,
+    STOPS,
+    VELOCITIES_AFTER,
+)
+from rock2d.scene.cross_section import CrossSection, CrossSectionError
 from tests.hunt.cases import GRAVITY_M_S2, SHAPES, Case, Site, random_site, random_states
+from tests.hunt.impact_check import batch_impact, pymunk_impact
+from tests.hunt.own_geometry import LeftOutError
 
 Array = np.ndarray
 
@@ -41,6 +66,8 @@ SAMPLES = 150  # instants at which the centroid is looked at
 IMPACTS = 60  # recorded of each release
 ALONE = 10  # one in so many sites is run again without its companions
 PYMUNK = 100  # one in so many releases is run in the pymunk engine too
+APART = 0.01  # share of the highest possible speed: engines further apart after an impact disagree
+KEPT = 0.3  # share of the fault's size that a smaller case must show
 
 
 class Finding(NamedTuple):
@@ -54,9 +81,6 @@ class Finding(NamedTuple):
 
 def run_cases(sites: list[Site], states: list[Array]):
     """`run_batch` of releases (k, 6) on each of several sites."""
-    from rock2d.engines.batch import Ensemble, run_batch
-    from rock2d.laws.contact import parameter_table
-
     tables = [parameter_table(s.soils, s.cross_section.zone_names) for s in sites]
     ensemble = Ensemble([s.block for s in sites], [s.cross_section for s in sites], tables)
     ids = np.repeat(np.arange(len(sites)), [len(s) for s in states])
@@ -66,14 +90,6 @@ def run_cases(sites: list[Site], states: list[Array]):
         gravity_m_s2=GRAVITY_M_S2, time_limit_s=limits, impact_room=IMPACTS,
         times_s=limits[:, None] * np.linspace(0.0, 1.0, SAMPLES + 1)[1:] ** 2,
     )  # fmt: skip
-
-
-class Compared(NamedTuple):
-    """A release that both engines ran: how far apart they are after its first impact, and why."""
-
-    size: float
-    reason: str
-    case: Case
 
 
 def check(sites: list[Site], states: list[Array], result=None) -> Iterator[Finding]:
@@ -101,32 +117,17 @@ def moved(sites: list[Site], states: list[Array], result) -> Iterator[Finding]:
 
 def compared(sites: list[Site], states: list[Array]) -> list[Compared]:
     """The engines on one in PYMUNK releases."""
-    from tests.hunt.engines import compare
-
     every = [Case(site, state) for site, starts in zip(sites, states, strict=True) for state in starts]
-    pairs = [(case, compare(case)) for case in every[:: PYMUNK + 1]]  # + 1: not one shape only
-    return [Compared(apart.size, apart.reason, case) for case, apart in pairs if apart is not None]
+    pairs = [compare(case) for case in every[:: PYMUNK + 1]]  # + 1: not one shape only
+    return [pair for pair in pairs if pair is not None]
 
 
 def _stop(result, i: int) -> str:
-    from rock2d.records.columns import STOPS
-
     return STOPS[result.stop[i]]
 
 
 def faults(site: Site, result, rows: slice) -> dict[str, Array]:
     """Fault -> (releases,) its size, 0 where there is none."""
-    from rock2d.engines.energy_balance import unclosed
-    from rock2d.records.columns import (
-        E_INITIAL,
-        E_KINETIC,
-        E_RESIDUAL,
-        INSTANT_X,
-        INSTANT_Y,
-        STOP_BURIED,
-        STOP_REST,
-    )
-
     block = site.block
     ends, stop, energy = result.ends[rows], result.stop[rows], result.energy_J[rows]
     found = {"lost": (~np.isfinite(ends).all(axis=1)).astype(float)}
@@ -147,9 +148,6 @@ def faults(site: Site, result, rows: slice) -> dict[str, Array]:
 
 def impact_gains(site: Site, impacts: Array) -> Array:
     """(releases,) the largest share of its kinetic energy that an impact gained, beyond GAIN."""
-    from rock2d.engines.energy_balance import Masses, mechanical_energy
-    from rock2d.records.columns import AFTER, BEFORE, N_STATE
-
     masses = Masses(site.block.mass_kg, site.block.inertia_kg_m2, GRAVITY_M_S2, 0.0)
     before, after = (impacts[..., part].reshape(-1, N_STATE) for part in (BEFORE, AFTER))
     (kinetic, low), (left, high) = mechanical_energy(masses, before), mechanical_energy(masses, after)
@@ -161,8 +159,6 @@ def impact_gains(site: Site, impacts: Array) -> Array:
 
 def depth_in_ground(site: Site, x: Array, y: Array) -> Array:
     """Depth of points inside the ground in block radii, 0 outside; beside the cross-section too."""
-    import shapely
-
     ground, out = site.cross_section, np.zeros(np.shape(x))
     inside = np.isfinite(x) & np.isfinite(y)
     inside[inside] = ground.covers(np.column_stack([x[inside], y[inside]]))
@@ -180,6 +176,120 @@ def random_releases(
     return sites, [random_states(rng, site, SITE_RELEASES) for site in sites]
 
 
+# the engines ---------------------------------------------------------------------------------------------------
+
+
+class Compared(NamedTuple):
+    """How far the engines are apart after the first impact of a release, as a share of the incident speed, and why."""
+
+    size: float
+    reason: str  # "" while they agree
+    case: Case
+
+
+def compare(case: Case) -> Compared | None:
+    """The engines on the first impact of a release; None if the batch engine's does not end with a rebound."""
+    batch = _batch(case, 1.0)
+    if batch is None:  # a release that comes to rest in its first contact takes pymunk hours
+        return None
+    pymunk = _pymunk(case, 1.0)
+    size = _difference(batch, pymunk)
+    if size <= APART:
+        return Compared(size, "", case)
+    fine_batch, fine_pymunk = _batch(case, 0.25), _pymunk(case, 0.5)
+    if _difference(fine_batch, fine_pymunk) <= APART:
+        return Compared(size, "step: they agree with shorter steps", case)
+    if max(_difference(batch, fine_batch), _difference(pymunk, fine_pymunk)) > APART:
+        return Compared(size, "knife edge: one engine's own result changes with its step", case)
+    if _depends_on_start(case, batch):
+        return Compared(
+            size, "knife edge: a start moved by a millionth of the radius changes the impact", case
+        )
+    return Compared(size, "unexplained", case)
+
+
+def _difference(one: Array | None, other: Array | None) -> float:
+    """Largest difference of two results, inf if only one impact ended with a rebound."""
+    if one is None or other is None:
+        return 0.0 if one is other else np.inf
+    return float(np.abs(one - other).max())
+
+
+def _scale(case: Case) -> Array:
+    """What differences of (vx, vy, omega) are shares of: the speed with which the block can come at most."""
+    site, q = case.site, case.state
+    fall = max(q[1] - site.cross_section.points_m[:, 1].min(), 0.0)
+    speed = np.sqrt(q[3] ** 2 + q[4] ** 2 + 2.0 * GRAVITY_M_S2 * fall)
+    return speed / np.array([1.0, 1.0, site.block.reach_m])
+
+
+def _batch(case: Case, refinement: float) -> Array | None:
+    """(3,) velocities after the first impact over `_scale`, by the batch engine; None if it did not end."""
+    try:
+        return batch_impact(case, refinement * BATCH_STEP_FRACTION)[VELOCITIES_AFTER] / _scale(case)
+    except LeftOutError:
+        return None
+
+
+def _pymunk(case: Case, refinement: float) -> Array | None:
+    """`_batch` by the pymunk engine."""
+    after = pymunk_impact(case, refinement)[VELOCITIES_AFTER] / _scale(case)
+    return None if np.isnan(after).any() else after
+
+
+def _depends_on_start(case: Case, batch: Array | None) -> bool:
+    """Whether starts a millionth of the radius beside lead elsewhere."""
+    shift = 1e-6 * case.site.block.radius_m * np.eye(6)[:2]
+    moved = [_batch(Case(case.site, case.state + sign * s), 1.0) for s in shift for sign in (-1.0, 1.0)]
+    return any(_difference(batch, m) > APART for m in moved)
+
+
+# the smallest case -----------------------------------------------------------------------------------------------
+
+
+def shrunk(finding: Finding) -> Finding:
+    """The finding with its case as small as it gets while the fault stays: fewer points and soils, simpler numbers."""
+    smaller = True
+    while smaller:
+        smaller = False
+        for case in _simpler(finding.case):
+            same = [
+                f
+                for f in check([case.site], [case.state[None]])
+                if f.fault == finding.fault and f.size > KEPT * finding.size
+            ]
+            if same:
+                finding, smaller = same[0], True
+                break
+    return finding
+
+
+def _simpler(case: Case) -> Iterator[Case]:
+    site = case.site
+    ground = site.cross_section
+    for i in range(len(ground.points_m)):
+        points, zones = np.delete(ground.points_m, i, axis=0), list(ground.zones)
+        del zones[min(i, len(zones) - 1)]
+        try:
+            yield Case(replace(site, cross_section=CrossSection(points, zones)), case.state)
+        except CrossSectionError:
+            continue
+    names = ground.zone_names
+    for kept in names if len(names) > 1 else ():
+        one = CrossSection(ground.points_m, [kept] * len(ground.zones))
+        yield Case(replace(site, cross_section=one, soils={kept: site.soils[kept]}), case.state)
+    for name, law in site.soils.items():
+        for key, plain in (
+            ("k_r_Nm_rad", 0.0), ("rolling_cap", False), ("rolling_in_indentation", False), ("k_t_N_m", 0.0),
+        ):  # fmt: skip
+            if getattr(law, key) != plain:
+                soils = {**site.soils, name: replace(law, **{key: plain})}
+                yield Case(Site(site.block, site.sizes, ground, soils), case.state)
+
+
+# the hunt -----------------------------------------------------------------------------------------------------------
+
+
 class Chunk(NamedTuple):
     """What the hunt found in one chunk of sites; `corrected`: what the steps of each release were corrected by, so that
     the audit closes, over its initial energy."""
@@ -193,8 +303,6 @@ class Chunk(NamedTuple):
 
 def hunt_chunk(job: tuple[int, int, str | None]) -> Chunk:
     """The hunt in one chunk of sites; `job`: (seed, chunk, shape or None for all)."""
-    from rock2d.records.columns import E_CORRECTED, E_INITIAL
-
     start = time.perf_counter()
     sites, states = random_releases(*job)
     result = run_cases(sites, states)
@@ -207,8 +315,6 @@ def hunt_chunk(job: tuple[int, int, str | None]) -> Chunk:
 
 def hunt(releases: int, seed: int, shape: str | None, workers: int, first: int = 0) -> list[Chunk]:
     """Run the hunt in worker processes, from chunk `first` on."""
-    from tqdm import tqdm
-
     jobs = [(seed, first + k, shape) for k in range(-(-releases // (SITES * SITE_RELEASES)))]
     with ProcessPoolExecutor(workers, initializer=_one_thread) as pool:
         return list(tqdm(pool.map(hunt_chunk, jobs), total=len(jobs), unit="chunk", disable=None))
@@ -216,8 +322,6 @@ def hunt(releases: int, seed: int, shape: str | None, workers: int, first: int =
 
 def _one_thread() -> None:
     """Let a worker compute on one thread: the workers share the cores."""
-    import numba
-
     numba.set_num_threads(1)
 
 
@@ -265,8 +369,6 @@ def main(arguments: list[str] | None = None) -> int:
     print_table(chunks)
     found = [f for chunk in chunks for f in chunk.findings]
     if given.save:
-        from tests.hunt.shrink import shrunk
-
         given.save.mkdir(parents=True, exist_ok=True)
         for fault in FAULTS:
             mine = sorted((f for f in found if f.fault == fault), key=lambda f: -f.size)

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from rock2d.schemas import file_schema
-from tests.hunt.damage import mutant
+from tests.hunt.mutations import mutant
 from tests.hunt.trials import ACCEPTED, FAILED, KINDS, Outcome, tried
 from tests.hunt.valid_files import diagnoses
 

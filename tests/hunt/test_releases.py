@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.hunt.cases import Case
-from tests.hunt.engines import compare
-from tests.hunt.releases import check, moved, random_releases, run_cases
+from tests.hunt.releases import check, compare, moved, random_releases, run_cases
 
 SEED = 20261122
 COUNT = 20  # sites of ten releases each

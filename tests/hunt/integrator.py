@@ -24,6 +24,8 @@ from rock2d.laws.contact import (
     rolling_moment,
     tangential_force,
 )
+from rock2d.scene.blocks import Block
+from rock2d.scene.cross_section import CrossSection
 from tests.hunt.cases import GRAVITY_M_S2, Site
 from tests.hunt.own_geometry import Feature, LeftOutError, Scene, first_touch
 
@@ -393,6 +395,17 @@ class Impact:
             if pressed and force > near:
                 assert abs(friction - self._friction(c, m, s)) < near * max(1.0, law.k_t_N_m / law.k_l_N_m), c
                 assert abs(rolling - self._rolling(c, m, turned)) < near * self.r, (c, rolling)
+
+
+def on_plane(
+    law: ContactParameters, ball: Block, v_n_m_s: float, v_t_m_s: float = 0.0, omega_rad_s: float = 0.0,
+    gravity_m_s2: float = 0.0,
+) -> Outcome:  # fmt: skip
+    """A ball that touches a wide plane at once, with these velocities (v_n > 0 is inward)."""
+    half = 1e3 * ball.reach_m * (1.0 + abs(v_t_m_s) / v_n_m_s)
+    plane = CrossSection([[-half, 0.0], [half, 0.0]], ["floor"])
+    state = np.array([0.0, ball.reach_m * (1.0 + 1e-9), 0.0, v_t_m_s, -v_n_m_s, omega_rad_s])
+    return Impact(Site(ball, {}, plane, {"floor": law}), state, gravity_m_s2).run()
 
 
 if __name__ == "__main__":

@@ -401,10 +401,12 @@ def on_plane(
     law: ContactParameters, ball: Block, v_n_m_s: float, v_t_m_s: float = 0.0, omega_rad_s: float = 0.0,
     gravity_m_s2: float = 0.0,
 ) -> Outcome:  # fmt: skip
-    """A ball that touches a wide plane at once, with these velocities (v_n > 0 is inward)."""
+    """A ball that falls by its radius and touches a wide plane with these velocities (v_n > 0 is inward)."""
     half = 1e3 * ball.reach_m * (1.0 + abs(v_t_m_s) / v_n_m_s)
     plane = CrossSection([[-half, 0.0], [half, 0.0]], ["floor"])
-    state = np.array([0.0, ball.reach_m * (1.0 + 1e-9), 0.0, v_t_m_s, -v_n_m_s, omega_rad_s])
+    above = np.sqrt(v_n_m_s**2 - 2.0 * gravity_m_s2 * ball.reach_m)
+    # turned a little: a slip of exactly 0 lies on the limits of the regimes
+    state = np.array([0.0, 2.0 * ball.reach_m, 0.3, v_t_m_s, -above, omega_rad_s])
     return Impact(Site(ball, {}, plane, {"floor": law}), state, gravity_m_s2).run()
 
 

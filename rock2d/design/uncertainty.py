@@ -25,6 +25,7 @@ SENSITIVITY_COLUMNS = (
 FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"
 SHARES = {FREQUENCY: "passing frequency", PER_ARRIVING: "passing, of arriving blocks"}
 FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
+FURTHER_SITES = 4000  # draws of a further site, for the bounds of a percentile
 DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites
 
 
@@ -117,28 +118,42 @@ def _shares(not_known: float, sampling: float) -> tuple[float, float]:
 def _percentile(values: Array, rng: np.random.Generator) -> tuple[float, ...]:
     """As `_frequency`, of the percentile of `values` (sites, releases), NaN where a release did not cross.
 
-    The sampling error of a site's percentile p of m values is that of the order statistic whose rank, over m + 1, is
-    Beta(p (m + 1), (1 - p) (m + 1)). Sites with few crossings say nothing of it. The percentiles of n sites spread by
-    their sampling error, too: they are drawn towards their mean until that share of the variance is gone, and get the
-    sampling error of the mean, 1 / sqrt(n) of one site's, instead.
+    Of few values the sample percentile lies too low: of m values it has the rank p (m - 1) + 1, a level of
+    (p (m - 1) + 1) / (m + 1) on average, and its level is a Beta variable with that mean and m + 1 values. How far that
+    is from the true percentile follows from the values of all sites about the median of each, whose tail is known much
+    better than that of a single site. Sites with few crossings say nothing of it. The percentiles of n sites spread by
+    their sampling error, too. The bounds are those of a further site: normal about a mean that is known to the spread
+    over sqrt(n), with the variance between the sites that is left of a variance drawn from its posterior
+    ((n - 1) s² / chi²) after that of sampling (Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 3.2).
     """
     share = DESIGN_PERCENTILE / 100.0
-    found, errors = [], []
-    for row in values:
-        ranked = np.sort(row[np.isfinite(row)])
-        m = len(ranked)
-        if m >= FEWEST_CROSSINGS:
-            u = rng.beta(share * (m + 1), (1 - share) * (m + 1), DRAWS_PER_SITE)
-            found.append(np.quantile(ranked, share))
-            errors.append(np.quantile(ranked, u) - found[-1])
-    if not found:
+    crossed = [row[np.isfinite(row)] for row in values]
+    crossed = [own for own in crossed if len(own) >= FEWEST_CROSSINGS]
+    if not crossed:
         return (np.nan,) * 5
-    at, error = np.array(found), np.array(errors)
+    about_median = np.concatenate([own - np.median(own) for own in crossed])
+    true = np.quantile(about_median, share)
+    known = []
+    for own in crossed:
+        m = len(own)
+        rank = share * (m - 1) + 1.0
+        levels = rng.beta(rank, m + 1 - rank, DRAWS_PER_SITE)
+        known.append(np.quantile(own, share) + true - np.quantile(about_median, levels))
+    at = np.mean(known, axis=1)
+    error = np.array(known) - at[:, None]
     sampling = float(error.var(axis=1).mean())
     shares = _shares(max(float(np.var(at)) - sampling, 0.0), sampling)
-    drawn = at.mean() + np.sqrt(shares[0]) * (at - at.mean()) + error.T / np.sqrt(len(at))
-    low, high = (further_site_quantile(drawn, level, shares[0]) for level in (0.025, 0.975))
-    return *Estimate.within(float(np.median(at)), low, high), *shares
+    n = len(at)
+    total = (
+        np.var(at, ddof=1) * (n - 1) / rng.chisquare(n - 1, FURTHER_SITES)
+        if n > 1
+        else np.zeros(FURTHER_SITES)
+    )
+    between = np.maximum(total - sampling, 0.0)
+    mean = at.mean() + np.sqrt(np.maximum(total, sampling) / n) * rng.standard_normal(FURTHER_SITES)
+    further = mean + np.sqrt(between) * rng.standard_normal(FURTHER_SITES)
+    low, high = np.quantile(further, (0.025, 0.975))
+    return *Estimate.within(float(np.median(at)), float(low), float(high)), *shares
 
 
 def sensitivity_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:

@@ -223,6 +223,13 @@ class Search:
         """Bounds of each number that varies, the sought one last."""
         return {**self.over, self.place: self.bounds}
 
+    @property
+    def corners(self) -> list[dict[str, float]]:
+        """Place -> bound for each corner of `ranges`, that of all largest values last."""
+        return [
+            dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())
+        ]
+
     @cached_property
     def sites(self) -> list[tuple[dict[str, float], int]]:
         """Values, and seed of the releases, of each independent possible site, twice the base number of them; one
@@ -269,10 +276,7 @@ class Search:
         engine = compiled_engine(self.engine).name
         if not all(shares_descents(self.scenario, place, engine) for place in self.ranges):
             return None
-        corners = [
-            dict(zip(self.ranges, corner, strict=True)) for corner in itertools.product(*self.ranges.values())
-        ]
-        return SharedDescents(list(map(self._variants, corners)), self._seeds, self.releases)
+        return SharedDescents(list(map(self._variants, self.corners)), self._seeds, self.releases)
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:

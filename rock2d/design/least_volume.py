@@ -101,8 +101,8 @@ def run_least_volume(
     own_seed = scenario.seed if seed is None else seed
     search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over)
     search.check()
-    for corner in itertools.product(*search.ranges.values()):
-        variant(scenario, dict(zip(search.ranges, corner, strict=True)))  # refused before any work
+    for corner in search.corners:
+        variant(scenario, corner)  # refused before any work
     bars = Bars(progress)
     sizes = MOST_COMBINATIONS * most_sizes(bounds, tolerance)
     with KeptSizes(search, out) as kept:

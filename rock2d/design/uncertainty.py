@@ -26,7 +26,7 @@ FREQUENCY, PER_ARRIVING = "frequency", "per_arriving"
 SHARES = {FREQUENCY: "passing frequency", PER_ARRIVING: "passing, of arriving blocks"}
 FEWEST_CROSSINGS = 5  # crossings that a site must have for a percentile of them
 FURTHER_SITES = 4000  # draws of a further site, for the bounds of a percentile
-DRAWS_PER_SITE = 200  # draws of the sampling error, for the bounds of the mixture over the sites
+DRAWS_PER_SITE = 200  # draws of the sampling error of a site's percentile
 
 
 def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd.DataFrame:

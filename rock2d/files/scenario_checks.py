@@ -127,7 +127,8 @@ def engine_remarks(scenario: Scenario, engine: str | None) -> list[str]:
     if engine is None:
         return []
     try:
-        found = [doubt for doubt in doubts(scenario, engine) if doubt not in doubts(scenario)]
+        told = doubts(scenario)
+        found = [doubt for doubt in doubts(scenario, engine) if doubt not in told]
     except InputError:
         return []
     return [f"warning: {engine}: {doubt.text}" for doubt in found]

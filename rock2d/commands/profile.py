@@ -17,7 +17,9 @@ from rock2d.files.surveys.profile import Profile, simplified
 from rock2d.files.surveys.release_area import given_area, release_area
 from rock2d.files.surveys.scenario_template import DIAMETER_M, scenario_of
 from rock2d.files.surveys.terrain import DRIVERS, along_line, down_fall_line, read_terrain
-from rock2d.files.surveys.zones import facets_with_zones, read_zones
+from rock2d.files.surveys.zones import ZoneTable, facets_with_zones, read_zones, zones_of_points
+
+DRAWING = ".dxf"
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def write_profile(
     profile = _read(file, options)
     if options.tolerance_m > 0.0:
         profile = simplified(profile, options.tolerance_m)
-    points, names, gaps = facets_with_zones(profile, read_zones(options.zones) if options.zones else None)
+    points, names, gaps = facets_with_zones(profile, _zones(file, options))
     profile = replace(profile, remarks=(*profile.remarks, *gaps))
     given = options.release
     area = release_area(profile, DIAMETER_M) if given is None else given_area(profile, given)
@@ -99,6 +101,13 @@ def write_profile(
     return profile
 
 
+def _zones(file: Path, options: ProfileOptions) -> ZoneTable | None:
+    """Zones of the table that is given, or of the column of a surveyed table."""
+    if options.zones is not None:
+        return read_zones(options.zones)
+    return None if file.suffix.lower() in (*DRIVERS, DRAWING) else zones_of_points(file)
+
+
 def _read(file: Path, options: ProfileOptions) -> Profile:
     kind = file.suffix.lower()
     line, start, layer = options.line, options.start, options.layer
@@ -117,7 +126,7 @@ def _read(file: Path, options: ProfileOptions) -> Profile:
         raise InputError(
             "--line and --fall-line are for terrain models (.tif, .asc)", file, code="wrong_kind"
         )
-    if kind == ".dxf":
+    if kind == DRAWING:
         from rock2d.files.surveys.drawing import read_drawing
 
         return read_drawing(file, layer)

@@ -264,6 +264,31 @@ def test_zones_lie_at_the_stations_of_the_survey_and_gaps_are_told(tmp_path, ris
     assert f"  zones.csv:{line}: no zone from 530 to 550 m; the ground there is zone slope" in lines
 
 
+@pytest.mark.parametrize(
+    ("table", "zones"),
+    [
+        ("station,height,zone\n0,40,rock\n20,25,rock\n50,4,meadow\n80,0,\n", ("rock", "rock", "meadow")),
+        ("x,y,soil,by\n80,0,meadow,me\n50,4,rock,me\n20,25,rock,me\n0,40,,me\n", ("rock", "rock", "meadow")),
+        ("x;y;z;zone\n0;0;40;rock\n0;20;25;rock\n0;50;4;rock\n0;80;0;rock\n", ("slope",) * 3),  # on a map
+    ],
+)
+def test_a_column_names_the_zone_up_to_the_next_point_and_columns_that_are_not_read_are_told(
+    tmp_path, table, zones
+):
+    (tmp_path / "p.csv").write_text(table)
+    lines: list[str] = []
+    write_profile(tmp_path / "p.csv", tmp_path / "s.yaml", report=lines.append)
+    assert load_scenario(tmp_path / "s.yaml").make_cross_section().zones == zones
+    unread = [line.rpartition(": ")[2] for line in lines if "columns that are not read" in line]
+    assert unread == {"x,y,so": ["by"], "x;y;z;": ["zone"]}.get(table[:6], [])
+
+
+def test_a_point_without_the_name_of_its_zone_is_refused_with_its_line(tmp_path):
+    (tmp_path / "p.csv").write_text("station,height,zone\n0,40,rock\n20,25,\n80,0,\n")
+    found = refusal(write_profile, tmp_path / "p.csv", tmp_path / "s.yaml", said="name of a zone")
+    assert found.line == 3 and not (tmp_path / "s.yaml").exists()
+
+
 CLIFF = np.array([[0, 62], [14, 60.5], [20, 37], [30, 30], [52, 15], [55, 11], [70, 8], [120, 2]], float)
 
 

@@ -6,6 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from rock2d.files.text_files import is_number, read_text
 STATION_COLUMNS = ("station", "chainage", "distance", "x")
 HEIGHT_COLUMNS = ("height", "elevation", "z", "y")
 MAP_COLUMNS = ("x", "y", "z")  # a line on a map with heights
+ZONE_COLUMNS = ("zone", "soil")
 SEPARATORS = ";\t, "
 METRES = ("", "m")  # units that a header may state
 
@@ -27,15 +29,18 @@ def read_table(path: Path) -> Profile:
 
     Two numbers, or columns that a header names: a station and a height, in m, or x, y and z along a line on a map.
     Columns are separated by commas, semicolons, tabs or spaces; `#` begins a comment. A header may state the unit,
-    as in "station [m]".
+    as in "station [m]". A remark names the columns that are not read; `zones.zones_of_points` reads that of zones.
 
     Raises InputError with the line of the first mistake.
     """
     rows, separator = text_rows(path)
     columns: tuple[int, ...] = (0, 1)
+    unread: list[str] = []
     if not all(map(is_number, rows[0][1])):
         line, header = rows.pop(0)
-        columns = _columns(header, path, line)
+        columns = profile_columns(header, path, line)
+        own = {*columns, column_of(header, ZONE_COLUMNS) if len(columns) == 2 else None}
+        unread = [name for i, name in enumerate(header) if i not in own]
     elif len(rows[0][1]) > len(columns):
         message = f"{len(rows[0][1])} columns without names: begin the file with a line that names them, for example "
         raise InputError(f"{message}station,height or x,y,z", path, rows[0][0], 1, code="bad_table")
@@ -45,7 +50,12 @@ def read_table(path: Path) -> Profile:
             found = separator.join(cells)[:60]
             raise InputError(f"expected numbers, found {found!r}", path, line, 1, code="bad_table")
         points.append([number(cells[column], path, line) for column in columns])
-    return checked(along_way(np.array(points).reshape(-1, len(columns))), f"table {path.name}")
+    profile = checked(along_way(np.array(points).reshape(-1, len(columns))), f"table {path.name}")
+    if unread:
+        profile = replace(
+            profile, remarks=(*profile.remarks, f"columns that are not read: {', '.join(unread)}")
+        )
+    return profile
 
 
 def text_rows(path: Path) -> tuple[list[tuple[int, list[str]]], str]:
@@ -81,7 +91,7 @@ def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
-def _columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:
+def profile_columns(header: list[str], path: Path, line: int) -> tuple[int, ...]:
     """Indices of the columns of station and height, or of x, y and z."""
     on_map = [column_of(header, (name,)) for name in MAP_COLUMNS]
     columns = [column_of(header, names) for names in (STATION_COLUMNS, HEIGHT_COLUMNS)]

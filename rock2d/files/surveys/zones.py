@@ -13,13 +13,13 @@ from pydantic_core import PydanticCustomError
 from rock2d.errors import InputError
 from rock2d.files.setup_keys import plain_name
 from rock2d.files.surveys.profile import Profile
-from rock2d.files.surveys.table import column_of, number, text_rows
+from rock2d.files.surveys.table import ZONE_COLUMNS, column_of, number, profile_columns, text_rows
 from rock2d.files.text_files import is_number
 
 Array = np.ndarray
 
 DEFAULT_ZONE = "slope"
-START_COLUMNS, END_COLUMNS, NAME_COLUMNS = ("start", "from"), ("end", "to"), ("name", "zone", "soil")
+START_COLUMNS, END_COLUMNS, NAME_COLUMNS = ("start", "from"), ("end", "to"), ("name", *ZONE_COLUMNS)
 
 
 class ZoneRange(NamedTuple):
@@ -50,7 +50,7 @@ def read_zones(file: Path) -> ZoneTable:
             message = f"expected the columns start, end and name, found {', '.join(header)[:80]!r}"
             raise InputError(message, file, line, 1, code="bad_table")
         columns = [column for column in found if column is not None]
-    ranges = [_range(cells, columns, file, line) for line, cells in rows]
+    ranges = [_range(*_start_end_name(cells, columns, file, line), file, line) for line, cells in rows]
     if not ranges:
         raise InputError("the table names no zone", file, 1, 1, code="empty")
     ranges.sort()
@@ -64,12 +64,36 @@ def read_zones(file: Path) -> ZoneTable:
     return ZoneTable(file, ranges)
 
 
-def _range(cells: Sequence[str], columns: Sequence[int], file: Path, line: int) -> ZoneRange:
+def zones_of_points(file: Path) -> ZoneTable | None:
+    """Zones of a table of stations and heights with a column zone or soil: a point names the ground from there to the
+    point of the next line. None without such a column. Raises InputError with the line of the first mistake."""
+    rows, _ = text_rows(file)
+    line, header = rows[0]
+    zone = column_of(header, ZONE_COLUMNS)
+    if zone is None or len(columns := profile_columns(header, file, line)) > 2:
+        return None
+    station = columns[0]
+    ranges = []
+    for (line, cells), (_, following) in itertools.pairwise(rows[1:]):
+        start, end = sorted(number(own[station], file, line) for own in (cells, following))
+        if len(cells) <= zone or not cells[zone]:
+            raise InputError("expected the name of a zone, found nothing", file, line, 1, code="bad_table")
+        if start < end:
+            ranges.append(_range(start, end, cells[zone], file, line))
+    return ZoneTable(file, sorted(ranges))
+
+
+def _start_end_name(
+    cells: Sequence[str], columns: Sequence[int], file: Path, line: int
+) -> tuple[float, float, str]:
     if len(cells) <= max(columns):
         message = f"expected start, end and name of a zone, found {', '.join(cells)[:60]!r}"
         raise InputError(message, file, line, 1, code="bad_table")
     start, end = (number(cells[column], file, line) for column in columns[:2])
-    name = cells[columns[2]]
+    return start, end, cells[columns[2]]
+
+
+def _range(start: float, end: float, name: str, file: Path, line: int) -> ZoneRange:
     try:
         plain_name(name)
     except PydanticCustomError as error:

@@ -7,7 +7,6 @@ import pytest
 
 from rock2d.diagnosis.report.figures import Misses, section_figure
 from rock2d.errors import InputError
-from rock2d.graphics.energies import energy_figure
 from rock2d.graphics.figure_style import save_figure
 from rock2d.graphics.overlays import overlay_figure
 from rock2d.graphics.residuals import residuals_figure
@@ -39,7 +38,6 @@ def test_a_dollar_in_a_name_is_no_mathematics(tmp_path):
         trajectories_figure(floor, {name: block}, [track], "$x^$"),
         overlay_figure(floor, {name: block}, rows_of(track), [track], title="$x^$"),
         residuals_figure(rows_of(track).assign(dx_m=0.1, dy_m=0.0, dtheta_rad=0.0), "$x^$"),
-        energy_figure(track, block, "$x^$"),
         section_figure(
             floor,
             {name: block, "$^_$": block},

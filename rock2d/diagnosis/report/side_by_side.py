@@ -17,7 +17,6 @@ from rock2d.errors import InputError
 from rock2d.graphics.clips import Clip
 
 Array = np.ndarray
-Scenes = Sequence[Sequence[Sequence[Clip]]]
 
 VIDEO = "side_by_side.webm"
 VIDEO_SIZE, VIDEO_FPS, VIDEO_S = (1120, 440), 20.0, 10.0  # px, frames/s, length without the pauses

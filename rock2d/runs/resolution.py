@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from rock2d.errors import listed
 from rock2d.records.columns import UNRESOLVED_STOPS
 from rock2d.statistics import DESIGN_PERCENTILE, least_count
 
@@ -20,7 +21,7 @@ LARGEST_UNRESOLVED = 0.01  # share of a block's releases up to which a run count
 REASONS = {
     "time": "ran out of time (time_limit_s is {time_limit_s:.3g})",
     "impacts": "reached the limit of impacts",
-    "buried": "sank into the ground (too soft for the law)",
+    "buried": "sank into the ground of {zones} (too soft for the law; a stiffer soil there: model.soils)",
 }
 
 
@@ -42,8 +43,11 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
         for block, own in counts.iterrows():
             cut = {stop: int(own.get(stop, 0)) for stop in UNRESOLVED_STOPS}
             if sum(cut.values()) > LARGEST_UNRESOLVED * own.sum():
+                ends = tables["stops"].query("block == @block")
                 why = " and ".join(
-                    f"{n} {REASONS[stop].format(time_limit_s=time_limit_s)}" for stop, n in cut.items() if n
+                    f"{n} {REASONS[stop].format(time_limit_s=time_limit_s, zones=_zones(ends, stop))}"
+                    for stop, n in cut.items()
+                    if n
                 )
                 remarks.append(f"NOT RESOLVED: of {own.sum()} releases of {block} {why}")
     elif "passing" in tables:
@@ -54,6 +58,11 @@ def unresolved_remarks(tables: Mapping[str, Any], time_limit_s: float) -> list[s
                 why = f"{unresolved} were cut short (time_limit_s is {time_limit_s:.3g}) or buried"
                 remarks.append(f"NOT RESOLVED: of {releases} releases of {block} {why}")
     return remarks
+
+
+def _zones(ends: pd.DataFrame, stop: str) -> str:
+    """The zones in which releases ended this way, in words."""
+    return listed(sorted(ends.loc[ends["stop"] == stop, "zone"].dropna().unique()))
 
 
 def source_remarks(tables: Mapping[str, Any]) -> list[str]:

@@ -72,6 +72,17 @@ def test_the_command_says_whether_a_run_is_resolved(site, tmp_path):
     assert not any("NOT RESOLVED" in line for line in lines)
 
 
+def test_blocks_that_sank_are_told_with_the_zones_that_are_too_soft():
+    ends = pd.DataFrame(
+        {"block": "ball", "stop": ["buried", "buried", "rest"], "zone": ["face", "ditch", "foot"]}
+    )
+    (said,) = unresolved_remarks({"stops": ends}, 1.0)
+    assert "of 3 releases of ball 2 sank into the ground of ditch, face (too soft" in said
+    counts = ends.assign(releases=[3, 4, 5])  # as a campaign counts them
+    (same,) = unresolved_remarks({"stops": counts}, 1.0)
+    assert "of 12 releases of ball 7 sank into the ground of ditch, face" in same
+
+
 def test_results_are_replaced_only_when_asked_to(site, tmp_path):
     path, out = site(releases=2), tmp_path / "out"
     simulated(path, out, [])

@@ -16,6 +16,7 @@ from rock2d.scene.soils import ROUGHNESS_LENGTH_M, SOIL_CLASSES, rough_zones
 Array = np.ndarray
 
 DEFAULT_CLASS = "medium_scree"
+FILL_CLASS = "compacted_fill"  # of an embankment
 CLASS_OF_WORD = {
     "rock": "bedrock", "cliff": "bedrock", "scree": "medium_scree", "talus": "coarse_talus", "meadow": "deep_soil",
     "soil": "deep_soil", "run_out": "deep_soil", "road": "asphalt", "forest": "shallow_soil",
@@ -73,6 +74,10 @@ blocks:
 model:
   soils:
     default: {DEFAULT_CLASS}
+    # The embankment, if it is of compacted soil:
+    # uphill_face: {FILL_CLASS}
+    # crest: {FILL_CLASS}
+    # downhill_face: {FILL_CLASS}
 {_soils_and_roughness(classes, smooth)}incident:
   default:
     above_ground:

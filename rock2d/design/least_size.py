@@ -19,8 +19,7 @@ import numpy as np
 
 from rock2d.design.possible_sites import SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
-from rock2d.design.site_frequencies import frequency_draws
-from rock2d.design.uncertainty import further_site_quantile, variance_shares
+from rock2d.design.site_frequencies import further_site_draws
 from rock2d.errors import InputError
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
@@ -295,9 +294,8 @@ def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judge
             continue
         passed, most, of = passed[some], most[some], of[some]
         n = of.sum(axis=1)
-        share, _ = variance_shares(most, of)
         low, high = (
-            further_site_quantile(frequency_draws(counts.sum(axis=1), n, rng), level, share)
+            float(np.quantile(further_site_draws(counts.sum(axis=1), n, rng), level))
             for counts, level in ((passed, 1.0 - target.confidence), (most, target.confidence))
         )
         bands[block] = Estimate.within(float(np.median(passed.sum(axis=1) / n)), low, high)

@@ -1,8 +1,8 @@
-"""What counts at many possible sites say about the frequency at each: a beta-binomial model of all of them together.
+"""What counts at many possible sites say about the frequency at a further one: a beta-binomial model of all of them.
 
 The frequencies of the sites are Beta(mu nu, (1 - mu) nu), the counts binomial. mu has Jeffreys' prior, nu is uniform in
-its logarithm. So sites that agree support each other: none of 200 blocks at each of 30 sites says more about a site
-than none of 200 there alone. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
+its logarithm. So sites that agree support each other: none of 200 blocks at each of 30 sites says more about a further
+one than none of 200 at one. Source: Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, section 5.3.
 """
 
 from __future__ import annotations
@@ -11,25 +11,26 @@ import numpy as np
 
 Array = np.ndarray
 
-DRAWS = 400
+DRAWS = 4000
 MEAN_VALUES = 120  # values of mu, evenly spread in arcsin sqrt mu, in which Jeffreys' prior is uniform
 LOWEST_STRENGTH, HIGHEST_STRENGTH, STRENGTH_VALUES = 1.0, 1.0e5, 16  # range and number of the values of nu
 
 
-def frequency_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
-    """(DRAWS, sites) draws of the frequency at each site, from the posterior of all: `passed` (sites,) releases `of`
+def further_site_draws(passed: Array, of: Array, rng: np.random.Generator) -> Array:
+    """(DRAWS,) draws of the frequency at a further site, from what is known of all: `passed` (sites,) releases `of`
     (sites,), or of the same number at each.
 
-    With a single site: the posterior with Jeffreys' prior.
+    The real site is a further one: mu and nu are drawn from their posterior, the frequency from Beta(mu nu,
+    (1 - mu) nu). With a single site, whose spread is not known: the posterior of its frequency with Jeffreys' prior.
     """
     k, n = np.broadcast_arrays(np.asarray(passed, float), np.asarray(of, float))
     if len(k) == 1:
-        return rng.beta(k + 0.5, n - k + 0.5, (DRAWS, 1))
+        return rng.beta(k[0] + 0.5, n[0] - k[0] + 0.5, DRAWS)
     angle = (np.arange(MEAN_VALUES) + 0.5) / MEAN_VALUES * 0.5 * np.pi
     grid = _finer(k, n, angle)
     a, b, weight = _posterior(k, n, np.sin(grid) ** 2)
     chosen = rng.choice(len(weight), DRAWS, p=weight)
-    return rng.beta(a[chosen, None] + k, b[chosen, None] + n - k)
+    return rng.beta(a[chosen], b[chosen])
 
 
 def _finer(k: Array, n: Array, angle: Array) -> Array:

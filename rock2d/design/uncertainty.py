@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rock2d.design.possible_sites import PossibleSites, SiteResults
-from rock2d.design.site_frequencies import frequency_draws
+from rock2d.design.site_frequencies import further_site_draws
 from rock2d.statistics import DESIGN_PERCENTILE, Estimate
 
 if TYPE_CHECKING:
@@ -33,8 +33,7 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     """Passing frequencies of the released and of the arriving blocks, and 95th percentiles of energy, passing height
     and speed over all possible sites; UNCERTAIN_COLUMNS.
 
-    value: median over the sites. low95, high95: bounds of the mixture, over the sites, of what sampling leaves open
-    about each. share_not_known and share_sampling: shares of the variance of what is written here. A frequency's upper
+    value: median over the sites. low95, high95: bounds for a further site, as the real one is. share_not_known and share_sampling: shares of the variance of what is written here. A frequency's upper
     bound counts unresolved releases as passed; unresolved: their share over all sites.
     """
     import pandas as pd
@@ -69,34 +68,14 @@ def _frequency(passed: Array, unresolved: Array, of: Array, rng: np.random.Gener
     passed, unresolved, of = passed[some], unresolved[some], of[some]
     n = of.sum(axis=1)
     k, k_most = (passed & of).sum(axis=1), ((passed | unresolved) & of).sum(axis=1)
-    shares = variance_shares(passed, of)
 
     def bound(counts: Array, level: float) -> float:
-        return further_site_quantile(frequency_draws(counts, n, rng), level, shares[0])
+        return float(np.quantile(further_site_draws(counts, n, rng), level))
 
     lowest = 0.0 if (k == 0).mean() > 0.025 else bound(k, 0.025)
     highest = 1.0 if (k_most == n).mean() > 0.025 else bound(k_most, 0.975)
+    shares = _shares(_between(passed, of), float((k / n * (1 - k / n) / n).mean()))
     return *Estimate.within(float(np.median(k / n)), lowest, highest), *shares
-
-
-def variance_shares(passed: Array, of: Array) -> tuple[float, float]:
-    """Shares of the variance of the frequency with which releases `of` a kind pass that are not known, and that are
-    sampling; (sites, releases) bool, some of the kind on every site."""
-    n = of.sum(axis=1)
-    frequency = (passed & of).sum(axis=1) / n
-    return _shares(_between(passed, of), float((frequency * (1 - frequency) / n).mean()))
-
-
-def further_site_quantile(draws: Array, level: float, share_not_known: float) -> float:
-    """Quantile for a further site from draws (draws, sites) of what is known about each of the others.
-
-    The r-th of n evenly spread sites has (r - 0.5) / n of all sites below it (Hazen's position); a plain quantile of n
-    sites leaves too many outside. The level is moved by this as far as the sites, and not sampling, make the spread,
-    and at most to the middle of the outermost site's draws.
-    """
-    n = np.shape(draws)[-1]
-    moved = np.clip((n * level - 0.5) / (n - 1), 0.5 / n, 1.0 - 0.5 / n) if n > 1 else level
-    return float(np.quantile(draws, share_not_known * moved + (1 - share_not_known) * level))
 
 
 def _between(passed: Array, of: Array) -> float:

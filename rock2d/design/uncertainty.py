@@ -33,8 +33,9 @@ def uncertain_table(sites: PossibleSites, results: SiteResults, seed: int) -> pd
     """Passing frequencies of the released and of the arriving blocks, and 95th percentiles of energy, passing height
     and speed over all possible sites; UNCERTAIN_COLUMNS.
 
-    value: median over the sites. low95, high95: bounds for a further site, as the real one is. share_not_known and share_sampling: shares of the variance of what is written here. A frequency's upper
-    bound counts unresolved releases as passed; unresolved: their share over all sites.
+    value: median over the sites. low95, high95: bounds for a further site, as the real one is. share_not_known and
+    share_sampling: shares of the variance of what is written here. A frequency's upper bound counts unresolved
+    releases as passed; unresolved: their share over all sites.
     """
     import pandas as pd
 

@@ -21,7 +21,7 @@ import numpy as np
 from rock2d.design.command import KeptSizes, conclude
 from rock2d.design.least_size import Answer, Search, Target, least_size, most_sizes
 from rock2d.design.shared_descents import EARTHWORKS
-from rock2d.errors import InputError
+from rock2d.errors import InputError, listed
 from rock2d.files.folders import atomic_folder, check_replaced
 from rock2d.files.scenario import Scenario, load_scenario
 from rock2d.files.scenario_checks import engine_remarks
@@ -188,7 +188,10 @@ def volume_text(combinations: Sequence[Combination]) -> str:
     values = {**best.values, best.answer.place: best.answer.least}
     head = f"least volume: {best.earth_m2:.3g} m³ per metre (fill {best.fill_m2:.3g}, cut {best.cut_m2:.3g}) with "
     bound = "; the range begins there, so smaller ones may hold, too" if best.answer.is_bound else ""
-    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + bound
+    tried = {name: [own.values[name] for own in combinations] for name in best.values}
+    at_end = [name for name, all_of in tried.items() if best.values[name] in (min(all_of), max(all_of))]
+    end = f"; the range of {listed(at_end)} ends there, so less may be found beyond" if at_end else ""
+    return head + ", ".join(f"{name} = {value:.4g}" for name, value in values.items()) + bound + end
 
 
 def volume_figure(combinations: Sequence[Combination]) -> Figure:

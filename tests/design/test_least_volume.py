@@ -9,7 +9,7 @@ import pytest
 from rock2d.design import command, least_volume
 from rock2d.design.command import run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target
-from rock2d.design.least_volume import Combination, minimised, run_least_volume
+from rock2d.design.least_volume import Combination, minimised, run_least_volume, volume_text
 from rock2d.errors import InputError
 from rock2d.files.scenario import load_scenario
 from tests.scenarios_of_tests import small_site
@@ -105,6 +105,17 @@ def test_where_none_holds_the_objective_leads_to_those_that_nearly_do():
 
     objectives = [with_bound(high) for high in (0.31, 0.5, 1.0)]
     assert objectives == sorted(objectives) and objectives[0] > 24.0
+
+
+@pytest.mark.parametrize(("best", "ends"), [((1.0, 5.0), ["x"]), ((2.0, 5.0), []), ((3.0, 4.0), ["x", "y"])])
+def test_a_least_volume_at_the_end_of_a_range_is_told(best, ends):
+    def of(x, y, volume):
+        judged = Judgement(5.0, {"ball": 0.0}, {"ball": 0.0}, {"ball": 0.0}, True)
+        return Combination({"x": x, "y": y}, Answer(PLACE, TARGET, 5.0, 0.1, (judged,)), volume, 0.0)
+
+    tried = [of(*best, 10.0), *(of(x, y, 20.0) for x in (1.0, 3.0) for y in (4.0, 6.0))]
+    said = volume_text(tried).partition("the range of ")[2]
+    assert said == (f"{', '.join(ends)} ends there, so less may be found beyond" if ends else "")
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,11 @@ lint: .venv/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: .venv/bench  ## what the engines cost: a table, and every number in out/benchmarks.json
+# BEFORE names the file of an earlier run, to compare with; ONLY chooses benchmarks by their names, as -k of pytest does.
+bench: .venv/bench  ## what a person waits for: a table, and every number in out/benchmarks.json
 	mkdir -p out
-	$(BIN)/python -m pytest -rs -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
+	$(BIN)/python -m pytest -rs -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json \
+		$(if $(BEFORE),--benchmark-compare=$(BEFORE)) $(if $(ONLY),-k "$(ONLY)")
 
 docs: .venv/docs  ## the documentation, into out/docs/index.html; a dead link fails
 	$(BIN)/python -m mkdocs build

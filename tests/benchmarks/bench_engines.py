@@ -1,12 +1,6 @@
 """What the engines cost, on the paper's set-up and at field scale, and what half the contact step changes.
 
-    make bench
-
-or, with the extra `bench` installed,
-
-    python -m pytest -rs -o addopts= tests/benchmarks/bench_*.py --benchmark-json=out/benchmarks.json
-
-prints a table and writes every number as JSON. What is compared runs in one process in turns, round after round;
+What is compared runs in one process in turns, round after round;
 a ratio is that of one round, stated as the median over the rounds, from the least to the greatest. Nothing here
 passes or fails by the clock.
 """
@@ -29,6 +23,7 @@ from rock2d.files.scenario import load_scenario
 from rock2d.laws.contact import parameter_table
 from rock2d.records.columns import STOPS
 from rock2d.runs.conditions import incident_states
+from tests.benchmarks.calibration import kernel_s, wait
 from tests.scenarios_of_tests import SHIPPED
 
 SETUP = [("paper_setup", block) for block in ("sphere", "cube", "parallelepiped")]
@@ -98,6 +93,7 @@ def test_releases(benchmark, name, block_name):
             POINT_MASS,
             lambda k: run_point_mass_batch(block, cross_section, rebound, many, seeds, **shared),
         ),
+        "kernel": (1, lambda k: kernel_s()),
     }
     if name == "paper_setup":
         parts |= {"one thread": (PYMUNK, one_thread), "pymunk": (PYMUNK, pymunk)}
@@ -130,6 +126,9 @@ def test_releases(benchmark, name, block_name):
             row("the same releases, one core: pymunk / batch", cost["pymunk"] / cost["one thread"]),
         ]
     benchmark.extra_info["rows"] = rows
+    benchmark.extra_info["waits"] = [
+        wait(f"a descent to rest, {name}, {block_name}", cost["batch"], cost["kernel"])
+    ]
 
 
 @pytest.mark.parametrize(("name", "block_name"), SETUP)

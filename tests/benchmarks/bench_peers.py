@@ -22,6 +22,7 @@ import pytest
 
 from rock2d.engines.point_mass_batch import run_point_mass_batch
 from tests.benchmarks.bench_engines import POINT_MASS, ROUNDS, row, scenario_of
+from tests.benchmarks.calibration import wait
 
 PEER = os.environ.get("ROCK2D_PEER_PYTHON", sys.executable)
 # restitution along the normal and the tangent, friction in degrees, roughness
@@ -130,3 +131,4 @@ def test_point_masses(benchmark, peer_name):
         row(f"{peer_name}, processor time of all its threads", 1 / beside, "releases/s"),
         row("point-mass engine, one thread", 1 / cost, "releases/s"),
     ]
+    benchmark.extra_info["waits"] = [wait("a point mass, one thread", cost, beside, peer_name)]

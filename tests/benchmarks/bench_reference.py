@@ -13,6 +13,7 @@ import pytest
 
 from rock2d.engines.batch import run_batch
 from tests.benchmarks.bench_engines import ROUNDS, SETUP, SLOPE, ensemble_of, row, scenario_of
+from tests.benchmarks.calibration import wait
 from tests.benchmarks.reference_kernel import compile_reference, compiler, run_reference
 
 COMPARED = 300  # releases a round
@@ -78,4 +79,8 @@ def test_ratio_to_c(benchmark, one_thread, tmp_path, name, block_name):
         row("a release to rest or exit: batch / C", seconds["batch"] / seconds["reference"], "", same),
         row("batch, one thread, to rest or exit", COMPARED / seconds["batch"], "releases/s"),
         row("C, one thread, to rest or exit", COMPARED / seconds["reference"], "releases/s"),
+    ]
+    own, other = (seconds[name] / COMPARED for name in ("batch", "reference"))
+    benchmark.extra_info["waits"] = [
+        wait(f"a descent to rest, one thread, {name}, {block_name}", own, other, "C")
     ]

@@ -1,8 +1,8 @@
 """Independent jobs on the workers of a running Dask scheduler.
 
-Workers write the files themselves, so they need access to the folder of the results. Workers on other machines need
-a shared file system. If a worker dies, only its current job is lost, and another worker repeats it. A worker should
-have one thread, because the compiled code does not run in parallel threads of one process.
+Where workers write the files themselves, they need access to the folder of the results: on other machines a shared
+file system. If a worker dies, only its current job is lost, and another worker repeats it. A worker should have one
+thread, because the compiled code does not run in parallel threads of one process.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rock2d.errors import InputError
+from rock2d.processes import Processes, numba_threads
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -41,18 +42,37 @@ class Workers:
     scheduler: str | None = None
 
 
+THIS_PROCESS = Workers()  # on all threads
+
+# index of each job and the result of `work(*job)`, in the order in which they finish
+Crew = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Generator[tuple[int, Any]]]
+
+
+@contextmanager
+def crew_of(workers: Workers) -> Iterator[Crew]:
+    """Give what does several rounds of jobs: on a scheduler's workers, in processes or in this one. The jobs write no
+    files. Raises InputError without Dask, and a round what `as_finished_on_cluster` or `Processes` raise."""
+    if workers.scheduler is not None:
+        require_dask()
+        address = workers.scheduler
+        yield lambda work, jobs: as_finished_on_cluster(work, jobs, address, (), None)
+        return
+    with numba_threads(workers.processes), Processes(workers.processes or 1) as processes:
+        yield processes.as_finished
+
+
 def as_finished_on_cluster(
     work: Callable[..., Any],
     jobs: Sequence[tuple[Any, ...]],
     scheduler: str,
     shared: tuple[Any, ...],
-    folder: Path,
+    folder: Path | None,
 ) -> Generator[tuple[int, Any]]:
     """Index of each job and the result of `work(*shared, *job)`, in the order in which they finish; see
     `processes.as_finished`.
 
     scheduler : its address, tcp://host:port
-    folder : absolute; a worker that does not see it is refused
+    folder : absolute, in which the workers write; a worker that does not see it is refused
 
     Raises what `work` raises; InputError if the scheduler does not answer or is lost, if workers keep dying at the
     same job, do not see the folder or have other versions than this process.
@@ -112,13 +132,17 @@ def _room(client: Client) -> int:
 
 
 def _on_worker(
-    work: Callable[..., Any], arguments: tuple[Any, ...], index: int, expected: dict[str, str], folder: Path
+    work: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    index: int,
+    expected: dict[str, str],
+    folder: Path | None,
 ) -> tuple[int, Any]:
     from rock2d.processes import one_thread
 
     if expected != versions():
         raise InputError(f"a worker has {versions()}, this process {expected}", code="no_cluster")
-    if not folder.is_dir():
+    if folder is not None and not folder.is_dir():
         message = "not there for a worker: workers and this process must share a file system"
         raise InputError(message, folder, code="no_cluster")
     one_thread()

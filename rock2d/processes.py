@@ -188,3 +188,16 @@ def one_thread() -> None:
 
     numba.set_num_threads(1)
     threadpool_limits(1)
+
+
+@contextmanager
+def numba_threads(count: int | None) -> Iterator[int]:
+    """Limit the threads to `count`; gives their number."""
+    import numba
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(count or before, before))
+    try:
+        yield numba.get_num_threads()
+    finally:
+        numba.set_num_threads(before)

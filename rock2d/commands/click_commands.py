@@ -13,10 +13,10 @@ from rock2d.runs.engines import ENGINES
 
 ENGINE = click.Choice(list(ENGINES))
 OUTPUT = click.Choice(list(OUTPUTS))
-ON_SCHEDULER = (
-    "on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one thread each, and must share a "
-    "file system with this process: they write the files."
+SCHEDULER_WORKERS = (
+    "on the workers of this Dask scheduler (tcp://host:port). They need rock2d, one thread each"
 )
+ON_SCHEDULER = f"{SCHEDULER_WORKERS}, and must share a file system with this process: they write the files."
 
 
 def command_line() -> str:
@@ -146,6 +146,8 @@ def profile(file, out, overwrite, **options) -> None:
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed instead of the scenario's.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True,
               help="Folder for the table, the curve and the scenario of the least value.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), help="Processes. Default: this process, on all threads.")
+@click.option("--scheduler", metavar="ADDRESS", help=f"Possible sites {SCHEDULER_WORKERS}.")
 @PDF
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--quiet", is_flag=True, help="No progress bar.")
@@ -161,6 +163,8 @@ def design(
     above_kj,
     above_m,
     confidence,
+    workers,
+    scheduler,
     out,
     quiet,
     **options,
@@ -172,6 +176,7 @@ def design(
 
     Example: rock2d design site.yaml --range 2 8 --target 1 --confidence 95
     """
+    from rock2d.cluster import Workers
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target, line_of_place
     from rock2d.design.least_volume import run_least_volume
@@ -179,6 +184,7 @@ def design(
     line = line or line_of_place(place)
     aim = Target(line, target / 100.0, confidence / 100.0, per, 1e3 * (above_kj or 0.0), above_m)
     question = {"progress": not quiet, "command": command_line(), "report": click.echo, **options}
+    question["workers"] = Workers(workers, scheduler)
     if others:
         answer = run_least_volume(scenario, place, bounds, others, aim, out, **question).answer
     else:

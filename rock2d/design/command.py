@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rock2d.cluster import THIS_PROCESS, Workers, crew_of
 from rock2d.design.design_values import norm_remarks
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
@@ -43,6 +44,7 @@ def run_design(
     tolerance: float | None = None,
     overwrite: bool = False,
     progress: bool = True,
+    workers: Workers = THIS_PROCESS,
     command: str = "rock2d.design in Python",
     pdf: bool = False,
     report: Callable[[str], Any] = print,
@@ -52,7 +54,8 @@ def run_design(
     The page, report.html and with `pdf` report.pdf, shows the least size, or the largest if none meets the target; it
     names the `command`.
 
-    An interrupted search goes on where it was. Raises InputError for a mistake in the scenario or the question.
+    An interrupted search goes on where it was. The answer does not depend on the workers. Raises InputError for a
+    mistake in the scenario or the question.
     """
     from rock2d.progress import Bars
 
@@ -63,14 +66,15 @@ def run_design(
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
-    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed)
-    search.check()
-    bars = Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
-    with KeptSizes(search, out) as kept:
-        with size_bars(search, bars, tolerance) as bar_of:
-            answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
-        with atomic_folder(out) as partial:
-            said = conclude(partial, search, answer, command, bars, pdf=pdf)
+    with crew_of(workers) as crew:
+        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, crew=crew)
+        search.check()
+        bars = Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
+        with KeptSizes(search, out) as kept:
+            with size_bars(search, bars, tolerance) as bar_of:
+                answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
+            with atomic_folder(out) as partial:
+                said = conclude(partial, search, answer, command, bars, pdf=pdf)
     report(said)
     report(f"written: {out}")
     return answer

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rock2d.design.possible_sites import SiteResults, draw_sites, simulate_sites
+from rock2d.cluster import Crew
+from rock2d.design.possible_sites import IN_THIS_PROCESS, SiteResults, draw_sites, simulate_sites
 from rock2d.design.shared_descents import SharedDescents, shares_descents
 from rock2d.design.site_frequencies import further_site_draws
 from rock2d.errors import InputError
@@ -188,6 +189,7 @@ class Search:
     target : what must be kept
     engine, seed : of the simulation
     over : other numbers of the file that may vary beside it, with their bounds
+    crew : simulates the possible sites; results do not depend on it
     """
 
     scenario: Scenario
@@ -197,6 +199,7 @@ class Search:
     engine: str
     seed: int
     over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    crew: Crew = field(default=IN_THIS_PROCESS, repr=False, compare=False)
 
     def check(self) -> None:
         """Raises InputError if the places, the line or the bounds make no sense."""
@@ -253,7 +256,7 @@ class Search:
         """Simulate all possible sites with this size, and with these values of `over`, and judge it."""
         variants = self._variants({**others, self.place: size})
         results = simulate_sites(
-            variants, self.engine, self._seeds, self.releases, on_progress, self._descents
+            variants, self.engine, self._seeds, self.releases, on_progress, self._descents, self.crew
         )
         return judge(results, size, self.target, self.seed)
 
@@ -270,12 +273,15 @@ class Search:
         return self._descents is not None
 
     @cached_property
-    def _descents(self) -> SharedDescents | None:
-        """What the releases of all sizes have in common; None if a size changes more than the ground."""
+    def _descents(self) -> list[SharedDescents] | None:
+        """What the releases of all sizes have in common on each site; None if a size changes more than the ground."""
         engine = compiled_engine(self.engine).name
         if not all(shares_descents(self.scenario, place, engine) for place in self.ranges):
             return None
-        return SharedDescents(list(map(self._variants, self.corners)), self._seeds, self.releases)
+        extremes = zip(*map(self._variants, self.corners), strict=True)
+        return [
+            SharedDescents(own, seed, self.releases) for own, seed in zip(extremes, self._seeds, strict=True)
+        ]
 
 
 def judge(results: SiteResults, size: float, target: Target, seed: int) -> Judgement:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rock2d.cluster import THIS_PROCESS, Workers, crew_of
 from rock2d.design.command import KeptSizes, conclude
 from rock2d.design.least_size import Answer, Search, Target, least_size, most_sizes
 from rock2d.design.shared_descents import EARTHWORKS
@@ -77,6 +78,7 @@ def run_least_volume(
     tolerance: float | None = None,
     overwrite: bool = False,
     progress: bool = True,
+    workers: Workers = THIS_PROCESS,
     command: str = "rock2d.design in Python",
     pdf: bool = False,
     report: Callable[[str], Any] = print,
@@ -99,24 +101,25 @@ def run_least_volume(
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
-    search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over)
-    search.check()
-    for corner in search.corners:
-        variant(scenario, corner)  # refused before any work
-    bars = Bars(progress)
-    sizes = MOST_COMBINATIONS * most_sizes(bounds, tolerance)
-    with KeptSizes(search, out) as kept:
-        with bars.stage("combinations", sizes * len(search.sites), "sites") as bar:
+    with crew_of(workers) as crew:
+        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over, crew)
+        search.check()
+        for corner in search.corners:
+            variant(scenario, corner)  # refused before any work
+        bars = Bars(progress)
+        sizes = MOST_COMBINATIONS * most_sizes(bounds, tolerance)
+        with KeptSizes(search, out) as kept:
+            with bars.stage("combinations", sizes * len(search.sites), "sites") as bar:
 
-            def found(values: Mapping[str, float]) -> Combination:
-                answer = least_size(search, lambda size: kept.judged(size, bar, values), tolerance)
-                return _combination(scenario, values, answer)
+                def found(values: Mapping[str, float]) -> Combination:
+                    answer = least_size(search, lambda size: kept.judged(size, bar, values), tolerance)
+                    return _combination(scenario, values, answer)
 
-            combinations = minimised(found, over)
-        with atomic_folder(out) as partial:
-            table = combination_table(combinations)
-            table.to_csv(partial / TABLE, index=False, lineterminator="\n")
-            said = conclude(partial, search, combinations[0].answer, command, bars, combinations, pdf)
+                combinations = minimised(found, over)
+            with atomic_folder(out) as partial:
+                table = combination_table(combinations)
+                table.to_csv(partial / TABLE, index=False, lineterminator="\n")
+                said = conclude(partial, search, combinations[0].answer, command, bars, combinations, pdf)
     rows = table.to_string(index=False, na_rep="none", float_format=lambda value: f"{value:.4g}")
     report(f"{volume_text(combinations)}\n{rows}\n\n{said}\nwritten: {out}")
     return combinations[0]

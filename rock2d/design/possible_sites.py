@@ -9,17 +9,20 @@ share would not show in their spread.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rock2d.cluster import Crew
 from rock2d.design.shared_descents import SharedDescents
 from rock2d.errors import InputError
 from rock2d.files.posterior_table import FACTOR, Posterior
 from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
+from rock2d.processes import Processes
 from rock2d.runs.campaigns.job import job_of
 from rock2d.runs.engines import compiled_engine
 from rock2d.runs.indicators.crossings import CROSSING_VALUES, crossing_values
@@ -29,6 +32,7 @@ from rock2d.runs.indicators.percentiles import QUANTITIES
 Array = np.ndarray
 
 EXTREME_SHARES = np.array([1e-3, 1.0 - 1e-3])  # of a distribution
+IN_THIS_PROCESS: Crew = Processes(1).as_finished
 RELEASES_OF_A_GROUP = 7  # first number of the spawn key
 
 
@@ -113,40 +117,69 @@ def simulate_sites(
     seeds: Sequence[int],
     releases: int,
     on_progress: Callable[[int], Any] = lambda count: None,
-    descents: SharedDescents | None = None,
+    descents: list[SharedDescents] | None = None,
+    crew: Crew = IN_THIS_PROCESS,
 ) -> SiteResults:
     """Simulate releases on each of these scenarios, which have the same blocks and lines; the seed of each says which.
 
-    `on_progress` gets the number of further scenarios that are done; `descents` are what the releases share with those
-    of other sizes. Raises InputError if a scenario cannot be simulated.
+    `on_progress` gets the number of further scenarios that are done; `descents` of each site, which are kept, are what
+    the releases share with those of other sizes; `crew` does the work. Raises InputError if a scenario cannot be
+    simulated.
     """
-    first = scenarios[0]
-    blocks, lines = tuple(first.make_blocks()), tuple(first.make_cross_section().measure_lines)
-    shape = (len(scenarios), len(blocks), len(lines), releases)
+    jobs = [
+        (own, engine, seed, releases, descents[s] if descents else None)
+        for s, (own, seed) in enumerate(zip(scenarios, seeds, strict=True))
+    ]
+    found: dict[int, SiteResults] = {}
+    with closing(crew(_simulated, jobs)) as finished:
+        for s, (found[s], new) in finished:
+            if descents and new:
+                descents[s] = new
+            on_progress(1)
+    return _joined([found[s] for s in range(len(scenarios))])
+
+
+def _simulated(
+    scenario: Scenario, engine: str, seed: int, releases: int, descents: SharedDescents | None
+) -> tuple[SiteResults, SharedDescents | None]:
+    """One site, and its descents if they were not known."""
+    known = descents is None or descents.found is not None
+    shared = descents.of_blocks() if descents else []
+    blocks, lines = tuple(scenario.make_blocks()), tuple(scenario.make_cross_section().measure_lines)
+    shape = (1, len(blocks), len(lines), releases)
     passed, unresolved, arrived = (np.zeros(shape, bool) for _ in range(3))
     crossings = {quantity: np.full(shape, np.nan) for quantity in QUANTITIES}
     chosen = compiled_engine(engine)
     assert chosen.ensemble is not None
-    for s, (scenario, seed) in enumerate(zip(scenarios, seeds, strict=True)):
-        job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
-        job.conditions.check_starts(releases)
-        for b in range(len(job.blocks)):
-            group = job.conditions.group(b, 0, releases)
-            shared = None if descents is None else descents.of(s, b)
-            if shared is not None and shared.serves(group):
-                found = shared.outcome(job, group)
-            else:
-                found = chosen.ensemble(job, group)
-            own = found.passed(len(lines))
-            passed[s, b], unresolved[s, b] = own.T, found.unresolved(len(lines)).T
-            arrived[s, b] = [own[:, here].any(axis=1) for here in arrivals(job.cross_section)]
-            for k, ends in enumerate(job.cross_section.measure_lines.values()):
-                masses = group.masses()[own[:, k]]
-                values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
-                for quantity, of in crossings.items():
-                    of[s, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
-        on_progress(1)
-    return SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
+    job = job_of(scenario, chosen.name, seed, ("crossings",), Path(), "")
+    job.conditions.check_starts(releases)
+    for b in range(len(job.blocks)):
+        group = job.conditions.group(b, 0, releases)
+        served = bool(shared) and shared[b].serves(group)
+        found = shared[b].outcome(job, group) if served else chosen.ensemble(job, group)
+        own = found.passed(len(lines))
+        passed[0, b], unresolved[0, b] = own.T, found.unresolved(len(lines)).T
+        arrived[0, b] = [own[:, here].any(axis=1) for here in arrivals(job.cross_section)]
+        for k, ends in enumerate(job.cross_section.measure_lines.values()):
+            masses = group.masses()[own[:, k]]
+            values = crossing_values(found.crossings[own[:, k], k], ends, job.cross_section, masses)
+            for quantity, of in crossings.items():
+                of[0, b, k, own[:, k]] = values[:, CROSSING_VALUES.index(quantity)]
+    results = SiteResults(blocks, lines, passed, unresolved, arrived, crossings)
+    return results, None if known else descents
+
+
+def _joined(results: Sequence[SiteResults]) -> SiteResults:
+    """Results of several sites, one after the other."""
+    first = results[0]
+    passed, unresolved, arrived = (
+        np.concatenate([getattr(own, name) for own in results])
+        for name in ("passed", "unresolved", "arrived")
+    )
+    crossings = {
+        quantity: np.concatenate([own.crossings[quantity] for own in results]) for quantity in first.crossings
+    }
+    return SiteResults(first.blocks, first.lines, passed, unresolved, arrived, crossings)
 
 
 def check_extremes(scenario: Scenario) -> None:

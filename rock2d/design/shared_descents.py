@@ -70,37 +70,35 @@ class Descent:
         return Outcome(stop, ends, crossings)
 
 
+@dataclass
 class SharedDescents:
-    """Descents of all blocks on all sites; each is simulated when it is first asked for.
+    """Descents of all blocks on a site, which are simulated when they are first asked for.
 
-    Parameters
+    Attributes
     ----------
-    extremes : scenarios of each site, with the smallest sizes first and with the largest last; between them, where
-        several sizes vary, the other corners of their ranges
-    seeds : seeds of the releases of each site
-    releases : number of releases of each block on each site
+    extremes : scenarios of the site, with the smallest sizes first and with the largest last; between them, where
+        several sizes vary, the other corners of their ranges. Empty once the descents are found
+    seed, releases : seed of the releases, and their number, of each block
+    found : the descent of each block
     """
 
-    def __init__(self, extremes: Sequence[Sequence[Scenario]], seeds: Sequence[int], releases: int) -> None:
-        self._extremes, self._seeds, self._releases = extremes, seeds, releases
-        self._found: dict[int, list[Descent]] = {}
+    extremes: Sequence[Scenario]
+    seed: int
+    releases: int
+    found: list[Descent] | None = None
 
-    def of(self, site: int, block: int) -> Descent:
-        """The descent of a block on a site."""
-        if site not in self._found:
-            largest = job_of(
-                self._extremes[-1][site], SHARING_ENGINE, self._seeds[site], ("crossings",), Path(), ""
-            )
-            grounds = [own[site].make_cross_section() for own in self._extremes]
+    def of_blocks(self) -> list[Descent]:
+        """The descent of each block."""
+        if self.found is None:
+            largest = job_of(self.extremes[-1], SHARING_ENGINE, self.seed, ("crossings",), Path(), "")
+            grounds = [own.make_cross_section() for own in self.extremes]
             limits = (
                 min(parting_m(own, largest.cross_section) for own in grounds),
                 min(map(_first_line_m, grounds)),
             )
-            blocks = range(len(largest.blocks))
-            self._found[site] = [
-                _descent(largest, largest.conditions.group(b, 0, self._releases), limits) for b in blocks
-            ]
-        return self._found[site][block]
+            groups = (largest.conditions.group(b, 0, self.releases) for b in range(len(largest.blocks)))
+            self.found, self.extremes = [_descent(largest, group, limits) for group in groups], ()
+        return self.found
 
 
 def shares_descents(scenario: Scenario, place: str, engine: str) -> bool:

@@ -1,4 +1,4 @@
-"""What makes costs comparable between machines, whose speeds differ by a factor of three: a fixed piece of arithmetic."""
+"""What makes costs comparable between machines, whose speeds differ by a factor of three: some fixed arithmetic."""
 
 from __future__ import annotations
 

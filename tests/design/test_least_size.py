@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
+from rock2d.cluster import Workers
 from rock2d.design import command
 from rock2d.design.command import answer_text, run_design
 from rock2d.design.least_size import Answer, Judgement, Search, Target, judge, least_size
@@ -128,6 +129,43 @@ def test_the_command_answers_with_a_scenario_that_meets_the_target(tmp_path):
     assert not list(tmp_path.glob(".*"))
     with pytest.raises(InputError, match="earlier run"):
         run_design(*question, progress=False)
+
+
+@pytest.mark.parametrize("engine", ["batch", "point_mass"])
+def test_workers_and_those_of_a_scheduler_write_the_same_bytes(tmp_path, monkeypatch, engine):
+    """One and two processes, which hold the shared descents of `batch` between the sizes; not the page, which this
+    process draws from the answer."""
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(command, "_write_page", lambda *of: [])
+    small_site(tmp_path, engine=engine)
+
+    def written(name, **workers):
+        out, options = tmp_path / name, {"tolerance": 1.0, "progress": False, "report": lambda line: None}
+        run_design(tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, out, **workers, **options)
+        return {path.name: path.read_bytes() for path in out.iterdir()}
+
+    here = written("threads")
+    assert here.keys() == {"design.csv", "design.json", "least.yaml", "rock2d_result.json"}
+    for processes in (1, 2):
+        assert written(str(processes), workers=Workers(processes)) == here
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as cluster:
+        assert written("scheduler", workers=Workers(scheduler=cluster.scheduler_address)) == here
+        answer = json.loads(here["design.json"])
+        sizes, sites = len(answer["judgements"]), answer["sites"]
+        assert sum(own.state.executed_count for own in cluster.workers.values()) == sizes * sites
+
+
+def test_a_search_whose_scheduler_does_not_answer_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("rock2d.cluster.CONNECT_S", 1)
+    small_site(tmp_path)
+    gone = Workers(scheduler="tcp://localhost:1")
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        run_design(
+            tmp_path / "small.yaml", PLACE, (0.5, 8.0), TARGET, tmp_path / "out", progress=False, workers=gone
+        )
 
 
 def test_an_interrupted_search_goes_on_to_the_same_answer(tmp_path, monkeypatch):

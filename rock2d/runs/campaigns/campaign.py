@@ -11,14 +11,14 @@ import hashlib
 import json
 import shutil
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor, as_completed
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rock2d.cluster import EXTRA, Workers, as_finished_on_cluster, require_dask, versions
+from rock2d.cluster import EXTRA, THIS_PROCESS, Workers, as_finished_on_cluster, require_dask, versions
 from rock2d.errors import InputError
 from rock2d.files.text_files import read_json
 from rock2d.runs.campaigns.outputs import DEFAULT_OUTPUTS, OUTPUTS
@@ -39,7 +39,6 @@ READ_OUTPUTS = {"crossings", "ends"}  # by tables; more than once if they are ve
 TABLES_SHARE = 0.02  # time of the tables as a share of that of the releases
 MANIFEST = "campaign.json"
 OVERWRITE_OR_OUT = "--overwrite replaces it, --out chooses another folder"
-THIS_PROCESS = Workers()  # on all threads
 # keys that change no chunk file and no table, or that the manifest stores outside the scenario
 NOT_DETERMINING = {
     "about",
@@ -286,7 +285,7 @@ def _plan(blocks: int, releases: int, chunk_releases: int) -> list[Chunk]:
 def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Callable[[int], Any]) -> None:
     """Compute chunks on a scheduler's workers, in processes or in this one; `on_progress` gets the number of releases
     that are done."""
-    from rock2d.processes import as_finished
+    from rock2d.processes import as_finished, numba_threads
     from rock2d.runs.campaigns.chunks import run_chunk, warm_up
 
     jobs = [(chunk,) for chunk in todo]
@@ -296,7 +295,7 @@ def _compute(job: Job, todo: Sequence[Chunk], workers: Workers, on_progress: Cal
         warm_up(job)  # so that workers find compiled code in the cache
         finished = as_finished(run_chunk, jobs, workers.processes or 1, (job,))
     else:
-        with _numba_threads(workers.processes) as threads:
+        with numba_threads(workers.processes) as threads:
             if ENGINES[job.engine].chunk_a_thread and min(threads, len(todo)) > 1:
                 _compute_in_threads(job, todo, threads, on_progress)
                 return
@@ -337,16 +336,3 @@ def _compute_in_threads(
     finally:
         over.set()  # Ctrl-C waits for the groups at hand alone
         pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _numba_threads(count: int | None) -> Iterator[int]:
-    """Limit the threads to `count`; gives their number."""
-    import numba
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(min(count or before, before))
-    try:
-        yield numba.get_num_threads()
-    finally:
-        numba.set_num_threads(before)

@@ -53,10 +53,10 @@ def compiler() -> str | None:
     return shutil.which("cc")
 
 
-def compile_reference(folder: Path) -> ctypes.CDLL:
-    """The kernel, compiled into `folder`. Raises CalledProcessError if that fails."""
-    library = folder / "reference.so"
-    command = ["cc", *FLAGS, "-o", str(library), str(SOURCE), "-lm"]
+def compile_reference(folder: Path, *flags: str) -> ctypes.CDLL:
+    """The kernel, compiled into `folder`, with further flags. Raises CalledProcessError if that fails."""
+    library = folder / f"reference{''.join(flags)}.so"
+    command = ["cc", *FLAGS, *flags, "-o", str(library), str(SOURCE), "-lm"]
     subprocess.run(command, check=True, capture_output=True)
     return ctypes.CDLL(str(library))
 

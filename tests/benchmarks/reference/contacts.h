@@ -91,7 +91,7 @@ static void smooth_features(Pose at, double reach, Range near, const World *w, c
 }
 
 /* fill `found` with each contact's nearest feature, depth and rate at state q */
-static void find_features(const double *q, double reach, Range near, const World *w, const Contact *memory,
+static APART void find_features(const double *q, double reach, Range near, const World *w, const Contact *memory,
                           Contact *found) {
     Pose at = pose_of(q);
     for (int64_t j = 0; j < w->contacts; j++) {
@@ -201,7 +201,7 @@ static bool same_feature(const Contact *a, const Contact *b) {
     return a->kind == b->kind && a->index == b->index && a->part == b->part;
 }
 
-static double first_event(double h, double whole, const double *q0, const double *q1, const World *w,
+static APART double first_event(double h, double whole, const double *q0, const double *q1, const World *w,
                           const Contact *memory, const Contact *found) {
     double first = h;
     for (int64_t j = 0; j < w->contacts; j++) {

@@ -5,6 +5,7 @@
    knots, held releases, and the rules that stop a release before it rests or leaves. */
 #include <stdlib.h>
 #include "model.h"
+#include "notes.h"
 #include "ground.h"
 #include "contacts.h"
 #include "steps.h"
@@ -111,7 +112,7 @@ static double reach_of(const double *q, double h, const World *w, const Contact 
     return span * (sqrt(2.0 * held / w->mass) + fabs(w->gravity) * span);
 }
 
-static bool set_anchor(Anchor *anchor, const double *q, double h, const World *w, const Contact *memory) {
+static APART bool set_anchor(Anchor *anchor, const double *q, double h, const World *w, const Contact *memory) {
     bool ball = w->corners == 0;
     int64_t kind, index;
     double allowance = least(ball ? 9.0 : 1.0, most(0.1, 16 * w->facet_m / w->radius)) * w->radius;
@@ -149,7 +150,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
     Impact impact = {0};
     double t = 0.0, until, old[N_STATE], highest = 0.0, growth = 1.0, share = 1.0, force, depth, h_contact = sizes.other;
     int64_t active = 0, steps = 0, looked = 0, count = 0, done;
-    bool is_open = false, left = false, stale = false, noticed = false, buried = is_buried(q, w), near, flying;
+    bool aloft = false, is_open = false, left = false, stale = false, noticed = false, buried = is_buried(q, w), near, flying;
     int stop = STOP_TIME;
     for (int64_t j = 0; j < w->contacts; j++)
         memory[j].key = found[j].key = -1, memory[j].depth = found[j].depth = NOWHERE;
@@ -169,11 +170,15 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
                 tau = least(tau, time_limit - t);
                 fly(q, tau, w->gravity);
                 cross(t, tau, old, q, true, w, crossings);
+                NOTE(STRIDES);
+                if (!aloft) NOTE(FLIGHTS);
+                aloft = true;
                 t += tau;
                 noticed = stale = false;
                 continue;
             }
         }
+        if (active > 0) aloft = false;
         if (steps >= looked) {
             looked = steps + 8;
             growth = least(4.0, step_growth(highest, memory, w)), share = 1.0;
@@ -193,6 +198,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
             steps += done;
             flying = why == HOPPED;
             if (flying) {
+                NOTE(HOPS);
                 looked = steps;
             } else if (why) {
                 bool moved = done > 0 || old[X] != anchor.x || old[Y] != anchor.y;
@@ -226,6 +232,7 @@ static int release(const World *w, double *q, StepSizes sizes, double time_limit
             }
             flying = active == 0;
             if (stale) look_again(q, seen, w, memory, found), stale = false;
+            NOTE(FULL_STEPS);
             until = t + step(q, h, seen, w, memory, found, &audit, floating);
             int64_t before = active;
             active = pressure(memory, w, &force, &depth);

@@ -20,7 +20,7 @@ static bool note_pressure(Impact *impact, bool left, double force, double depth,
     return true;
 }
 
-static int64_t load_active(const World *w, const Contact *memory, Loaded *loaded) {
+static APART int64_t load_active(const World *w, const Contact *memory, Loaded *loaded) {
     int64_t active = 0;
     for (int64_t j = 0; j < w->contacts; j++) {
         const Contact *m = memory + j;
@@ -69,7 +69,7 @@ static void oscillation(const double *q, double h, const World *w, const Loaded 
     *end = rest + a * c1 + b * s1, *rate_1 = omega * (b * c1 - a * s1);
 }
 
-static void runge_kutta(const double *q, double c0, double s0, double h, const World *w, int64_t active,
+static APART void runge_kutta(const double *q, double c0, double s0, double h, const World *w, int64_t active,
                         Loaded *loaded, double *q1, double *taken_t, double *taken_r) {
     double x = q[X], y = q[Y], vx = q[VX], vy = q[VY], omega = q[OMEGA], g = w->gravity, c = c0, s = s0;
     *taken_t = *taken_r = 0.0;
@@ -135,7 +135,7 @@ static void runge_kutta(const double *q, double c0, double s0, double h, const W
 }
 
 /* what a trial step leaves in the memory of a contact */
-static inline void note_outcome(Loaded *l) {
+static inline APART void note_outcome(Loaded *l) {
     const Law *p = &l->law;
     double peak = l->peak, before = l->depth_0 - l->offset, after = l->depth_1 - l->offset, plastic = 0.0;
     l->normal_0 = force_at(before, peak, l->bottom, p->k_l, p->k_ul);
@@ -154,7 +154,7 @@ static inline double gain_of(const double *q, const double *q1, double h, const 
     return w->mass * (q1[VX] * dx + q1[VY] * dy) + w->inertia * q1[OMEGA] * turn;
 }
 
-static inline bool step_error(const double *q, const double *q1, double h, double *work_t, double *work_r,
+static inline APART bool step_error(const double *q, const double *q1, double h, double *work_t, double *work_r,
                               const World *w, int64_t active, const Loaded *loaded, double *made, double *against) {
     double kinetic = kinetic_energy(q1, w);
     double error = kinetic - kinetic_energy(q, w) + w->mass * w->gravity * (q1[Y] - q[Y]);
@@ -186,7 +186,7 @@ static inline bool step_error(const double *q, const double *q1, double h, doubl
     return fabs(error) > most(most(allowed, 1e-7 * kinetic), rounding);
 }
 
-static inline void keep_energy(const double *q, double *q1, double h, double error, double scale, const World *w,
+static inline APART void keep_energy(const double *q, double *q1, double h, double error, double scale, const World *w,
                                Audit *audit) {
     if (fabs(error) <= 0.0005 * scale) audit->pending += error;
     double dx = q1[VX] - q[VX], dy = q1[VY] - q[VY] + w->gravity * h, turn = q1[OMEGA] - q[OMEGA];
@@ -201,13 +201,36 @@ static inline void keep_energy(const double *q, double *q1, double h, double err
     audit->corrected += fabs(paid), audit->pending -= paid;
 }
 
+/* the changes of branch since the step before; before the step is taken into the memory */
+static inline void note_branches(const Loaded *loaded, int64_t active) {
+#ifdef COUNTS
+    for (int64_t a = 0; a < active; a++) {
+        const Loaded *l = loaded + a;
+        const Law *p = &l->law;
+        int64_t j = l->which;
+        double depth = l->depth_1 - l->offset, bottom = residual(l->peak_1, p->k_l, p->k_ul);
+        bool loads = depth >= l->peak_1 && l->rate_1 > 0.0, floats_now = l->normal_1 <= 0.0 && depth <= bottom;
+        note_branch(&branch_of[j].normal, loads ? 0 : floats_now ? 2 : 1, NORMAL_EVENTS);
+        if (l->normal_1 <= 0.0) {
+            branch_of[j].slips = branch_of[j].turns = -1;
+            continue;
+        }
+        note_branch(&branch_of[j].slips, p->k_t > 0.0 && l->tangential_1 != p->k_t * l->taken_displacement,
+                    FRICTION_EVENTS);
+        note_branch(&branch_of[j].turns, p->k_r > 0.0 && l->moment_1 != p->k_r * l->taken_rotation, ROLLING_EVENTS);
+    }
+#else
+    (void)loaded, (void)active;
+#endif
+}
+
 static inline bool lands(double event_s, double h, int landings) {
     return event_s < h && landings < MOST_LANDINGS && (landings == 0 || event_s <= LANDED * h);
 }
 static inline bool floats(double depth, double rate, double step) { return depth <= 0.0 && depth + 0.01 * rate * step < 0.0; }
 static inline bool goes_deeper(double depth, double rate, double step) { return rate * step > LEAST_EVENT * depth; }
 
-static inline void place(Loaded *l, const double *q1, Pose at) {
+static inline APART void place(Loaded *l, const double *q1, Pose at) {
     Point p = place_feature(&l->feature, at);
     l->depth_1 = p.depth;
     l->rate_1 = -((q1[VX] - q1[OMEGA] * p.ry) * p.nx + (q1[VY] + q1[OMEGA] * p.rx) * p.ny);
@@ -290,7 +313,7 @@ static void begin_contact(Contact *m, const Contact *found, const World *w) {
     m->active = 1, m->offset = found->depth;
 }
 
-static void commit(const World *w, Contact *memory, const Contact *found, const Loaded *loaded, int64_t active,
+static APART void commit(const World *w, Contact *memory, const Contact *found, const Loaded *loaded, int64_t active,
                    double work_t, double work_r, Audit *audit) {
     double change_t = 0.0, change_r = 0.0, gained_t, gained_r;
     for (int64_t j = 0; j < w->contacts; j++) {
@@ -302,6 +325,7 @@ static void commit(const World *w, Contact *memory, const Contact *found, const 
         if (touches(found + j, w)) {
             m->peak = m->displacement = m->rotation = 0.0;
             begin_contact(m, found + j, w);
+            forget_branches(j);
         }
     }
     for (int64_t a = 0; a < active; a++) {
@@ -317,7 +341,10 @@ static int64_t begin(const double *q, Range near, const World *w, Contact *memor
     for (int64_t j = 0; j < w->contacts; j++) {
         memory[j].depth = found[j].depth, memory[j].rate = found[j].rate;
         memory[j].key = found[j].depth != NOWHERE ? found[j].key : -1;
-        if (touches(found + j, w)) begin_contact(memory + j, found + j, w), active++;
+        if (touches(found + j, w)) {
+            begin_contact(memory + j, found + j, w), active++;
+            forget_branches(j);
+        }
     }
     return active;
 }
@@ -331,7 +358,7 @@ static void look_again(const double *q, Range near, const World *w, Contact *mem
         }
 }
 
-static double step(double *q, double h, Range near, const World *w, Contact *memory, Contact *found, Audit *audit,
+static APART double step(double *q, double h, Range near, const World *w, Contact *memory, Contact *found, Audit *audit,
                    bool floating) {
     Loaded loaded[MOST_CONTACTS];
     double q1[N_STATE], speed = sqrt(q[VX] * q[VX] + q[VY] * q[VY]), whole = h, work_t, work_r, error, scale;
@@ -345,20 +372,24 @@ static double step(double *q, double h, Range near, const World *w, Contact *mem
     while (true) {
         note_pressed(loaded, active, whole);
         runge_kutta(q, at.c, at.s, h, w, pressing, loaded, q1, &work_t, &work_r);
+        if (active > 0) NOTE(TRIALS);
         Pose at_1 = pose_of(q1);
         for (int64_t a = 0; a < active; a++) place(loaded + a, q1, at_1), note_outcome(loaded + a);
         bool too_long = step_error(q, q1, h, &work_t, &work_r, w, active, loaded, &error, &scale);
         find_features(q1, reach, near, w, memory, found);
         double event_s = first_event(h, whole, q, q1, w, memory, found);
         if (lands(event_s, h, landings)) {
+            NOTE(LANDED_ON);
             h = event_s, landings++;
             continue;
         }
         if (!too_long || halvings == MOST_HALVINGS) break;
+        NOTE(HALVED);
         h *= 0.5, whole = h, landings = 0, halvings++;
     }
     if (active > 0) keep_energy(q, q1, h, error, scale, w, audit);
     for (int i = 0; i < N_STATE; i++) q[i] = q1[i];
+    note_branches(loaded, active);
     commit(w, memory, found, loaded, active, work_t, work_r, audit);
     return h;
 }
@@ -377,7 +408,7 @@ static void load_facet(Loaded *l, const Facet *facet, const double *q, Pose at, 
     l->rate_0 = -((q[VX] - q[OMEGA] * p.ry) * p.nx + (q[VY] + q[OMEGA] * p.rx) * p.ny);
 }
 
-static inline int64_t follow_run(Loaded *l, int64_t index, const double *q, double c, double s, const World *w,
+static inline APART int64_t follow_run(Loaded *l, int64_t index, const double *q, double c, double s, const World *w,
                                  Audit *audit) {
     const Facet *facets = w->facets;
     double px = q[X], py = q[Y];
@@ -396,7 +427,7 @@ static inline int64_t follow_run(Loaded *l, int64_t index, const double *q, doub
     return found;
 }
 
-static inline double first_loaded_event(double h, double whole, const Loaded *loaded, int64_t active) {
+static inline APART double first_loaded_event(double h, double whole, const Loaded *loaded, int64_t active) {
     double first = h;
     for (int64_t a = 0; a < active; a++) {
         const Loaded *l = loaded + a;
@@ -406,7 +437,7 @@ static inline double first_loaded_event(double h, double whole, const Loaded *lo
     return first;
 }
 
-static inline void commit_loaded(Loaded *loaded, int64_t active, double work_t, double work_r, Audit *audit,
+static inline APART void commit_loaded(Loaded *loaded, int64_t active, double work_t, double work_r, Audit *audit,
                                  double *total, double *deepest) {
     double stored_t = 0.0, stored_r = 0.0;
     *total = *deepest = 0.0;
@@ -426,7 +457,7 @@ static inline void commit_loaded(Loaded *loaded, int64_t active, double work_t, 
 }
 
 /* how long a floating ball may fly in one step */
-static double hop_s(const double *q, int64_t active, const Loaded *loaded, const World *w, const Contact *memory,
+static APART double hop_s(const double *q, int64_t active, const Loaded *loaded, const World *w, const Contact *memory,
                     const Anchor *anchor, double longest) {
     double g = w->gravity, pace = fabs(q[VX]) + fabs(q[VY]) + g * longest;
     double time = least(longest, (anchor->guard - fabs(q[X] - anchor->x) - fabs(q[Y] - anchor->y)) / most(pace, 1e-300));
@@ -451,7 +482,7 @@ static double hop_s(const double *q, int64_t active, const Loaded *loaded, const
 }
 
 /* steps within the guard; returns why it ended, 0 for no reason of its own */
-static int fast_contact_steps(double *q, double *now, int64_t steps, double time_limit, StepSizes sizes,
+static APART int fast_contact_steps(double *q, double *now, int64_t steps, double time_limit, StepSizes sizes,
                               const Anchor *anchor, const World *w, Contact *memory, Impact *impact, bool *is_left,
                               Audit *audit, int64_t *made, double *share) {
     Loaded loaded[MOST_CONTACTS];
@@ -488,6 +519,7 @@ static int fast_contact_steps(double *q, double *now, int64_t steps, double time
         note_pressed(loaded, active, h);
         while (true) {
             runge_kutta(q, c, s, first, w, unpressed ? 0 : active, loaded, q1, &work_t, &work_r);
+            NOTE(TRIALS);
             if (unpressed)
                 for (int64_t a = 0; a < active; a++)
                     loaded[a].taken_displacement = 0.0, loaded[a].taken_rotation = loaded[a].rotation;
@@ -502,16 +534,20 @@ static int fast_contact_steps(double *q, double *now, int64_t steps, double time
             if (why) break;
             double event_s = first_loaded_event(first, whole, loaded, active);
             if (lands(event_s, first, landings)) {
+                NOTE(LANDED_ON);
                 first = event_s, landings++;
                 continue;
             }
             for (int64_t a = 0; a < active; a++) note_outcome(loaded + a);
             bool too_long = step_error(q, q1, first, &work_t, &work_r, w, active, loaded, &error, &scale);
             if (!too_long || halvings == MOST_HALVINGS) break;
+            NOTE(HALVED);
             first *= 0.5, sizes.share *= 0.5, whole = first, landings = 0, halvings++;
             note_pressed(loaded, active, whole);
         }
         if (why) break;
+        NOTE(FAST_STEPS);
+        note_branches(loaded, active);
         commit_loaded(loaded, active, work_t, work_r, audit, &force, &deepest);
         keep_energy(q, q1, first, error, scale, w, audit);
         for (int64_t a = 0; a < active; a++) {

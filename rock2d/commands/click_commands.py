@@ -179,16 +179,13 @@ def design(
     from rock2d.cluster import Workers
     from rock2d.design.command import run_design
     from rock2d.design.least_size import Target, line_of_place
-    from rock2d.design.least_volume import run_least_volume
 
     line = line or line_of_place(place)
     aim = Target(line, target / 100.0, confidence / 100.0, per, 1e3 * (above_kj or 0.0), above_m)
-    question = {"progress": not quiet, "command": command_line(), "report": click.echo, **options}
-    question["workers"] = Workers(workers, scheduler)
-    if others:
-        answer = run_least_volume(scenario, place, bounds, others, aim, out, **question).answer
-    else:
-        answer = run_design(scenario, place, bounds, aim, out, **question)
+    answer = run_design(
+        scenario, place, bounds, aim, out, over=others, workers=Workers(workers, scheduler), progress=not quiet,
+        command=command_line(), report=click.echo, **options,
+    )  # fmt: skip
     if answer.least is None:
         sys.exit(4)
 

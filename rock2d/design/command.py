@@ -13,6 +13,14 @@ from typing import TYPE_CHECKING, Any
 from rock2d.cluster import THIS_PROCESS, Workers, crew_of
 from rock2d.design.design_values import norm_remarks
 from rock2d.design.least_size import Answer, Judgement, Search, Target, least_size, size_bars, work_of_sizes
+from rock2d.design.least_volume import (
+    TABLE,
+    Combination,
+    check_varied,
+    combination_table,
+    least_volume,
+    volume_text,
+)
 from rock2d.files.folders import atomic_folder, check_replaced, make_folder, path_inside, write_whole
 from rock2d.files.saved_arrays import fingerprint
 from rock2d.files.scenario import Scenario, load_scenario
@@ -24,7 +32,6 @@ from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.runs.tables import table_note
 
 if TYPE_CHECKING:
-    from rock2d.design.least_volume import Combination
     from rock2d.progress import Bar, Bars
 
 FLOOR_OF_TARGET = 0.5  # share of the target: if the largest size has a higher bound, sampling decides
@@ -39,6 +46,7 @@ def run_design(
     target: Target,
     out: Path,
     *,
+    over: Sequence[tuple[str, float, float]] = (),
     engine: str | None = None,
     seed: int | None = None,
     tolerance: float | None = None,
@@ -52,7 +60,8 @@ def run_design(
     """Find the least size, write the folder `out` (design.json, design.csv, least.yaml, page and figures), and report.
 
     The page, report.html and with `pdf` report.pdf, shows the least size, or the largest if none meets the target; it
-    names the `command`.
+    names the `command`. With numbers to vary `over` (place, low, high), the answer is that of the least volume of
+    earth; combinations.csv and combinations.png lie beside it.
 
     An interrupted search goes on where it was. The answer does not depend on the workers. Raises InputError for a
     mistake in the scenario or the question.
@@ -62,21 +71,27 @@ def run_design(
     if pdf:
         check_printer()
     scenario = load_scenario(path)
+    ranges = {name: (low, high) for name, low, high in over}
+    check_varied(place, ranges)
     check_replaced(out, overwrite)
     for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
         report(remark)
     own_seed = scenario.seed if seed is None else seed
     with crew_of(workers) as crew:
-        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, crew=crew)
+        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, ranges, crew)
         search.check()
-        bars = Bars(progress, {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
+        bars = Bars(progress, {} if over else {**work_of_sizes(search, tolerance), PAGE: PAGE_WORK})
+        combinations: list[Combination] = []
         with KeptSizes(search, out) as kept:
-            with size_bars(search, bars, tolerance) as bar_of:
-                answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
+            if over:
+                combinations = least_volume(search, kept.judged, bars, tolerance)
+                answer = combinations[0].answer
+            else:
+                with size_bars(search, bars, tolerance) as bar_of:
+                    answer = least_size(search, lambda size: kept.judged(size, bar_of(size)), tolerance)
             with atomic_folder(out) as partial:
-                said = conclude(partial, search, answer, command, bars, pdf=pdf)
-    report(said)
-    report(f"written: {out}")
+                said = conclude(partial, search, answer, command, bars, combinations, pdf)
+    report(f"{said}\nwritten: {out}")
     return answer
 
 
@@ -126,12 +141,17 @@ def conclude(
     answer: Answer,
     command: str,
     bars: Bars,
-    combinations: Sequence[Combination] = (),
-    pdf: bool = False,
+    combinations: Sequence[Combination],
+    pdf: bool,
 ) -> str:
-    """Write design.json, design.csv, least.yaml and the page of an answer, which is that of the first of the
-    `combinations`, if several numbers were sought; and say it."""
+    """Write design.json, design.csv, combinations.csv, least.yaml and the page of an answer, and say it. If several
+    numbers were sought the answer is that of the first of the `combinations`."""
+    volume = []
     if combinations:
+        table = combination_table(combinations)
+        table.to_csv(folder / TABLE, index=False, lineterminator="\n")
+        rows = table.to_string(index=False, na_rep="none", float_format=lambda value: f"{value:.4g}")
+        volume = [f"{volume_text(combinations)}\n{rows}\n"]
         best = variant(search.scenario, combinations[0].values, uncertain=True)
         search = replace(search, scenario=best, over={})
     about = {"engine": search.engine, "seed": search.seed, "sites": len(search.sites)}
@@ -139,7 +159,7 @@ def conclude(
     with bars.stage(PAGE, 1, "step") as bar:
         taken = _write_page(folder, search, answer, command, combinations, pdf)
         bar.update()
-    return "\n".join([answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
+    return "\n".join([*volume, answer_text(answer, search), *taken, *norm_remarks(search.scenario)])
 
 
 def answer_text(answer: Answer, search: Search) -> str:

@@ -13,27 +13,22 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rock2d.cluster import THIS_PROCESS, Workers, crew_of
-from rock2d.design.command import KeptSizes, conclude
-from rock2d.design.least_size import Answer, Search, Target, least_size, most_sizes
+from rock2d.design.least_size import Answer, Judgement, Search, least_size, most_sizes
 from rock2d.design.shared_descents import EARTHWORKS
 from rock2d.errors import InputError, listed
-from rock2d.files.folders import atomic_folder, check_replaced
-from rock2d.files.scenario import Scenario, load_scenario
-from rock2d.files.scenario_checks import engine_remarks
+from rock2d.files.scenario import Scenario
 from rock2d.files.scenario_variants import variant
-from rock2d.graphics.printing import check_printer
-from rock2d.runs.diagnosis_remarks import diagnosis_remarks
 from rock2d.scene.earthworks import earth_moved_m2
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from rock2d.progress import Bar, Bars
 
 MOST_OTHERS = 3
 MOST_COMBINATIONS = 40
@@ -65,77 +60,38 @@ class Combination:
         return self.earth_m2 * (2.0 + math.log10(max(largest.high.values()) / target.frequency))
 
 
-def run_least_volume(
-    path: Path,
-    place: str,
-    bounds: tuple[float, float],
-    others: Sequence[tuple[str, float, float]],
-    target: Target,
-    out: Path,
-    *,
-    engine: str | None = None,
-    seed: int | None = None,
-    tolerance: float | None = None,
-    overwrite: bool = False,
-    progress: bool = True,
-    workers: Workers = THIS_PROCESS,
-    command: str = "rock2d.design in Python",
-    pdf: bool = False,
-    report: Callable[[str], Any] = print,
-) -> Combination:
-    """Find the earthworks of least volume over `place` and the `others` (place, low, high).
-
-    Writes the folder `out`: that of `run_design` for the best combination, with combinations.csv and
-    combinations.png beside it. An interrupted search goes on where it was.
-
-    Raises InputError for a mistake in the scenario or the question.
-    """
-    from rock2d.progress import Bars
-
-    if pdf:
-        check_printer()
-    scenario = load_scenario(path)
-    over = {name: (low, high) for name, low, high in others}
-    _check(scenario, place, over)
-    check_replaced(out, overwrite)
-    for remark in (*diagnosis_remarks(scenario), *engine_remarks(scenario, engine)):
-        report(remark)
-    own_seed = scenario.seed if seed is None else seed
-    with crew_of(workers) as crew:
-        search = Search(scenario, place, bounds, target, engine or scenario.engine, own_seed, over, crew)
-        search.check()
-        for corner in search.corners:
-            variant(scenario, corner)  # refused before any work
-        bars = Bars(progress)
-        sizes = MOST_COMBINATIONS * most_sizes(bounds, tolerance)
-        with KeptSizes(search, out) as kept:
-            with bars.stage("combinations", sizes * len(search.sites), "sites") as bar:
-
-                def found(values: Mapping[str, float]) -> Combination:
-                    answer = least_size(search, lambda size: kept.judged(size, bar, values), tolerance)
-                    return _combination(scenario, values, answer)
-
-                combinations = minimised(found, over)
-            with atomic_folder(out) as partial:
-                table = combination_table(combinations)
-                table.to_csv(partial / TABLE, index=False, lineterminator="\n")
-                said = conclude(partial, search, combinations[0].answer, command, bars, combinations, pdf)
-    rows = table.to_string(index=False, na_rep="none", float_format=lambda value: f"{value:.4g}")
-    report(f"{volume_text(combinations)}\n{rows}\n\n{said}\nwritten: {out}")
-    return combinations[0]
-
-
-def _check(scenario: Scenario, place: str, over: Mapping[str, tuple[float, float]]) -> None:
+def check_varied(place: str, over: Mapping[str, tuple[float, float]]) -> None:
+    """Raises InputError if numbers to vary beside `place` are too many, or not of the earthworks."""
     if place in over:
         raise InputError(f"{place} is sought and varied over, too")
     if len(over) > MOST_OTHERS:
         raise InputError(f"{len(over)} numbers are too many: vary up to {MOST_OTHERS} beside {place}")
-    for name in (place, *over):
+    for name in (place, *over) if over else ():
         if name.split(".")[0] not in EARTHWORKS:
             raise InputError(
                 f"{name} is no number of the earthworks; --over seeks the least volume over numbers of embankment and "
                 "ditch. What is not known stands under uncertainty"
             )
+
+
+def least_volume(
+    search: Search,
+    judged: Callable[[float, Bar, Mapping[str, float]], Judgement],
+    bars: Bars,
+    tolerance: float | None,
+) -> list[Combination]:
+    """Every combination of `search.over` that was tried, that of least volume first. Raises InputError if a corner of
+    the ranges makes no sense, before any work."""
+    for corner in search.corners:
+        variant(search.scenario, corner)
+    sizes = MOST_COMBINATIONS * most_sizes(search.bounds, tolerance)
+    with bars.stage("combinations", sizes * len(search.sites), "sites") as bar:
+
+        def found(values: Mapping[str, float]) -> Combination:
+            answer = least_size(search, lambda size: judged(size, bar, values), tolerance)
+            return _combination(search.scenario, values, answer)
+
+        return minimised(found, search.over)
 
 
 def _combination(scenario: Scenario, values: Mapping[str, float], answer: Answer) -> Combination:

@@ -118,7 +118,7 @@ def film_sentences(result: Diagnosis) -> list[str]:
     names = {own for name in found.named for own in (name, *found.group(name))}
     if not ((film.off and not TWINS.keys() & names) or (film.turned and "camera_tilt" not in names)):
         return said
-    phases = {name: catalogue()[name].phase for name in [*found.named, *found.uncertain]}
+    phases = {name: catalogue()[name].phase for name in [*sorted(found.named), *found.uncertain]}
     acting = [name for name, phase in phases.items() if phase != "impact"]
     learnt = [change.name for change in found.learnt.changes if change.lever == FLIGHT]
     if acting or learnt:

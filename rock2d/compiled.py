@@ -264,8 +264,9 @@ def in_threads(work: Any, n: int, given: tuple[Any, ...], least: int = 1) -> Non
         for low, high in parts:
             work(low, high, *given)
 
-    taking = [_pool(threads).submit(take_parts) for _ in range(threads)]
+    taking = [_pool(threads - 1).submit(take_parts) for _ in range(threads - 1)]
     try:
+        take_parts()
         for own in taking:
             own.result()
     finally:

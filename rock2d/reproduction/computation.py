@@ -14,13 +14,11 @@ import numpy as np
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.files.folders import make_folder
 from rock2d.files.saved_arrays import fingerprint, load_arrays, save_arrays
-from rock2d.files.scenario import load_scenario
-from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
 from rock2d.reproduction import published, stages
 from rock2d.reproduction.arrival_results import ArrivalStages
 from rock2d.reproduction.arrivals import calibrate_with_arrivals
-from rock2d.reproduction.hypotheses import known_setup
+from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.missing_effects import deterministic_candidates, point_mass_candidates
 from rock2d.reproduction.results import Results, evaluate
 from rock2d.reproduction.stages import Effort
@@ -31,7 +29,6 @@ OnProgress = Callable[[float], None]
 
 PREDICTIONS, FIGURES = "predictions", "figures"  # stages after the calibrations
 
-SCENARIO = "paper_setup.yaml"
 # calibration -> its work with this effort, relative to the others
 WORK_EFFORT = Effort(96, 16)
 WORK = {
@@ -64,7 +61,7 @@ def compute_results(
 
     With `candidates` also the deterministic model with candidate effects, on held-out blocks.
     """
-    known = known_setup(load_scenario(scenario_file(SCENARIO)))
+    known = KNOWN_SETUP
     seeds = np.random.SeedSequence(seed).spawn(10)
     samples = {
         "deterministic": finished.sample(

@@ -11,17 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Quantity, Space
-from rock2d.reproduction.published import BLOCKS, CONTACT_PARAMETERS, DROP_M, LINES
+from rock2d.reproduction import published
+from rock2d.reproduction.published import BLOCKS, DROP_M, LINES
 from rock2d.scene.blocks import Block
 from rock2d.scene.cross_section import CrossSection
-
-if TYPE_CHECKING:
-    from rock2d.files.scenario import Scenario
 
 Array = np.ndarray
 Values = Mapping[str, Array]
@@ -70,17 +67,7 @@ class KnownSetup:
     gravity_m_s2: float
 
 
-def known_setup(scenario: Scenario) -> KnownSetup:
-    """Blocks, embankment and gravity of a scenario. Raises KeyError if a block of the paper is missing."""
-    section = scenario.make_cross_section()
-    embankment = section.embankment
-    assert embankment is not None
-    blocks = scenario.make_blocks()
-    crest = section.points_m[embankment.crest : embankment.crest_end + 1, 0]
-    return KnownSetup(
-        {name: blocks[name] for name in BLOCKS}, float(embankment.height_m), float(np.ptp(crest)),
-        scenario.gravity_m_s2,
-    )  # fmt: skip
+KNOWN_SETUP = KnownSetup(published.SETUP_BLOCKS, published.HEIGHT_M, published.CREST_M, 9.81)
 
 
 def arrival_quantities(block: str) -> tuple[Quantity, ...]:
@@ -182,9 +169,20 @@ def _cross_section(
 
 def table_4(values: Values) -> dict[str, Array]:
     """Hypotheses with the parameters of Table 4 instead of their own."""
-    ones, paper = np.ones(len(values["slope_deg"])), CONTACT_PARAMETERS
+    ones, paper = np.ones(len(values["slope_deg"])), published.CONTACT_PARAMETERS
     own = {name: value * ones for name, value in paper.items() if name != "k_ul_N_m"}
     return {**values, **own, "restitution": np.sqrt(paper["k_l_N_m"] / paper["k_ul_N_m"]) * ones}
+
+
+def table_3(values: Values, momentum_factor: float = 1.0) -> dict[str, Array]:
+    """Hypotheses with the parameters of Table 3 that do not depend on the block instead of their own; both thresholds
+    of the momentum times a factor."""
+    ones = np.ones(len(values["slope_deg"]))
+    own = {
+        name: value * ones * (momentum_factor if "momentum" in name else 1.0)
+        for name, value in published.REBOUND_PARAMETERS.items()
+    }
+    return {**values, **own}
 
 
 def contact_table(values: Values) -> Array:

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from rock2d.scene.blocks import make_block
+
 RELEASES = 50  # per block
 BLOCKS = ("sphere", "cube", "parallelepiped")
 LINES = ("line_1", "line_2", "line_3")
+
+# Table 1. Its masses are used; its densities contradict them
+SETUP_BLOCKS = {
+    block.name: block
+    for block in (
+        make_block("sphere", "circle", 0.0220, "solid_sphere", diameter_m=0.025),
+        make_block("cube", "square", 0.0233, side_m=0.019),
+        make_block("parallelepiped", "rectangle", 0.0231, length_m=0.035, height_m=0.014),
+    )
+}
+HEIGHT_M, CREST_M = 0.083, 0.055  # of the embankment
 
 # Table 2: passing frequencies in %, a row a block, a column a line
 EXPERIMENT = np.array([[100, 86, 42], [86, 32, 0], [82, 6, 0]])
 PROBABILISTIC = np.array([[94, 90, 40], [100, 32, 0], [100, 10, 0]])
 DETERMINISTIC = np.array([[100, 98, 42], [100, 46, 2], [100, 18, 0]])
+
+COLUMNS = {"deterministic": DETERMINISTIC, "probabilistic": PROBABILISTIC}  # of the paper's models
 
 # Table 3, beside the blocks' slope reductions: ditch, facing
 REBOUND_PARAMETERS = {

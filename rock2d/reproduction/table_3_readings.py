@@ -22,6 +22,7 @@ from rock2d.reproduction.hypotheses import (
     KnownSetup,
     Values,
     arrival_quantities,
+    table_3,
 )
 from rock2d.reproduction.outcomes import Outcome, probabilistic_outcome
 from rock2d.reproduction.stages import (
@@ -72,15 +73,6 @@ class Reading:
         )
         return Space((*setup, *arrival_quantities(BLOCK)))
 
-    def with_table_3(self, values: Values) -> dict[str, Array]:
-        """Hypotheses with the parameters of Table 3."""
-        ones = np.ones(len(values["slope_deg"]))
-        own = {
-            name: value * ones * (self.momentum_factor if "momentum" in name else 1.0)
-            for name, value in published.REBOUND_PARAMETERS.items()
-        }
-        return {**values, **own}
-
 
 STEEP, GENTLE, NEARLY_UPRIGHT, LEANING = (55.0, 75.0), (35.0, 55.0), (0.0, 30.0), (30.0, 90.0)
 READINGS = (
@@ -112,7 +104,7 @@ def readings_computed(
         sample = calibrate(reading.space, partial(_factors, reading, known), effort, run_seed, share_done)
         values = reading.space.values(sample.u)
         draws = standard_normal_draws(PREDICTION_RELEASES, draw_seed)[BLOCK]
-        outcome = probabilistic_outcome(known, reading.with_table_3(values), BLOCK, draws)
+        outcome = probabilistic_outcome(known, table_3(values, reading.momentum_factor), BLOCK, draws)
         found["percent"].append(100.0 * outcome.frequencies)
         found["p"].append(np.array([summary.predictive_p(int(n), outcome, i) for i, n in enumerate(paper)]))
         for name in ("facing_deg", "line_tilt_deg"):
@@ -122,7 +114,7 @@ def readings_computed(
 
 def _factors(reading: Reading, known: KnownSetup, draws: Draws) -> list[Factor]:
     def simulate(known: KnownSetup, values: Values, block: str, own: Array) -> Outcome:
-        return probabilistic_outcome(known, reading.with_table_3(values), block, own)
+        return probabilistic_outcome(known, table_3(values, reading.momentum_factor), block, own)
 
     model = Model(simulate, lambda *of: simulate(*of).crossed, reading.space)
     return [

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from rock2d.calibration.sequential_monte_carlo import prior_draws
-from rock2d.files.scenario import load_scenario
-from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import arrivals, published
 from rock2d.reproduction.arrival_results import cells_table
 from rock2d.reproduction.hypotheses import (
     DETERMINISTIC_SPACE,
+    KNOWN_SETUP,
     PROBABILISTIC_SPACE,
     contact_table,
-    known_setup,
     table_4,
 )
 from rock2d.reproduction.likelihood import published_counts
@@ -34,8 +32,6 @@ from rock2d.reproduction.stages import (
     law_columns,
     setup_columns,
 )
-
-KNOWN = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
 
 def test_table_4_replaces_the_law_and_nothing_else():
@@ -63,7 +59,7 @@ def test_every_unknown_moves_and_each_factor_hears_of_its_own():
             *(arrival_columns(space, b) for b in published.BLOCKS),
         ]
         assert sorted(np.concatenate(groups)) == list(range(len(space.quantities)))
-    factors = arrivals.factors(KNOWN, {block: np.zeros((1, 6)) for block in published.BLOCKS})
+    factors = arrivals.factors(KNOWN_SETUP, {block: np.zeros((1, 6)) for block in published.BLOCKS})
     law = set(law_columns(DETERMINISTIC_SPACE))
     assert [bool(law & set(f.columns)) for f in factors] == [False] * 6 + [True]
 
@@ -80,10 +76,10 @@ def test_the_shape_of_a_point_mass_grows_with_how_far_the_block_is_from_round(bl
     """In units of a cube's; a parallelepiped of 3.5 by 1.4 cm: (√(3.5² + 1.4²) / 1.4 - 1) / (√2 - 1) = 4.086."""
     values = PROBABILISTIC_SPACE.values(np.full((1, len(PROBABILISTIC_SPACE.quantities)), 0.5))
     size = np.array([0.2])
-    changed, reduction = point_mass_with("shape", values, KNOWN.blocks[block], size)
+    changed, reduction = point_mass_with("shape", values, KNOWN_SETUP.blocks[block], size)
     assert reduction == pytest.approx(out_of_round * 0.2 * LARGEST_SLOPE_REDUCTION_DEG, rel=2e-3)
     assert changed == dict(values)
-    _, alike = point_mass_with("slope_reduction", values, KNOWN.blocks[block], size)
+    _, alike = point_mass_with("slope_reduction", values, KNOWN_SETUP.blocks[block], size)
     assert alike == pytest.approx(0.2 * LARGEST_SLOPE_REDUCTION_DEG * (out_of_round > 0))
 
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rock2d.files.scenario import load_scenario
-from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.reproduction import published
-from rock2d.reproduction.hypotheses import known_setup
+from rock2d.reproduction.hypotheses import KNOWN_SETUP, table_3
 from rock2d.reproduction.stages import Effort
 from rock2d.reproduction.table_3_readings import READINGS, Reading, readings_computed, readings_table
-
-KNOWN = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
 
 
 def test_a_reading_bounds_its_own_unknowns_and_has_table_3():
@@ -20,7 +16,7 @@ def test_a_reading_bounds_its_own_unknowns_and_has_table_3():
         values = reading.space.values(np.array([[0.0] * 13, [1.0] * 13]))
         assert tuple(values["facing_deg"]) == reading.facing_deg
         assert tuple(values["line_tilt_deg"]) == reading.line_tilt_deg
-        law = reading.with_table_3(values)
+        law = table_3(values, reading.momentum_factor)
         assert law["ditch.momentum_half_kg_m_s"] == pytest.approx([0.025 * reading.momentum_factor] * 2)
         assert law["facing.tangential_restitution"] == pytest.approx([0.89] * 2)
         assert set(law) - set(values) == set(published.REBOUND_PARAMETERS)
@@ -32,7 +28,7 @@ def test_a_sphere_that_keeps_its_momentum_rises_and_one_that_loses_it_does_not()
     readings = [Reading(str(factor), (55.0, 75.0), (0.0, 30.0), factor) for factor in (5.0, 0.02)]
 
     def computed():
-        return readings_computed(KNOWN, effort, np.random.SeedSequence(1), lambda share: None, readings)
+        return readings_computed(KNOWN_SETUP, effort, np.random.SeedSequence(1), lambda share: None, readings)
 
     found = computed()
     table = readings_table(found, readings)

@@ -11,23 +11,24 @@ from rock2d.graphics.figure_style import save_figure
 from rock2d.progress import Bars
 from rock2d.reproduction.computation import FIGURES
 from rock2d.reproduction.hypotheses import SETUP_QUANTITIES
-from rock2d.reproduction.results import SPACES, Results
+from rock2d.reproduction.results import Results
+from rock2d.reproduction.scenario_file import SCENARIO_FILE
+from rock2d.reproduction.side_by_side import ENGINE_OF_MODEL
 from rock2d.runs.run import run
 from rock2d_figures import arrivals, figure_1, figure_2, figure_3, identified, passing
 
-ENGINE_OF_MODEL = {"deterministic": "batch", "probabilistic": "point_mass"}
 RELEASES_IN_FIGURE_3 = 25  # per block
 FIGURE_DPI = 220
 
 
 def write_figures(results: Results, tables: dict[str, pd.DataFrame], folder: Path, bars: Bars) -> None:
-    """Draw all figures (PNG) into `folder`, which holds the calibrated scenarios; `tables` as `result_tables` gives."""
+    """Draw all figures (PNG) into `folder`, which holds the scenario; `tables` as `result_tables` gives."""
     with bars.stage(FIGURES, 6, "figures") as bar:
         runs = {
             model: run(
-                load_scenario(folder / f"{model}.yaml"), engine=ENGINE_OF_MODEL[model], releases=RELEASES_IN_FIGURE_3
+                load_scenario(folder / SCENARIO_FILE), engine=engine, releases=RELEASES_IN_FIGURE_3
             )
-            for model in SPACES
+            for model, engine in ENGINE_OF_MODEL.items()
         }  # fmt: skip
         figures = {
             "figure_1": figure_1.figure(results),

@@ -1,4 +1,4 @@
-"""Figure 3: trajectories of the three blocks with both models, from the calibrated scenarios."""
+"""Figure 3: trajectories of the three blocks with both models, from the found set-up."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PANEL_WIDTH_IN = 3.45
 
 
 def figure(runs: dict[str, RunResult]) -> Figure:
-    """One row for each block, one column for each model; `runs`: model -> run of its calibrated scenario."""
+    """One row for each block, one column for each model; `runs`: model -> run of the scenario."""
     grounds = {model: with_short_lines(run.cross_section) for model, run in runs.items()}
     views = {model: setup_view(ground, 1100) for model, ground in grounds.items()}
     high_in = PANEL_WIDTH_IN * max(shape for _, shape in views.values())

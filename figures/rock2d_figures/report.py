@@ -55,7 +55,8 @@ def report_text(results: Results, tables: dict[str, pd.DataFrame]) -> str:
         "Figure 2. The sphere at line 2; incidence above the horizontal. The paper's curves are not published as",
         "numbers.", "",
         "![trajectories](figure_3.png)", "",
-        "Figure 3. Trajectories from deterministic.yaml and probabilistic.yaml; `rock2d run` accepts both.", "",
+        "Figure 3. Trajectories from paper_setup.yaml, with the laws of Tables 4 and 3; `rock2d run` accepts it.",
+        "",
     ]  # fmt: skip
     return "\n".join(parts)
 

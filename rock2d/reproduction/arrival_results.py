@@ -11,6 +11,7 @@ import numpy as np
 
 from rock2d.calibration.sequential_monte_carlo import Sample
 from rock2d.reproduction import published, summary
+from rock2d.reproduction.found_setup import FoundSetup, found_setup
 from rock2d.reproduction.hypotheses import DETERMINISTIC_SPACE, KnownSetup, Values, table_4
 from rock2d.reproduction.missing_effects import missing_effects_table
 from rock2d.reproduction.outcomes import Outcome, deterministic_outcome
@@ -51,12 +52,14 @@ class ArrivalResults:
     ----------
     sample : hypotheses of DETERMINISTIC_SPACE
     with_table_4, predicted : outcomes of the three blocks, with the law of Table 4 and with the calibrated law
+    found : the hypothesis that meets both columns of the paper best
     paper_column, passing, missing_effects, table_3_readings : tables
     """
 
     sample: Sample
     with_table_4: list[Outcome]
     predicted: list[Outcome]
+    found: FoundSetup
     paper_column: pd.DataFrame
     passing: pd.DataFrame
     missing_effects: pd.DataFrame
@@ -102,6 +105,9 @@ class ArrivalResults:
             f"validation cells ({low:.1f} to {high:.1f} over hypotheses), {all_nine:.1f} over all nine.",
             f"The paper's deterministic column, met with Table 4 on these arrivals: RMSE {of_paper:.1f} points; "
             f"cells outside the exact 95 % intervals of 50 releases: {cells}.",
+            "Cells that Tables 3 and 4 meet on the set-up and arrivals of paper_setup.yaml: "
+            + self.found.met()
+            + ".",
             self._readings(),
             *(self._missing(model) for model in dict.fromkeys(self.missing_effects["model"])),
         ]
@@ -149,7 +155,8 @@ def arrival_results(
         for own in (table_4(values), values)
     )
     return ArrivalResults(
-        found.sample, with_table_4, predicted, cells_table(with_table_4, published.DETERMINISTIC),
+        found.sample, with_table_4, predicted, found_setup(known, values, with_table_4, draws),
+        cells_table(with_table_4, published.DETERMINISTIC),
         cells_table(predicted, published.EXPERIMENT),
         missing_effects_table(found.candidates, seed), readings_table(found.readings),
     )  # fmt: skip

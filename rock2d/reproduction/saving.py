@@ -1,4 +1,4 @@
-"""The files of a reproduction that hold its numbers: tables, calibrated scenarios and reproduction.json."""
+"""The files of a reproduction that hold its numbers: tables, paper_setup.yaml and reproduction.json."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rock2d.reproduction.results import SPACES, Results
-from rock2d.reproduction.scenario_file import scenario_text
+from rock2d.reproduction.results import Results
+from rock2d.reproduction.scenario_file import SCENARIO_FILE, scenario_text
 from rock2d.reproduction.tables import result_tables
 
 if TYPE_CHECKING:
@@ -16,15 +16,12 @@ if TYPE_CHECKING:
 
 
 def write_results(results: Results, folder: Path) -> dict[str, pd.DataFrame]:
-    """Write tables (CSV), the calibrated scenarios (YAML) and reproduction.json into `folder`; returns the tables.
-
-    The scenario of a model is its likeliest hypothesis.
-    """
+    """Write tables (CSV), the scenario paper_setup.yaml and reproduction.json into `folder`; returns the tables."""
     tables = result_tables(results)
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
-    for model in SPACES:
-        (folder / f"{model}.yaml").write_text(_likeliest_scenario(results, model), encoding="utf-8")
+    text = scenario_text(results.known, results.arrivals.values, results.arrivals.found, results.seed)
+    (folder / SCENARIO_FILE).write_text(text, encoding="utf-8")
     content = {
         "seed": results.seed,
         "rmse_points": {name: None if math.isnan(value) else value for name, value in results.errors.items()},
@@ -33,9 +30,3 @@ def write_results(results: Results, folder: Path) -> dict[str, pd.DataFrame]:
     }
     (folder / "reproduction.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return tables
-
-
-def _likeliest_scenario(results: Results, model: str) -> str:
-    best = results.samples[model].best
-    reduction = {block: float(own[best]) for block, own in results.slope_reduction_deg.items()}
-    return scenario_text(results.known, results.values(model), best, reduction, results.seed, model)

@@ -1,9 +1,9 @@
-"""A hypothesis as a scenario file, which `rock2d run` accepts."""
+"""The set-up and the arrivals of a hypothesis with the laws of Tables 3 and 4, as a scenario file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from io import StringIO
+import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,9 @@ import numpy as np
 from rock2d.files.setup_keys import block_keys
 from rock2d.records.columns import STATE_NAMES
 from rock2d.reproduction import published
+from rock2d.reproduction.found_setup import FoundSetup
 from rock2d.reproduction.hypotheses import (
+    DOWNHILL_FACE_DEG,
     KnownSetup,
     Values,
     hypothesis_cross_section,
@@ -19,72 +21,130 @@ from rock2d.reproduction.hypotheses import (
 )
 from rock2d.reproduction.outcomes import TIME_LIMIT_S
 
+Array = np.ndarray
 
-def scenario_text(
-    known: KnownSetup, values: Values, i: int, slope_reduction_deg: Mapping[str, float], seed: int, model: str
-) -> str:
-    """YAML of hypothesis `i` of a model, "deterministic" or "probabilistic"."""
-    from ruamel.yaml import YAML
+SCENARIO_FILE = "paper_setup.yaml"
+NAME = "paper_setup"
+LENGTH_DECIMALS = 4  # 0.1 mm
+# state -> decimals of its mean and standard deviation
+STATE_DECIMALS = dict(zip(STATE_NAMES, (LENGTH_DECIMALS, LENGTH_DECIMALS, 3, 3, 3, 1), strict=True))
+LINE_CHARACTERS = 120
 
-    ground = hypothesis_cross_section(values, i, known)
-    law = (
-        {"default": _contact(values, i)}
-        if model == "deterministic"
-        else _rebound(values, i, slope_reduction_deg)
-    )
-    incident = {}
-    for block in published.BLOCKS:
-        begin = incident_distributions(values, known.blocks[block], known.gravity_m_s2)
-        incident[block] = {
-            "distribution": {
-                key: {"normal": {"mean": float(m), "sd": float(s)}} if s > 0 else float(m)
-                for key, m, s in zip(STATE_NAMES, begin.mean[i], begin.sd[i], strict=True)
-            }
-        }
-    keys_of_scenario = {
-        "name": f"paper_{model}",
-        "about": f"The paper's set-up according to the likeliest hypothesis of the {model} model.",
-        "assumed": [
-            "One of many hypotheses that explain the sphere and the statements on first impacts; see assumptions.csv.",
-            "Releases start when they leave the slope for the last time.",
-            *published.MEANINGS,
-        ],
+
+def scenario_text(known: KnownSetup, values: Values, found: FoundSetup, seed: int) -> str:
+    """YAML of a found set-up, which `rock2d run` accepts; numbers are rounded."""
+    ground = hypothesis_cross_section(values, found.place, known)
+    keys = {
+        "name": NAME,
+        "about": "The paper's sphere, cube and parallelepiped against its ditch and embankment, with both impact laws.",
+        "assumed": _assumed(values, found, seed),
         "gravity_m_s2": float(known.gravity_m_s2),
-        "engine": "batch" if model == "deterministic" else "point_mass",
+        "engine": "pymunk",
         "releases": published.RELEASES,
         "seed": int(seed),
         "time_limit_s": TIME_LIMIT_S,
         "cross_section": {
-            "points_m": np.asarray(ground.points_m, float).tolist(),
+            "points_m": _lengths(ground.points_m),
             "zones": list(ground.zones),
-            "measure_lines": {
-                line: np.asarray(ends, float).tolist() for line, ends in ground.measure_lines.items()
-            },
+            "measure_lines": {line: _lengths(ends) for line, ends in ground.measure_lines.items()},
         },
         "blocks": {block: block_keys(known.blocks[block]) for block in published.BLOCKS},
-        "model": {model: law},
-        "incident": incident,
-        "outputs": {"fps": 1000.0},
+        "model": {"deterministic": {"default": _table_4()}, "probabilistic": _table_3()},
+        "incident": {
+            block: {"distribution": _arrival(known, values, found.place, block)} for block in published.BLOCKS
+        },
+        "outputs": {
+            "fps": 1000, "position_noise_m": 0, "angle_noise_rad": 0, "slow_motion": 20, "video_releases": 3,
+        },
+    }  # fmt: skip
+    head = f"# Written by `rock2d reproduce --seed {seed}`."
+    return "\n".join([head, *_lines(keys, 0), ""])
+
+
+def _assumed(values: Values, found: FoundSetup, seed: int) -> list[str]:
+    """How set-up and arrivals were found, and what is assumed."""
+    tilt = float(values["line_tilt_deg"][found.place])
+    missed = "; ".join(found.missed())
+    return [
+        "Set-up and arrivals, of which the paper gives the embankment's height and crest, the blocks and the drop: "
+        f"`rock2d reproduce --seed {seed}` found {found.of} hypotheses that explain the paper's deterministic column "
+        "with Table 4, the text on first impacts and the filmed spheres. This one meets most cells of that "
+        "column, of these most of the probabilistic column with Table 3, of these both are likeliest.",
+        f"Cells met, {found.releases} releases to the exact 95 % interval of the paper's {published.RELEASES}: "
+        f"{found.met()}.{f' Not met: {missed}.' if missed else ''}",
+        f"Measure lines: straight, {tilt:.0f} deg from upright, over the ditch.",
+        f"Downhill facing: {DOWNHILL_FACE_DEG:.0f} deg; results do not depend on it.",
+        "Releases start where they leave the slope for the last time. States are normal; x is uniform with the same "
+        "standard deviation, so that no block starts inside the slope.",
+        "The paper's simulated and its filmed releases are independent draws of one distribution.",
+        *published.MEANINGS,
+        "Inertia: the sphere a ball, cube and parallelepiped uniform. Table 1's masses are used; its densities "
+        "contradict them.",
+        "Deterministic law: one set of parameters (Table 4) for all zones; no cap on the rolling moment.",
+        "Probabilistic law: zones other than ditch and uphill_face take the ditch's parameters; slope reduction "
+        "constant.",
+    ]
+
+
+def _lengths(points_m: Array) -> list[list[float]]:
+    return np.round(np.asarray(points_m, float), LENGTH_DECIMALS).tolist()
+
+
+def _table_4() -> dict[str, Any]:
+    return {**published.CONTACT_PARAMETERS, "rolling_cap": False}
+
+
+def _table_3() -> dict[str, Any]:
+    zones: dict[str, dict[str, Any]] = {"ditch": {}, "uphill_face": {}}
+    for name, value in published.REBOUND_PARAMETERS.items():
+        zone, key = name.split(".")
+        zones["ditch" if zone == "ditch" else "uphill_face"][key] = value
+    default = {**zones["ditch"], "slope_reduction_deg": 0.0, "slope_reduction": "constant"}
+    return {"default": {"default": default, **zones}} | {
+        block: {"default": {"slope_reduction_deg": alpha}}
+        for block, alpha in published.SLOPE_REDUCTION_DEG.items()
+        if alpha > 0
     }
-    yaml, text = YAML(typ="safe", pure=True), StringIO()
-    yaml.default_flow_style = None
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
-    yaml.dump(keys_of_scenario, text)
-    return text.getvalue()
 
 
-def _contact(values: Values, i: int) -> dict[str, float]:
-    keys = ("k_l_N_m", "k_t_N_m", "friction_angle_deg", "k_r_Nm_rad")
-    contact = {key: float(values[key][i]) for key in keys}
-    return contact | {"k_ul_N_m": contact["k_l_N_m"] / float(values["restitution"][i]) ** 2}
+def _arrival(known: KnownSetup, values: Values, place: int, block: str) -> dict[str, Any]:
+    """Distributions of the incident state of a block."""
+    begin = incident_distributions(values, known.blocks[block], known.gravity_m_s2)
+    found: dict[str, Any] = {}
+    for key, mean, sd in zip(STATE_NAMES, begin.mean[place], begin.sd[place], strict=True):
+        decimals = STATE_DECIMALS[key]
+        if sd == 0.0:
+            found[key] = round(float(mean), decimals)
+        elif key == "x_m":
+            half = np.sqrt(3.0) * sd
+            low, high = (round(float(end), decimals) for end in (mean - half, mean + half))
+            found[key] = {"uniform": {"low": low, "high": high}}
+        else:
+            found[key] = {"normal": {"mean": round(float(mean), decimals), "sd": round(float(sd), decimals)}}
+    return found
 
 
-def _rebound(values: Values, i: int, slope_reduction_deg: Mapping[str, float]) -> dict[str, Any]:
-    keys = ("friction_angle_deg", "momentum_half_kg_m_s", "tangential_restitution")
-    zones = {
-        zone: {key: float(values[f"{there}.{key}"][i]) for key in keys}
-        for zone, there in (("default", "ditch"), ("uphill_face", "facing"))
-    }
-    return {"default": zones} | {
-        block: {"default": {"slope_reduction_deg": alpha}} for block, alpha in slope_reduction_deg.items()
-    }
+def _lines(value: dict[str, Any] | list[Any], indent: int) -> Iterator[str]:
+    """YAML of a mapping or a list, with what fits on one line on one line."""
+    items = value.items() if isinstance(value, dict) else ((None, own) for own in value)
+    for key, own in items:
+        start = " " * indent + ("- " if key is None else f"{key}: ")
+        line = start + _flow(own)
+        if len(line) <= LINE_CHARACTERS or not isinstance(own, (dict, list)):
+            yield line
+        else:
+            yield start.rstrip()
+            yield from _lines(own, indent + 2)
+
+
+def _flow(value: Any) -> str:
+    """YAML of a value on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(own)}" for key, own in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, str) and not value.isidentifier():
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.10g}" if isinstance(value, float) else str(value)

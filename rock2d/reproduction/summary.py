@@ -49,12 +49,21 @@ def sampling_floor(cells: slice, rng: np.random.Generator) -> tuple[float, float
     return float(errors.mean()), float(np.percentile(errors, 95))
 
 
-def clopper_pearson_interval(passed: int) -> tuple[float, float]:
-    """Clopper and Pearson's 95 % interval of a passing frequency, in %, of RELEASES."""
-    from scipy.stats import binomtest
+def clopper_pearson_interval(passed: int, releases: int = published.RELEASES) -> tuple[float, float]:
+    """Clopper and Pearson's 95 % interval of a passing frequency, in %."""
+    from scipy.special import betaincinv  # scipy.stats takes over a second to import
 
-    interval = binomtest(passed, published.RELEASES).proportion_ci(0.95, method="exact")
-    return 100 * interval.low, 100 * interval.high
+    low = betaincinv(passed, releases - passed + 1, 0.025) if passed > 0 else 0.0
+    high = betaincinv(passed + 1, releases - passed, 0.975) if passed < releases else 1.0
+    return float(100 * low), float(100 * high)
+
+
+def agrees(simulated: Array, percent: Array) -> Array:
+    """Whether frequencies in % (..., blocks, lines) lie in the exact 95 % intervals of RELEASES about the cells of a
+    table (blocks, lines) of Table 2."""
+    bounds = [clopper_pearson_interval(int(passed)) for passed in published.passed(percent).ravel()]
+    low, high = np.array(bounds).T.reshape(2, *np.shape(percent))
+    return np.asarray((low <= simulated) & (simulated <= high))
 
 
 def equal_frequency_p(passed: int, simulated_percent: float) -> float:

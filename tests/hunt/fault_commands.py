@@ -99,7 +99,7 @@ def write_scenarios(here: Path) -> None:
     here.mkdir(parents=True, exist_ok=True)
     text = (SHIPPED / "paper_setup.yaml").read_text(encoding="utf-8")
     (here / "setup.yaml").write_text(text, encoding="utf-8")
-    short = text.replace("time_limit_s: 3.0", "time_limit_s: 0.1")
+    short = text.replace("time_limit_s: 3\n", "time_limit_s: 0.1\n")
     (here / "short.yaml").write_text(short, encoding="utf-8")
     small_site(here)
     (here / "small.yaml").rename(here / "design.yaml")

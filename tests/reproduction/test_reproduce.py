@@ -8,20 +8,22 @@ import numpy as np
 import pandas as pd
 import pytest
 from rock2d_figures.command import reproduce
+from ruamel.yaml import YAML
 
 from rock2d.files.scenario import load_scenario
 from rock2d.files.shipped_scenarios import scenario_file
 from rock2d.progress import Bars
 from rock2d.reproduction import arrivals, published, stages
 from rock2d.reproduction.computation import FinishedStages
-from rock2d.reproduction.hypotheses import known_setup
+from rock2d.reproduction.hypotheses import KNOWN_SETUP
 from rock2d.reproduction.stages import Effort
+from rock2d.runs.run import run
 
 # few hypotheses, but enough for the sphere's cells to come within 25 points of what they are fitted to
 SMALL = Effort(hypotheses=32, releases=8, moves=1)
 FILES = {
     "table_2.csv", "table_3.csv", "table_4.csv", "assumptions.csv", "candidates.csv", "cells.csv",
-    "deterministic.yaml", "probabilistic.yaml",
+    "paper_setup.yaml",
     "figure_1.png", "figure_2.png", "figure_3.png", "passing.png", "identified.png", "report.md", "reproduction.json",
     "paper_column.csv", "predicted_with_arrivals.csv", "missing_effects.csv", "table_3_readings.csv",
     "arrivals.png",
@@ -50,6 +52,25 @@ def test_every_table_and_figure_is_written(made):
     assert (made / "report.md").read_text().count("Assumptions") == 1
 
 
+def test_the_shipped_set_up_has_the_form_of_the_written_one(made):
+    written, shipped = made / "paper_setup.yaml", scenario_file("paper_setup.yaml")
+    scenario = load_scenario(written)
+    assert scenario.seed == 3 and "`rock2d reproduce --seed 3`" in scenario.assumed[0]
+    assert len(run(scenario, engine="point_mass", releases=1, workers=1).tracks) == 3
+    assert outline(written) == outline(shipped)
+
+
+def outline(path):
+    """The keys of a YAML file and how long its lists are."""
+
+    def keys(value):
+        if isinstance(value, dict):
+            return {key: keys(own) for key, own in value.items()}
+        return [keys(own) for own in value] if isinstance(value, list) else None
+
+    return keys(YAML(typ="safe").load(path.read_text(encoding="utf-8")))
+
+
 @pytest.mark.parametrize(
     ("calibrate", "effort", "seed"),
     [
@@ -61,7 +82,7 @@ def test_every_table_and_figure_is_written(made):
 def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_from_the_validation(
     monkeypatch, calibrate, effort, seed
 ):
-    known = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
+    known = KNOWN_SETUP
 
     def calibrated():
         return calibrate(known, effort, np.random.SeedSequence(seed), lambda share: None).u
@@ -73,7 +94,7 @@ def test_a_calibration_has_the_same_bits_for_the_same_seed_and_learns_nothing_fr
 
 def test_slope_reductions_are_those_of_their_own_block(monkeypatch):
     """Of likelihoods that peak at one α a block, that α is drawn; the sphere has none."""
-    known = known_setup(load_scenario(scenario_file("paper_setup.yaml")))
+    known = KNOWN_SETUP
     peaks = {"cube": 12.0, "parallelepiped": 42.0}
     asked = []
 

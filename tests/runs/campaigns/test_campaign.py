@@ -176,7 +176,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(tmp_path):
 
 def test_an_interrupted_campaign_goes_on_to_the_same_bytes(tmp_path):
     text = (SHIPPED / "paper_setup.yaml").read_text()
-    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3.0", "time_limit_s: 0.08"))
+    (tmp_path / "short.yaml").write_text(text.replace("time_limit_s: 3\n", "time_limit_s: 0.08\n"))
     words = [
         "run",
         str(tmp_path / "short.yaml"),

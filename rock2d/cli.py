@@ -46,14 +46,15 @@ for command in SITE_COMMANDS:
 
 @cli.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True,
-              help="Folder for figures, tables and the video.")  # fmt: skip
+              help="Folder for the page, figures, tables and the video.")  # fmt: skip
 @click.option("--quiet", is_flag=True, help="No progress bar.")
 def demo(out, quiet) -> None:
-    """The paper's three blocks with both models: figures, a table and a short video.
+    """The paper's three blocks with both models: Table 2 side by side with the paper, figures and a short video, on
+    one page.
 
     Example: rock2d demo --out out/demo
     """
-    from rock2d.runs.demo import run_demo
+    from rock2d_figures.demo import run_demo
 
     run_demo(out, progress=not quiet)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -17,16 +18,17 @@ def markdown(table: pd.DataFrame) -> str:
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in table.to_dict("records"):
-        cells = [row["block"], spelled(row["line"]), _interval(row, "experiment")]
+        cells = [row["block"], spelled(row["line"]), interval_text(row, "experiment")]
         for name in ("deterministic", "probabilistic"):
-            cells += [_interval(row, name), _p(row[f"{name}_p"])]
+            cells += [interval_text(row, name), _p(row[f"{name}_p"])]
         for name in ("paper_deterministic", "paper_probabilistic"):
             cells += [f"{row[name]:.0f}", _p(row[f"{name}_p"])]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _interval(row: dict[Any, Any], name: str) -> str:
+def interval_text(row: Mapping[Any, Any], name: str) -> str:
+    """A frequency in % of a row of a table, with its 95 % interval: `name`, `name`_low95 and `name`_high95."""
     return f"{row[name]:.0f} [{row[f'{name}_low95']:.0f}, {row[f'{name}_high95']:.0f}]"
 
 

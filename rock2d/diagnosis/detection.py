@@ -99,7 +99,8 @@ class Curve:
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small
 def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[str, Curve]:
-    """Effect -> its curve; without effects that have no size, or that no plausible size shows."""
+    """Effect -> its curve; without effects that have no size, that these data cannot show, or that no plausible size
+    shows."""
     found, data = result.found, result.data
     assert found is not None and data is not None
     # what the forms of the laws that are there may leave
@@ -108,7 +109,7 @@ def detection_curves(result: Diagnosis, effects: Mapping[str, Effect]) -> dict[s
     curves = {}
     for name, effect in effects.items():
         own = size_parameter(effect, result.setup)
-        if own is None:
+        if own is None or name in (result.unseen or {}):
             continue
         tried = _AddedEffect(found.settled, data, effect, result.setup, least)
         low, high = SMALLEST_TRIED * largest_size(own), largest_size(own)

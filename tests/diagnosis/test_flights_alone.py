@@ -107,8 +107,9 @@ def test_a_prediction_takes_the_drag_of_each_ball(drops, content, tmp_path):
         assert max(block.air) == pytest.approx(each[name]["value"] * block.mass_kg)
 
 
-def test_limits_know_that_each_ball_has_its_own_drag(drops):
-    curves = detection_curves(drops, effects("air_drag", "scale_error"))
+def test_limits_know_that_each_ball_has_its_own_drag_and_what_cannot_be_seen(drops):
+    curves = detection_curves(drops, effects("air_drag", "scale_error", "flight_damping"))
+    assert set(curves) == {"air_drag", "scale_error"}  # without the spin no damping can be seen
     drag, each = curves["air_drag"], [DRAG[name] / coefficient(ball, 1.0) for name, ball in BALLS.items()]
     assert drag.value == pytest.approx(np.mean(each), rel=0.05)
     assert max(each) < drag.compatible < 1.1 * max(each)

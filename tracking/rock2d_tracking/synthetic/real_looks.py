@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rock2d_tracking.synthetic.compression import compressed
+from rock2d_tracking.synthetic.optics import hand_shake, through_camera, through_lens
 
 Array = np.ndarray
 
@@ -28,6 +29,7 @@ SKIN = np.array([0.22, 0.34, 0.55])  # blue, green, red
 SHAPES = ("circle", "circle", "square", "rectangle")  # half of the blocks are balls
 H264_SHARE, MILDEST_CRF = 0.5, 17.0  # share of the looks whose films are H.264, and its least rate factor
 LENGTH_RATIO = 0.6  # height of a rectangle over its length
+MOST_BOUNCES = 20
 REST_FRAMES = 6  # at the start, in which the hand holds the block
 SHADOW_AWAY_RADII = np.array([2.2, 1.2])  # offset of the shadow on the wall behind the block
 
@@ -42,6 +44,12 @@ class RealLook:
     stated_size : size that a set-up file states, over the true one
     step_px, fall_px : way of the block in a frame, and gravity in px per frame squared
     quality, crf : quality of JPEG, 1 to 100; constant rate factor of H.264, 0 where the film is of JPEG pictures
+    throw : (4,) place and velocity along u and v with which the block is let go, in px and px per frame; None for the
+        usual throw
+    restitution : of the bounces on the floor
+    room : share by which floor, furniture and a shadow on the floor stand out
+    shake_px : root mean square way of a hand-held camera along each axis; `shake_frames`: its shortest period
+    lens : share by which what is half a picture's width beside the middle is moved toward it
     """
 
     kind: str
@@ -72,6 +80,12 @@ class RealLook:
     quality: int
     seed: int
     crf: float
+    throw: tuple[float, float, float, float] | None = None
+    restitution: float = 0.75
+    room: float = 0.0
+    shake_px: float = 0.0
+    shake_frames: float = 12.0
+    lens: float = 0.0
 
 
 class RealFrame(NamedTuple):
@@ -128,27 +142,49 @@ def path_of(look: RealLook, frames: int, size_px: tuple[int, int]) -> Array:
     return _path(look, np.arange(frames, dtype=float), size_px)
 
 
+class Bounce(NamedTuple):
+    """The instant in frames after the release at which the block is at height v_px with `pace` px per frame along v."""
+
+    flown: float
+    v_px: float
+    pace: float
+
+
+def floor_px(look: RealLook, size_px: tuple[int, int]) -> float:
+    """Height v in the picture at which the middle of the block meets the floor."""
+    return size_px[1] - 1.6 * look.radius_px - 12
+
+
+def flights_of(look: RealLook, size_px: tuple[int, int]) -> list[Bounce]:
+    """How each flight begins: the release first, then the bounces."""
+    throw = look.throw
+    if throw is None:
+        throw = (
+            0.12 * size_px[0] + look.radius_px,
+            0.35 * size_px[1],
+            0.6 * look.step_px,
+            -0.6 * look.step_px,
+        )
+    _, v, _, pace = throw
+    floor, begins = floor_px(look, size_px), [Bounce(0.0, v, pace)]
+    for _ in range(MOST_BOUNCES):
+        flown, v, pace = begins[-1]
+        root = pace * pace + 2 * look.fall_px * (floor - v)
+        hit = (-pace + np.sqrt(max(root, 0.0))) / look.fall_px
+        begins.append(Bounce(flown + hit, floor, -look.restitution * (pace + look.fall_px * hit)))
+    return begins
+
+
 def _path(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
-    width, height = size_px
-    floor = height - 1.6 * look.radius_px - 12
-    start = np.array([0.12 * width + look.radius_px, 0.35 * height])
-    vx = 0.6 * look.step_px
-    vy = -look.step_px * 0.6
-    poses = np.empty((len(t), 3))
-    for i, when in enumerate(t):
-        flown = max(when - REST_FRAMES, 0.0)
-        u, y, v = start[0] + vx * flown, start[1], vy
-        left = flown
-        for _ in range(20):
-            drop = floor - y
-            root = v * v + 2 * look.fall_px * drop
-            hit = (-v + np.sqrt(max(root, 0.0))) / look.fall_px
-            if hit >= left:
-                y, left = y + v * left + 0.5 * look.fall_px * left**2, 0.0
-                break
-            v, y, left = -0.75 * (v + look.fall_px * hit), floor, left - hit
-        poses[i] = [u, min(y, floor), 0.6 * vx / look.radius_px * flown]
-    return poses
+    begins = np.array(flights_of(look, size_px))
+    flown = np.maximum(t - REST_FRAMES, 0.0)
+    own = begins[np.searchsorted(begins[:, 0], flown, side="right") - 1]
+    since = flown - own[:, 0]
+    v = own[:, 1] + own[:, 2] * since + 0.5 * look.fall_px * since**2
+    u, _, pace, _ = look.throw or (0.12 * size_px[0] + look.radius_px, 0.0, 0.6 * look.step_px, 0.0)
+    return np.column_stack([
+        u + pace * flown, np.minimum(v, floor_px(look, size_px)), 0.6 * pace / look.radius_px * flown
+    ])  # fmt: skip
 
 
 def real_film(look: RealLook, size_px: tuple[int, int] = (640, 400), frames: int = 90) -> Iterator[RealFrame]:
@@ -184,6 +220,7 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
             return
         light = _swayed(wall, look, i)
         _draw_shadow(light, look, poses[i])
+        _draw_floor_shadow(light, look, poses[i], size_px)
         spread = look.shutter * (np.arange(EXPOSURE_POSES) / EXPOSURE_POSES - 0.5 + 0.5 / EXPOSURE_POSES)
         count = EXPOSURE_POSES if look.shutter * look.step_px > 0.3 else 1
         exposed = _path(look, times[i] + (spread if count > 1 else np.zeros(1)), size_px)
@@ -191,13 +228,21 @@ def _rendered(look: RealLook, size_px: tuple[int, int], frames: int) -> Iterator
             if cover.size:
                 light[box] += look.opacity * cover[..., None] / count * (colour - wall[box])
         touched = look.hand and _draw_hand(light, look, i, poses)
-        light = cv2.GaussianBlur(light, (0, 0), look.blur_px)
+        light = cv2.GaussianBlur(
+            through_camera(light, look.lens, way_of_camera(look, i)), (0, 0), look.blur_px
+        )
         image = 255.0 * np.clip(look.exposure * light, 0.0, 1.0) ** (1.0 / look.gamma)
         image += look.noise * rng.standard_normal(image.shape, np.float32)
         reach = 1.5 * look.radius_px
         u, v = poses[i, :2]
         free = not touched and reach < u < width - reach and reach < v < height - reach and i >= REST_FRAMES
-        yield RealFrame(np.clip(np.rint(image), 0, 255).astype(np.uint8), poses[i], bool(free))
+        seen = np.append(through_lens(poses[i, :2], look.lens, size_px), poses[i, 2])
+        yield RealFrame(np.clip(np.rint(image), 0, 255).astype(np.uint8), seen, bool(free))
+
+
+def way_of_camera(look: RealLook, frame: int) -> Array:
+    """(2,) way in px by which a hand-held camera moves the picture of a frame."""
+    return hand_shake(look.seed, look.shake_px, look.shake_frames, np.array([frame]))[0]
 
 
 def _times(look: RealLook, t: Array, size_px: tuple[int, int]) -> Array:
@@ -221,7 +266,54 @@ def _wall(look: RealLook, size_px: tuple[int, int], rng: np.random.Generator) ->
         du, dv = rng.integers(8, 90, 2).tolist()
         shade = look.background * np.exp(rng.normal(0.0, 0.9 * look.untidy, 3))
         cv2.rectangle(wall, (u, v), (u + du, v + dv), np.clip(shade, 0, 1).tolist(), -1, cv2.LINE_AA)
+    if look.room:
+        _furnish(wall, look, size_px, rng)
     return wall
+
+
+def _furnish(wall: Array, look: RealLook, size_px: tuple[int, int], rng: np.random.Generator) -> None:
+    """A floor with planks, and furniture: boxes, poles and round things of any colour."""
+    import cv2
+
+    (width, height), foot = size_px, int(floor_px(look, size_px) - 0.5 * look.radius_px)
+    for _ in range(int(20 * look.room)):
+        colour = np.clip(look.background * np.exp(rng.normal(0.0, 0.8 * look.room, 3)), 0, 1).tolist()
+        u, v = int(rng.integers(width)), int(rng.integers(foot))
+        kind = int(rng.integers(3))
+        if kind == 0:
+            cv2.rectangle(wall, (u, v), (u + int(rng.integers(20, 90)), foot), colour, -1, cv2.LINE_AA)
+        elif kind == 1:
+            cv2.line(
+                wall,
+                (u, v),
+                (u + int(rng.integers(-20, 20)), foot),
+                colour,
+                int(rng.integers(2, 9)),
+                cv2.LINE_AA,
+            )
+        else:
+            cv2.circle(wall, (u, v), int(rng.integers(6, 30)), colour, -1, cv2.LINE_AA)
+    wall[foot:] *= (1.0 + look.room * rng.uniform(-0.5, 0.5, 3)).astype(np.float32)
+    for u in range(0, width, 37):
+        cv2.line(
+            wall,
+            (u, foot),
+            (int(width / 2 + 1.6 * (u - width / 2)), height),
+            (look.background * 0.6).tolist(),
+            1,
+        )
+
+
+def _draw_floor_shadow(light: Array, look: RealLook, pose: Array, size_px: tuple[int, int]) -> None:
+    """The shadow under the block: wider and fainter, the higher it is."""
+    if look.room == 0.0:
+        return
+    high = max(0.0, floor_px(look, size_px) - pose[1]) / look.radius_px
+    half = look.radius_px * (0.9 + 0.15 * high)
+    v, u = np.ogrid[: light.shape[0], : light.shape[1]]
+    foot = floor_px(look, size_px) + look.radius_px
+    soft = np.exp(-0.5 * (((u - pose[0]) / half) ** 2 + ((v - foot) / (0.3 * half)) ** 2))
+    light *= (1.0 - 0.6 * look.room / (1.0 + 0.3 * high) * soft[..., None]).astype(np.float32)
 
 
 def _swayed(wall: Array, look: RealLook, frame: int) -> Array:

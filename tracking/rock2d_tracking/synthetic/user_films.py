@@ -1,0 +1,190 @@
+"""Films as users make and keep them: a ball that falls and bounces, by kind of camera and kind of file, with the truth.
+
+Phone, slow motion, shiny balls, a file with an edit list or with frames out of order, a hand-held camera, a wide angle,
+a cluttered room. Light and camera are those of `real_looks`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from rock2d_tracking.synthetic.real_looks import (
+    REST_FRAMES,
+    RealFrame,
+    RealLook,
+    drawn_look,
+    flights_of,
+    floor_px,
+    real_film,
+)  # fmt: skip
+
+Array = np.ndarray
+
+GRAVITY_M_S2 = 9.81
+HIDDEN_FRAMES = 7  # frames before its beginning that a file with an edit list keeps
+
+
+@dataclass(frozen=True)
+class FilmKind:
+    """A kind of film.
+
+    Attributes
+    ----------
+    fps, metres_per_pixel : of the recording
+    frames : length, in frames
+    looks : kinds of looks of the ball
+    file : "mp4", "edit list" (MP4), "avi" (frames out of order), "webm"
+    shutter : largest share of the frame interval for which it is open
+    """
+
+    fps: float
+    metres_per_pixel: float
+    frames: int
+    looks: tuple[str, ...]
+    file: str = "mp4"
+    shutter: float = 0.5
+    shake_px: float = 0.0
+    lens: float = 0.0
+    room: float = 0.4
+    falls_out: bool = False  # of the picture, before it meets the floor
+
+
+PHONE_LOOKS = ("shaded", "coloured", "textured", "matte")
+FILM_KINDS = {
+    "phone": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS),
+    "phone, frames out of order": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, "avi"),
+    "slow motion": FilmKind(200.0, 1.5e-3, 240, ("shaded", "textured", "white"), "webm", 0.3),
+    "shiny black": FilmKind(1000.0, 3e-4, 220, ("shiny black",), shutter=0.2, room=0.15),
+    "shiny red": FilmKind(30.0, 4e-3, 75, ("shiny red",)),
+    "edit list, wide angle": FilmKind(60.0, 8e-3, 50, PHONE_LOOKS, "edit list", lens=0.04, falls_out=True),
+    "hand-held": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, shake_px=1.0),
+    "cluttered room": FilmKind(30.0, 4e-3, 75, PHONE_LOOKS, room=1.0),
+}
+
+
+@dataclass(frozen=True)
+class UserFilm:
+    """A film of a kind, and how it looks; `look.restitution` is the truth of its bounces."""
+
+    kind: str
+    look: RealLook
+    size_px: tuple[int, int]
+
+    @property
+    def camera(self) -> FilmKind:
+        """Its kind."""
+        return FILM_KINDS[self.kind]
+
+    @property
+    def bounces(self) -> Array:
+        """(n,) instants in frames at which the ball meets the floor while it is in the picture."""
+        if self.camera.falls_out:
+            return np.empty(0)
+        hits = np.array([b.flown for b in flights_of(self.look, self.size_px)[1:]]) + REST_FRAMES
+        return np.asarray(hits[hits < self.camera.frames - 1])
+
+
+def drawn_user_film(kind: str, index: int, seed: int, size_px: tuple[int, int] = (480, 270)) -> UserFilm:
+    """Film `index` of a kind and a seed."""
+    own = FILM_KINDS[kind]
+    rng = np.random.default_rng(np.random.SeedSequence([seed, index, *kind.encode()]))
+    like = own.looks[int(rng.integers(len(own.looks)))]
+    width, height = size_px
+    base = drawn_look(0, "moderate", int(rng.integers(2**31)))
+    wall = (
+        rng.uniform(0.25, 0.55)
+        if like in ("shiny black", "shiny red", "coloured")
+        else rng.uniform(0.08, 0.35)
+    )
+    background = wall * rng.uniform(0.8, 1.2, 3)
+    colour = {
+        "shiny black": np.full(3, 0.012), "shiny red": np.array([0.03, 0.04, 0.5]),
+        "coloured": rng.permutation([0.08, 0.3, 0.8]), "matte": np.full(3, 0.75), "white": np.full(3, 0.9),
+    }.get(like, np.array([0.35, 0.6, 0.8]))  # fmt: skip
+    shiny, flat = like.startswith("shiny"), like in ("matte", "white")
+    light = rng.normal(size=3) * [0.6, 0.3, 0.0] + [0.0, -0.6, 0.7]
+    fall = GRAVITY_M_S2 / own.metres_per_pixel / own.fps**2
+    drawn = replace(
+        base, kind=like, shape="circle", radius_px=rng.uniform(7, 15) if own.fps < 100 else rng.uniform(10, 18),
+        fall_px=fall, colour=colour, background=background, light=light / np.linalg.norm(light),
+        ambient=0.7 if flat else rng.uniform(0.3, 0.5), diffuse=0.3 if flat else rng.uniform(0.5, 0.9),
+        specular=rng.uniform(0.5, 1.2) if shiny else 0.2 * rng.random(), shine=rng.uniform(20, 60),
+        texture=0.6 if like == "textured" else 0.05, opacity=1.0, untidy=0.3, shadow=rng.uniform(0.0, 0.2),
+        hand=bool(rng.random() < 0.7), moving=0.0, shutter=rng.uniform(0.3, 1.0) * own.shutter, rolling=0.0,
+        exposure=rng.uniform(1.0, 1.3), noise=rng.uniform(1.0, 3.0), blur_px=rng.uniform(0.6, 1.1), quality=95, crf=0.0,
+        restitution=rng.uniform(0.6, 0.85), room=own.room, shake_px=own.shake_px * rng.uniform(0.6, 1.6),
+        shake_frames=rng.uniform(6, 14), lens=own.lens * rng.uniform(0.5, 1.5),
+    )  # fmt: skip
+    floor = 1e4 if own.falls_out else floor_px(drawn, size_px)
+    start = (rng.uniform(0.15, 0.35) * width, rng.uniform(0.2, 0.35) * min(height, floor))
+    across = rng.uniform(0.25, 0.6) * width / own.frames
+    up = -rng.uniform(0.0, 0.9) * np.sqrt(2 * fall * (start[1] - 1.5 * drawn.radius_px))
+    drawn = replace(drawn, throw=(*start, across, up))
+    step = float(np.hypot(across, np.sqrt(up**2 + 2 * fall * (min(floor, height) - start[1]))))
+    return UserFilm(kind, replace(drawn, step_px=step), size_px)
+
+
+def write_user_film(path: Path, film: UserFilm) -> list[RealFrame]:
+    """Write the film at `path`; returns its frames with their truth, as they are before they are encoded."""
+    own, look, size_px = film.camera, film.look, film.size_px
+    if own.falls_out:  # a floor far below the picture
+        look = replace(look, restitution=0.0)
+    shots = list(real_film(look, size_px, own.frames))
+    pictures = [s.image for s in shots]
+    if own.file == "edit list":
+        _encode(path, [pictures[0]] * HIDDEN_FRAMES + pictures, own, "libx264", {"crf": "25", "bf": "2"})
+        hide_first_frames(path, HIDDEN_FRAMES, len(pictures), own.fps)
+    elif own.file == "avi":
+        _encode(path, pictures, own, "libx264", {"crf": "25", "bf": "2"})
+    elif own.file == "webm":
+        _encode(
+            path,
+            pictures,
+            own,
+            "libvpx",
+            {"crf": "12", "b": "1500k", "deadline": "realtime", "cpu-used": "4"},
+        )
+    else:
+        _encode(path, pictures, own, "libx264", {"crf": "25"})
+    return shots
+
+
+SUFFIXES = {"mp4": ".mp4", "edit list": ".mp4", "avi": ".avi", "webm": ".webm"}
+
+
+def _encode(
+    path: Path, pictures: Sequence[Array], kind: FilmKind, codec: str, options: dict[str, str]
+) -> None:
+    import av
+
+    played = Fraction(min(kind.fps, 60.0)).limit_denominator(1000)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=played, options=options)
+        assert isinstance(stream, av.VideoStream)
+        stream.height, stream.width, stream.pix_fmt = *pictures[0].shape[:2], "yuv420p"
+        stream.codec_context.thread_count = 1  # the pictures must not depend on the machine
+        for number, picture in enumerate(pictures):
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            frame.pts, frame.time_base = number, 1 / played
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+
+
+def hide_first_frames(path: Path, hidden: int, shown: int, fps: float) -> None:
+    """Let the edit list of an MP4 file begin `hidden` frames later and last for `shown` frames, as a phone does that
+    trims a film."""
+    stored = bytearray(path.read_bytes())
+
+    def number(at: int) -> int:
+        return int.from_bytes(stored[at : at + 4], "big")
+
+    film_clock, clock = number(stored.index(b"mvhd") + 16), number(stored.index(b"mdhd") + 16)
+    at = stored.index(b"elst") + 12  # after version, flags and the number of edits
+    begins = number(at + 4) + round(hidden * clock / fps)
+    stored[at : at + 8] = round(shown * film_clock / fps).to_bytes(4, "big") + begins.to_bytes(4, "big")
+    path.write_bytes(stored)

@@ -10,6 +10,7 @@ import av
 import numpy as np
 import pytest
 from rock2d_tracking.film_reading import FilmFile
+from rock2d_tracking.synthetic.user_films import hide_first_frames
 
 from rock2d.errors import InputError
 
@@ -80,6 +81,36 @@ def test_a_frame_rate_that_varies_is_said(tmp_path):
     stamps = frames.stamps()
     assert "varies" in stamps.remark and "33" in stamps.remark and "58" in stamps.remark
     np.testing.assert_array_equal(stamps.numbers, np.arange(10))
+
+
+@pytest.mark.parametrize("shown", [20, 40])
+def test_a_film_that_a_phone_trimmed_shows_what_is_played(tmp_path, shown):
+    path = written(tmp_path / "a.mp4", grey(40), range(0, 1600, 40))
+    hide_first_frames(path, 10, shown, 25.0)  # the edit may be stated longer than the film is
+    film = FilmFile(path)
+    frames = list(film.frames())
+    assert len(frames) == min(shown, 30)
+    assert np.abs(frames[0].astype(int) - grey(40)[10][..., 0]).max() <= 2
+    assert film.frames().stamps().remark == ""
+
+
+def test_frames_that_are_decoded_out_of_order_are_evenly_spaced(tmp_path):
+    path = tmp_path / "a.avi"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("libx264", rate=30, options={"bf": "2"})
+        stream.height, stream.width, stream.pix_fmt = HEIGHT, WIDTH, "yuv420p"
+        for number in range(30):
+            picture = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+            picture[:, 2 * number : 2 * number + 20] = 200
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            frame.pts = number
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+    frames = FilmFile(path).frames()
+    list(frames)
+    assert np.diff(frames.times_s).min() < 0.0  # the container keeps no instants at which frames are shown
+    assert frames.stamps().remark == ""
+    np.testing.assert_array_equal(frames.stamps().numbers, np.arange(30))
 
 
 def test_a_film_that_ends_early_is_refused(tmp_path):

@@ -6,6 +6,7 @@ threads of its own. Of a film without colour only the brightness is read.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,6 +27,7 @@ STUDIO_TO_FULL = np.clip(np.rint((np.arange(256) - 16) * 255 / 219), 0, 255).ast
 STAMP_SHARE, STAMP_TICKS = 0.1, 1.01
 COLOURLESS = 1  # largest distance of a colour from grey in a film without colour
 BRIGHTNESS_FIRST = ("yuv", "gray")  # formats of 8 bits whose first plane is the brightness
+BEFORE_EDIT = "hidden by an edit list"
 UNREADABLE_SHARE = 0.01  # share of the stated frames that may be missing: the counts of containers are rough
 
 
@@ -35,7 +37,7 @@ class FilmFile:
     Attributes
     ----------
     size_px : (width, height)
-    expected_frames : number of frames that the container states, 0 if it states none
+    expected_frames : number of frames that are played as the container states, 0 if it states none
     played_fps, tick_s : frame rate at which it is played, and resolution of its time stamps
     colourless : whether all colours of its first frame are grey
     """
@@ -56,7 +58,9 @@ class FilmFile:
             )
             if not lasts_s and container.duration:
                 lasts_s = container.duration / 1e6
-            self.expected_frames = stream.frames or round(lasts_s * rate)
+            played = round(lasts_s * rate)
+            # an edit list shortens what is played, not the number that is stated
+            self.expected_frames = min(stream.frames or played, played or stream.frames)
             self.played_fps, self.tick_s = rate, float(stream.time_base or 0.0)
         if first is None:
             raise InputError("this video holds no frame that can be read", self.path)
@@ -131,9 +135,9 @@ class Frames:
             self._kept = kept
 
     def _decoded(self) -> Iterator[Array]:
-        count, self.times_s = 0, []
+        count, self.times_s, cut = 0, [], Counter[str]()
         with self._film._opened() as container:
-            for frame in _decoded(container):
+            for frame in _decoded(container, cut):
                 if self._last is not None and count >= self._last:
                     break
                 count += 1
@@ -141,7 +145,8 @@ class Frames:
                 yield _picture(frame, self._film.colourless)
         if count == 0:
             raise InputError("this video holds no frame that can be read", self._film.path)
-        if self._last is None and count < (1.0 - UNREADABLE_SHARE) * self._film.expected_frames - 1:
+        read = count + cut[BEFORE_EDIT]
+        if self._last is None and read < (1.0 - UNREADABLE_SHARE) * self._film.expected_frames - 1:
             raise InputError(
                 f"the video ends early: {count} of the {self._film.expected_frames} frames that it states can be read; "
                 f"write --frames {count} to track these",
@@ -155,7 +160,8 @@ class Frames:
         otherwise, the frame rate varies, and the frames are counted.
         """
         counted_on = np.arange(len(self.times_s))
-        steps = np.diff(self.times_s)
+        # frames come as they are shown; a container without instants of its own keeps those at which they are decoded
+        steps = np.diff(np.sort(self.times_s))
         if len(steps) < 2 or not np.isfinite(steps).all() or np.median(steps) <= 0.0:
             return Stamps(counted_on, "")
         usual_s = float(np.median(steps))
@@ -172,12 +178,17 @@ class Frames:
         return Stamps(np.concatenate([[0], np.cumsum(times)]).astype(int), said)
 
 
-def _decoded(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
-    """Frames in the order in which they are shown; packets that are damaged are left out."""
+def _decoded(
+    container: av.container.InputContainer, cut: Counter[str] | None = None
+) -> Iterator[av.VideoFrame]:
+    """Frames in the order in which they are shown; packets that are damaged are left out. `cut` counts those that an
+    edit list hides."""
     import av
 
     try:
         for packet in container.demux(video=0):
+            if cut is not None:
+                cut[BEFORE_EDIT] += packet.is_discard
             try:
                 frames = packet.decode()
             except av.FFmpegError:
